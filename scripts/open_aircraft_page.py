@@ -4,10 +4,10 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
+from markupsafe import Markup
+
 from descentflow.aircraft_types.open_types.open_aircraft import CoefficientSource, open_type, open_typecodes
-from descentflow.reporting.html_elements import Html, bold, details, paragraph, subheading, table
-from descentflow.reporting.html_figures import figure
-from descentflow.reporting.html_page import HtmlPage
+from descentflow.reporting.pages import HtmlPage, element, figure, table
 from studies.aircraft.open_aircraft_figures import open_aircraft_figure
 
 INTRODUCTION = """
@@ -18,7 +18,7 @@ rate and speed that others published for the type, where they hold; where nothin
 """
 
 
-def coefficients(entries: Iterable[CoefficientSource]) -> Html:
+def coefficients(entries: Iterable[CoefficientSource]) -> Markup:
     """One row per number."""
     rows = []
     for e in entries:
@@ -32,17 +32,25 @@ def content(typecode: str) -> list[str]:
     read = open_type(typecode)
     related = [f"Made from {read.relation}. {read.relation_stated}."] if read.relation else []
     tables = {"Coefficients": read.coefficients, "Facts": read.facts, "Published ranges": read.published}
-    folded = [part for name, entries in tables.items() if entries for part in (subheading(name), coefficients(entries))]
+    folded = [
+        part for name, entries in tables.items() if entries for part in (element("h3", name), coefficients(entries))
+    ]
     picture = figure(open_aircraft_figure(typecode), f"Nominal descent of the {typecode}", dpi=110)
-    off = paragraph(bold("Known to be off."), " ", read.known_to_be_off)
-    return [f"{read.summary}.", *related, picture, off, details("Numbers and sources", *folded)]
+    off = element("p", element("b", "Known to be off."), " ", read.known_to_be_off)
+    return [
+        f"{read.summary}.",
+        *related,
+        picture,
+        off,
+        element("details", element("summary", "Numbers and sources"), *folded),
+    ]
 
 
 def main(path: str, *typecodes: str) -> None:
     chosen = typecodes or open_typecodes()
     page = HtmlPage("Open aircraft of descentflow", [INTRODUCTION])
     for typecode in chosen:
-        page.section(typecode, *content(typecode), anchor=typecode)
+        page.section(typecode, *content(typecode))
     page.write(path)
     print(f"{path}: {len(chosen)} types, {Path(path).stat().st_size / 1e6:.1f} MB")
 

@@ -67,11 +67,9 @@ def brakes() -> Cause:
         "high_fl": ParameterEstimate(265.0, 262.0, 268.0, "FL", "upper end"),
     }
     told = [
-        TradeSize("extra_cd0", "CD0 x 1.58", "CD0 x 1.58 (1.54 to 1.62)", "factor", Measured(1.58, 1.54, 1.62)),
-        TradeSize("low_fl", "lower end FL190", "lower end FL190 (FL187 to FL193)", "FL", Measured(190.0, 187.0, 193.0)),
-        TradeSize(
-            "high_fl", "upper end FL265", "upper end FL265 (FL262 to FL268)", "FL", Measured(265.0, 262.0, 268.0)
-        ),
+        TradeSize("extra_cd0", "CD0 x 1.58 (1.54 to 1.62)", "factor", Measured(1.58, 1.54, 1.62)),
+        TradeSize("low_fl", "lower end FL190 (FL187 to FL193)", "FL", Measured(190.0, 187.0, 193.0)),
+        TradeSize("high_fl", "upper end FL265 (FL262 to FL268)", "FL", Measured(265.0, 262.0, 268.0)),
     ]
     return cause("speed_brake", sizes, share_of_flights=ClosedShare(0.62, 0.58, 0.66), sizes=told)
 
@@ -79,8 +77,8 @@ def brakes() -> Cause:
 def warm() -> Cause:
     """Air that is 7.2 K warmer."""
     sizes = {"deviation_k": ParameterEstimate(7.2, 6.8, 7.6, "K", "deviation from the standard atmosphere")}
-    told = [TradeSize("deviation_k", "ISA +7.2 K", "ISA +7.2 K (+6.8 to +7.6)", "K", Measured(7.2, 6.8, 7.6))]
-    lighter = [TradeSize("relative_change", "mass x 0.93", "mass x 0.93 (0.91 to 0.95)", "factor", Measured(0.93))]
+    told = [TradeSize("deviation_k", "ISA +7.2 K (+6.8 to +7.6)", "K", Measured(7.2, 6.8, 7.6))]
+    lighter = [TradeSize("relative_change", "mass x 0.93 (0.91 to 0.95)", "factor", Measured(0.93))]
     return cause("temperature", sizes, group=["mass"], sizes=told, alternatives=[Alternative("mass", 0.03, lighter)])
 
 

@@ -2,6 +2,7 @@
 
 import sys
 from pathlib import Path
+from shlex import quote
 
 from descentflow.cli.options import one_or_several
 
@@ -50,7 +51,7 @@ def run(
     """
     from descentflow.core.progress import stage
     from descentflow.diagnosis.diagnose import diagnose
-    from descentflow.diagnosis.report.text import summary
+    from descentflow.diagnosis.report.page import next_command, summary
 
     if catalogue is not None:
         print(f"descentflow diagnose: runs {catalogue} for the effects that it defines", file=sys.stderr)
@@ -70,5 +71,7 @@ def run(
             out=out,
             progress=shown.say,
         )
-    print(summary(report, out))
+    typed = [" ".join(map(quote, map(str, paths or []))) for paths in (real, simulator)]
+    against = f"--simulator {typed[1]}" if simulator else f"--typecode {typecode}"
+    print(summary(report, next_command(report, out, typed[0], against)))
     print(f"wrote {out / 'gap.json'} and {out / 'gap.html'}")

@@ -22,5 +22,5 @@ def not_identifiable(settings: Settings, source: str) -> list[WouldSplit]:
     if source not in OWN_FLIGHTS:
         return []
     names = [name for name, effect in settings.catalogue.items() if effect.inherited_from is None]
-    why = "if the simulator's own flights had them as well, its inferred drag and speeds hold them: not identifiable"
+    why = "not identifiable where the simulator's own flights have them as well"
     return [WouldSplit(names, [], why)]

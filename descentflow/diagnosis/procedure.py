@@ -34,16 +34,15 @@ from descentflow.diagnosis.left_out_channels import left_out_channels
 from descentflow.diagnosis.not_identifiable import not_identifiable
 from descentflow.diagnosis.practical_size import below_rounding
 from descentflow.diagnosis.reference_flights import both_sides
-from descentflow.diagnosis.report.both_sides import on_both_sides, told_of_both
-from descentflow.diagnosis.report.causes import parameters, would_split
-from descentflow.diagnosis.report.details import SHOWN, curves, remaining_of
 from descentflow.diagnosis.report.gap_report import GapReport
-from descentflow.diagnosis.report.odd_flights import flights_worth_a_look
-from descentflow.diagnosis.report.sizes import share_of, sizes_of
+from descentflow.diagnosis.report.sizes import on_both_sides, parameters, share_of, sizes_of, told_of_both
+from descentflow.diagnosis.report.what_is_left import curves, flights_worth_a_look, remaining_of, would_split
 from descentflow.diagnosis.stages import stages_of
 from descentflow.effects import UNKNOWN
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 
+SHOWN_SETS = 10
+"""Sets of effects that are written down."""
 SURELY = 3.0
 """Standard errors from which a mean counts among those that a gap is measured over."""
 
@@ -349,7 +348,7 @@ class Diagnosis:
             singles=self._singles(found),
             curves=curves(compared, left),
             labels={name: effect.text for name, effect in asked.catalogue.items()},
-            subsets=[Subset([*one.names, *([UNKNOWN] if one.unknown else [])], w) for one, w in weights][:SHOWN],
+            subsets=[Subset([*one.names, *([UNKNOWN] if one.unknown else [])], w) for one, w in weights][:SHOWN_SETS],
             profile=profile_of(compared),
             detection_limits=detection_limits(self.explainer),
             measured_over=gap.entries,

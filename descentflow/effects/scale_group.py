@@ -23,7 +23,6 @@ class ScaleGroup:
 
 THRUST_DRAG_WEIGHT = ScaleGroup(
     ("mass", "idle_thrust", "drag_polar"),
-    "mass, thrust and drag may all be scaled together without a trace: only a coefficient "
-    "that is known absolutely (a weighed aircraft, a measured thrust) tells which of them is off",
+    "all scaled together they leave no trace; a weighed aircraft or a measured thrust would decide",
 )
 """The energy equation holds (thrust minus drag) over weight: a common factor of the three cancels (BADA 3, 3.2)."""

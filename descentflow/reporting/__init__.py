@@ -1,8 +1,5 @@
-"""Style of figures and builder of HTML pages, for results everywhere.
+"""Pages and figures of results everywhere.
 
-Read :mod:`~descentflow.reporting.html_page` first (a page and its sections), then
-:mod:`~descentflow.reporting.html_elements` (what a section holds: paragraphs, lists, tables) and
-:mod:`~descentflow.reporting.html_figures`. The pages' one style sheet is :mod:`~descentflow.reporting.page_style`, the
-figures' one style :mod:`~descentflow.reporting.figure_style`; :mod:`~descentflow.reporting.number_text` writes numbers
-for readers.
+Read :mod:`~descentflow.reporting.pages` first: pages are jinja2 templates that extend ``page.html.j2``. The style of
+figures is :mod:`~descentflow.reporting.figure_style`; :mod:`~descentflow.reporting.figure_file` writes them to files.
 """

@@ -37,13 +37,13 @@ print(report)
 # %%
 # What it costs, before and with the cause in the simulator, and where: each quantity in bands of altitude.
 
-from descentflow.diagnosis.report.gap_figures import costs_figure, where_figure
+from descentflow.diagnosis.report.figures import cost_figure, level_figure
 
-figure = costs_figure(report.costs)
+figure = cost_figure(report.costs, "time")
 
 # %%
 
-figure = where_figure(report.details.curves, report.details.profile)
+figure = level_figure("rate", report.details.curves["rate"], report.details.profile)
 
 # %%
 # Its parts are typed, for programs. The effect, its size with a 90 % interval, and how much of the gap it closes:

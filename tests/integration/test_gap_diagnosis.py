@@ -16,8 +16,8 @@ from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.densities.checkpoint import load_model
 from descentflow.diagnosis.diagnose import diagnose
 from descentflow.diagnosis.findings.read_gap import read_gap
-from descentflow.diagnosis.report.gap_page import page
 from descentflow.diagnosis.report.gap_report import KEYS, GapReport
+from descentflow.diagnosis.report.page import page
 from descentflow.effects import EFFECTS
 from descentflow.generation.rejection import sample_descents
 from descentflow.measurements.level_channels import LevelGrid
@@ -86,13 +86,14 @@ def test_the_written_report_says_what_the_object_says(warm: tuple[GapReport, Pat
     assert written == json.loads(json.dumps(report.as_dict()))
     page = (out / "gap.html").read_text()
     assert "air warmer than the standard atmosphere" in page
-    assert page.count("<figure>") == 4
-    # The three sentences name the simulator, what the gap costs, the cause with its size, and what is left.
+    assert page.count("<figure>") == 8
+    # The top names what differs, what it costs and what the cause takes away of it.
     top = page[: page.index("<section")]
-    assert "simulator.ckpt and the 120 real A320 flights differ by more than chance" in top
-    assert re.search(r"the real flights .*take \d+ s \([\d.]+ to \d+\) longer at equal speed", top)
-    assert re.search(r"air warmer than the standard atmosphere \(ISA \+\d", top)
-    assert "descentflow sample corrected.ckpt" in page
+    assert "The simulator and the 120 real A320 flights differ" in top
+    assert re.search(r"Real flights minus the simulator: [-+][\d.]+ s, [-+][\d.]+ NM, -\d+ ft/min", top)
+    assert re.search(r"Temperature takes away: \+[\d.]+ s, [-+][\d.]+ NM, -\d+ ft/min", top)
+    assert re.search(r"ISA \+\d.* K \(.*\), FL150 to FL\d+", page)
+    assert f"descentflow sample {out}/corrected.ckpt" in page
     assert read_gap(out / "gap.json").causes == report.causes
 
 
@@ -204,7 +205,7 @@ def test_real_flights_in_other_air_than_the_training_flights(plain: Path, folder
     (sides,) = cause.on_both_sides
     assert (sides.flights, sides.simulator) == (pytest.approx(0.0, abs=1.0), pytest.approx(10.0, abs=1.5))
     assert re.match(r"temperature -9.*K \(.*\): ISA .* against the simulator's ISA \+", report.recipe[0].text)
-    assert "itself report the TAS of standard air" in str(report)
+    assert "Those of the simulator report the TAS of standard air." in str(report)
     model = load_model(inside / "gap" / "corrected.ckpt")
     parts = model.representation
     flown = sample_descents(model, parts.decoder, parts.plausibility, 400, seed=0).trajectories
@@ -260,9 +261,10 @@ def test_a_cause_that_the_simulator_inherited_is_found_against_physics(folder: P
     inside = folder / "inherited"
     inside.mkdir()
     path = gap_toys.simulator(inside, folder / "descents1.parquet")
-    words = "96 of the 120 real flights are some that simulator.ckpt was trained or validated on"
-    with pytest.warns(DescentflowWarning, match=words):
+    words = "96 of the 120 real flights are some that {} was trained or validated on"
+    with pytest.warns(DescentflowWarning, match=words.format("simulator.ckpt")):
         report = diagnose(folder / "descents1.parquet", path)
+    words = words.format("the simulator")
     assert words in str(report)
     assert words in page(report)
     assert report.dropped["flights_that_the_simulator_has_seen"] == 96

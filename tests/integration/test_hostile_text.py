@@ -17,7 +17,7 @@ import descentflow as df
 from descentflow.cli.entry import main
 from descentflow.core.errors import DescentflowWarning
 from descentflow.core.tabular import safe_in_spreadsheets, write_table
-from descentflow.reporting.html_page import HtmlPage
+from descentflow.reporting.pages import HtmlPage
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.descents.store import read_store
 

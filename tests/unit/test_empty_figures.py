@@ -6,7 +6,6 @@ import pytest
 import torch
 from matplotlib.figure import Figure
 
-from descentflow.diagnosis.report.gap_figures import curves_figure, singles_figure, where_figure
 from descentflow.evaluation.figures.acceptance import acceptance_figure
 from descentflow.evaluation.figures.distances_by_level import level_scores_figure
 from descentflow.evaluation.figures.level_cuts import cuts_figure
@@ -41,10 +40,6 @@ NOTHING: dict[str, Callable[[], Figure]] = {
     "cuts of two flights": lambda: cuts_figure(few_descents(2), {"flow": few_descents(2)}, None, 152.0),
     "no rule broken": lambda: acceptance_figure(RejectionReport(drawn=5, accepted=5, rejected=0, surplus=0, broken={})),
     "nothing drawn": lambda: acceptance_figure(RejectionReport(drawn=0, accepted=0, rejected=0, surplus=0, broken={})),
-    "no quantity by level": lambda: where_figure({}),
-    "no quantity by level, narrow": lambda: where_figure({}, narrow=True),
-    "no curve": lambda: curves_figure({}, []),
-    "no effect tried": lambda: singles_figure([], [], [], str),
     "no null set": lambda: p_value_figure({"p_values": [], "uniform_p": None}),
     "no set of any kind": lambda: strata_figure([]),
     "no size": lambda: sizes_figure([]),

@@ -63,7 +63,7 @@ def _limit(explainer: Explainer, candidate: MeanEffect) -> DetectionLimit:
         size = max(size, assumed.least_shift / max(moved, 1e-30))
         size = None if abs(size) > max(abs(parameter.low), abs(parameter.high)) else size
     shows = None if size is None else _shows(explainer, about.jacobian[:, 0] * size)
-    return DetectionLimit(candidate.name, parameter.name, size, parameter.unit, parameter.text, None, shows)
+    return DetectionLimit(candidate.name, parameter.name, size, parameter.unit, parameter.text, shows)
 
 
 def _log_odds(probability: float) -> float:

@@ -74,19 +74,17 @@ class TradeSize:
 
     Attributes:
         parameter: Name of the parameter.
-        short: In words.
-        text: The same with the 90 % interval.
+        text: In words, with the 90 % interval.
         unit: Of ``value``: a unit of the trade, ``factor`` or ``%``.
         value: The number.
 
     Example:
-        >>> size = TradeSize("extra_cd0", "CD0 x 1.58", "CD0 x 1.58 (1.52 to 1.65)", "factor", Measured(1.58))
+        >>> size = TradeSize("extra_cd0", "CD0 x 1.58 (1.52 to 1.65)", "factor", Measured(1.58))
         >>> size.value.estimate
         1.58
     """
 
     parameter: str
-    short: str
     text: str
     unit: str
     value: Measured
@@ -124,7 +122,7 @@ class Alternative:
         share_of_flights: Share of the flights that have it; None where all have.
 
     Example:
-        >>> Alternative("mass", 0.2, [TradeSize("relative_change", "", "mass x 0.93", "factor", Measured(0.93))]).effect
+        >>> Alternative("mass", 0.2, [TradeSize("relative_change", "mass x 0.93", "factor", Measured(0.93))]).effect
         'mass'
     """
 

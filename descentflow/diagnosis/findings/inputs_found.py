@@ -117,7 +117,7 @@ class LeftOutChannel:
 
     Example:
         >>> print(LeftOutChannel("TAS", "simulator", ["temperature", "wind_gradient"]))
-        TAS is left out, for the simulator's flights lack it; it would have separated: temperature, wind gradient
+        TAS is left out: the simulator's flights lack it
     """
 
     channel: str
@@ -126,9 +126,8 @@ class LeftOutChannel:
 
     def __str__(self) -> str:
         """For readers."""
-        told = ", ".join(name.replace("_", " ") for name in self.would_have_told_apart)
         side = "the simulator's flights" if self.lacking == "simulator" else "the real flights"
-        return f"{self.channel} is left out, for {side} lack it{f'; it would have separated: {told}' if told else ''}"
+        return f"{self.channel} is left out: {side} lack it"
 
 
 @dataclass(frozen=True)

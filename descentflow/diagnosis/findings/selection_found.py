@@ -28,7 +28,6 @@ class DetectionLimit:
         size: In ``unit``; None where no physically possible size would be named.
         unit: Of the size, as of the parameter.
         label: What readers call the parameter.
-        share: Of the flights that have it, where an effect takes some of them; the size is of those.
         shows: Where it moves a mean most, and by how much.
 
     Example:
@@ -41,5 +40,4 @@ class DetectionLimit:
     size: float | None
     unit: str
     label: str = ""
-    share: float | None = None
     shows: LargestDifference | None = None

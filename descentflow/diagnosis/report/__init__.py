@@ -1,4 +1,5 @@
-"""The answer: typed results, text, figures, `gap.json` and the page.
+"""The answer: printed, as a page, as JSON.
 
-Read :mod:`~descentflow.diagnosis.report.gap_report` first.
+Read :mod:`~descentflow.diagnosis.report.page` first. The words stand in the templates beside it: ``words.txt.j2`` for
+page and terminal, ``gap.html.j2`` and ``gap.txt.j2`` for one of them.
 """

@@ -11,8 +11,7 @@ from descentflow.core.threads import one_thread
 from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.findings.plain_values import NOT_WRITTEN, primitives
 from descentflow.diagnosis.findings.read_gap import SCHEMA_VERSION
-from descentflow.diagnosis.report.gap_page import page
-from descentflow.diagnosis.report.text import summary
+from descentflow.diagnosis.report.page import page, summary
 
 if TYPE_CHECKING:
     import polars as pl
@@ -76,7 +75,7 @@ class GapReport(Findings):
         with whole_file(target / "gap.json") as temporary:
             temporary.write_text(json.dumps(self.as_dict(), indent=1, allow_nan=False))
         with whole_file(target / "gap.html") as temporary, one_thread():
-            temporary.write_text(page(self), encoding="utf-8")
+            temporary.write_text(page(self, target), encoding="utf-8")
         if self.write_corrected is not None and self.corrected_file:
             with whole_file(target / self.corrected_file) as temporary:
                 self.write_corrected(temporary)

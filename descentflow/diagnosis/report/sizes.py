@@ -1,20 +1,52 @@
-"""Sizes of an effect as reported: in units of the trade, and of the flights that have it."""
+"""Sizes of an effect in units of the trade, of the flights that have it, beside what either side has by itself."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.findings.cause_found import ClosedShare, TradeSize
+from descentflow.diagnosis.findings.cause_found import ClosedShare, OnBothSides, ParameterEstimate, TradeSize
 from descentflow.diagnosis.findings.costs_found import Measured
 from descentflow.diagnosis.findings.plain_values import number, percent
+from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.effects import Effect, Parameter
+from descentflow.effects.effect import NONE
 
 NINETY = 1.645
 """Standard errors on either side of a 90 % interval."""
 STEP = 1e-5
 """Of derivatives, in sizes of a parameter that matter."""
+
+
+def parameters(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> dict[str, ParameterEstimate]:
+    """Estimate and 90 % interval of every parameter, kept within its physical bounds.
+
+    Args:
+        effect: Whose parameters they are.
+        theta: Estimates (k,).
+        error: Standard errors (k,), zero where the data say nothing.
+        flights: Real flights, by which a share of them is known.
+
+    Example:
+        >>> from descentflow.effects import EFFECTS
+        >>> theta, error = torch.tensor([10.0]), torch.tensor([0.5])
+        >>> print(parameters(EFFECTS["temperature"], theta, error, 400)["deviation_k"])
+        deviation from the standard atmosphere 10 (9.18 to 10.8) K
+    """
+    found: dict[str, ParameterEstimate] = {}
+    known = known_errors(effect, theta, error, flights)
+    for p, value, sd in zip(effect.parameters, theta.tolist(), known.tolist(), strict=True):
+        if sd == 0.0 and not p.from_heterogeneity:
+            # The data say nothing of it: a channel that is not there.
+            continue
+        low: float | None = None
+        high: float | None = None
+        if sd > 0.0:
+            low, high = max(value - NINETY * sd, p.low), min(value + NINETY * sd, p.high)
+        found[p.name] = ParameterEstimate(value, low, high, p.unit, p.text)
+    return found
 
 
 def sizes_of(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> list[TradeSize]:
@@ -51,9 +83,7 @@ def sizes_of(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> list
         if p.shown_as != "flights" and bool(known):
             low, high = max(value - NINETY * sd, p.low), min(value + NINETY * sd, max(p.high, value))
             told = Measured(p.told(value), p.told(low), p.told(high))
-            found.append(
-                TradeSize(p.name, told_text(p, Measured(told.estimate)), told_text(p, told), p.told_unit, told)
-            )
+            found.append(TradeSize(p.name, told_text(p, told), p.told_unit, told))
     return found
 
 
@@ -128,3 +158,92 @@ def _number(value: float, signed: bool) -> str:
 
 def _ends(value: Measured, shown: Callable[[float], str]) -> str:
     return "" if value.low is None or value.high is None else f" ({shown(value.low)} to {shown(value.high)})"
+
+
+@dataclass(frozen=True)
+class BothSides:
+    """What either side has of an effect by itself.
+
+    Attributes:
+        has_some: Whether the simulator's flights have some, or may have, for nothing says that they have none.
+        measured: By parameter, what either side shows; empty where nothing says it.
+
+    Example:
+        >>> BothSides().has_some
+        False
+    """
+
+    has_some: bool = False
+    measured: list[OnBothSides] = field(default_factory=list)
+
+
+def on_both_sides(compared: Compared, effect: Effect) -> BothSides:
+    """What either side measured of an effect.
+
+    Args:
+        compared: Flights of both sides; a nominal descent has none of any effect.
+        effect: Of which it is asked.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> from descentflow.effects import EFFECTS
+        >>> sides = example_sides(EFFECTS["temperature"], [10.0])
+        >>> found = on_both_sides(sides, EFFECTS["temperature"])
+        >>> found.has_some, round(found.measured[0].flights), abs(found.measured[0].simulator) < 0.5
+        (False, 10, True)
+    """
+    if not bool(compared.free.any()):
+        return BothSides()
+    found = [_of_side(compared, effect, side) for side in (compared.real, ~compared.real)]
+    if found[0] is None or found[1] is None:
+        return BothSides(effect.against is not None)
+    rows, some = [], False
+    for p, flights, simulator in zip(effect.parameters, found[0], found[1], strict=True):
+        some |= abs(simulator) >= NONE * p.scale
+        rows.append(OnBothSides(p.name, p.told_unit, p.told(flights), p.told(simulator)))
+    return BothSides(some, rows)
+
+
+def _of_side(compared: Compared, effect: Effect, side: Tensor) -> list[float] | None:
+    """Parameters that one side shows by itself."""
+    index, bands = torch.nonzero(side)[:, 0], len(compared.state.altitude_m)
+    shown: dict[str, Tensor] = {}
+    for i, entry in enumerate(compared.entries):
+        if entry.band >= 0:
+            table = shown.setdefault(entry.quantity, torch.full((len(index), bands), torch.nan, dtype=torch.float64))
+            table[:, entry.band] = compared.y[index, i]
+    found = effect.measured(compared.state.rows(index), shown)
+    return None if found is None else found.tolist()
+
+
+def told_of_both(effect: Effect, sizes: Sequence[TradeSize], both: BothSides) -> list[TradeSize]:
+    """Sizes as differences, beside what either side has, where the simulator's flights have some of the effect.
+
+    Args:
+        effect: Whose sizes they are.
+        sizes: Real flights against the simulator's, as :func:`sizes_of` has them.
+        both: What either side has.
+
+    Example:
+        >>> from descentflow.effects import EFFECTS
+        >>> warmer = TradeSize("deviation_k", "", "K", Measured(4.8, 4.4, 5.2))
+        >>> both = BothSides(True, [OnBothSides("deviation_k", "K", 9.9, 5.1)])
+        >>> told_of_both(EFFECTS["temperature"], [warmer], both)[0].text
+        "+4.8 K (+4.4 to +5.2): ISA +9.9 K against the simulator's ISA +5.1 K"
+    """
+    if not both.has_some or effect.against is None:
+        return list(sizes)
+    measured = {row.parameter: row for row in both.measured}
+    known = {p.name: p for p in effect.parameters}
+    return [_told(size, measured.get(size.parameter), known[size.parameter], len(sizes) > 1) for size in sizes]
+
+
+def _told(size: TradeSize, row: OnBothSides | None, p: Parameter, several: bool) -> TradeSize:
+    bare = told_text(p, size.value).removeprefix(f"{p.symbol or p.text} ")
+    if row is None:
+        # One of several needs its name: nothing else says what it is a size of.
+        return size if several else replace(size, text=bare)
+    # To a hundredth of a size that matters, so that nearly none is told as none.
+    digits = max(1 - math.floor(math.log10(abs(p.told(p.scale)))), 0)
+    of_flights, of_simulator = (told_text(p, Measured(round(x, digits))) for x in (row.flights, row.simulator))
+    return replace(size, text=f"{bare}: {of_flights} against the simulator's {of_simulator}")

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 
 from descentflow.core.units import FT_M, KT_MPS
-from descentflow.diagnosis.findings.costs_found import LevelMeans
+from descentflow.diagnosis.findings.costs_found import LevelMeans, Measured
 from descentflow.diagnosis.findings.plain_values import number
 from descentflow.measurements.quantity_registry import QUANTITIES
 
@@ -72,19 +72,38 @@ def trade_number(value: float, unit: str, *, signed: bool = False) -> str:
     """
     if unit == "factor":
         return f"x {value:.2f}"
-    # A number that is smaller than its last digit is shown with as many as it needs.
+    text = _rounded(value, _decimals(value, unit), signed)
+    return text if unit == "1" else f"{text} {unit}"
+
+
+def _decimals(value: float, unit: str) -> int | None:
+    """Digits after the point, more where the number is smaller than its last digit; None of units without a habit."""
     decimals = DECIMALS.get(unit)
-    if decimals is None:
-        text = number(value)
-    else:
+    if decimals is not None:
         decimals += 1 if decimals == 0 and abs(value) < 10 else 0
         decimals += 1 if 0 < abs(value) < 0.5 * 10**-decimals else 0
-        text = f"{value:,.{decimals}f}"
+    return decimals
+
+
+def _rounded(value: float, decimals: int | None, signed: bool) -> str:
+    text = number(value) if decimals is None else f"{value:,.{decimals}f}"
     if float(text.replace(",", "")) == 0:
-        text = text.lstrip("-")
-    elif signed and value > 0:
-        text = f"+{text}"
-    return text if unit == "1" else f"{text} {unit}"
+        return text.lstrip("-")
+    return f"+{text}" if signed and value > 0 else text
+
+
+def between(value: Measured, unit: str) -> str:
+    """A difference with its sign and its interval.
+
+    Example:
+        >>> between(Measured(25.0, 22.0, 28.0), "s")
+        '+25 s (+22 to +28)'
+    """
+    text = trade_number(value.estimate, unit, signed=True)
+    if value.low is None or value.high is None:
+        return text
+    low, high = (_rounded(x, _decimals(value.estimate, unit), True) for x in (value.low, value.high))
+    return f"{text} ({low} to {high})"
 
 
 def level_range(low_fl: float, high_fl: float) -> str:

@@ -4,20 +4,14 @@ from pathlib import Path
 
 import polars as pl
 
-from descentflow.reporting.html_elements import preformatted, table
-from descentflow.reporting.html_figures import figure_beside
-from descentflow.reporting.html_page import HtmlPage
+from descentflow.core.files import whole_file
+from descentflow.reporting.pages import png, rendered
 from descentflow.surveillance.figures.cleaning_figure import cleaning_figure
 from descentflow.surveillance.rows.drop_report import DropReport
 
 PER_FIGURE = 3
 """Flights in a figure."""
 DPI = 90
-INTRODUCTION = (
-    "Every dot is a row that was read; its colour names the filter that dropped it, blue rows were kept. The thin grey "
-    "line beside the IAS is the CAS of Mach number and pressure altitude; the dotted line is the slowest rate of a "
-    "descent. For each filter there is the flight of which it dropped most rows, and besides these some random flights."
-)
 
 
 def write_page(folder: Path, dropped_rows: pl.DataFrame, report: DropReport) -> int:
@@ -38,22 +32,17 @@ def write_page(folder: Path, dropped_rows: pl.DataFrame, report: DropReport) -> 
         4
     """
     folder.mkdir(exist_ok=True)
-    page = HtmlPage("What cleaning kept and dropped", lead=[INTRODUCTION])
     flights = dropped_rows.partition_by("flight_id", maintain_order=True)
-    for number, first in enumerate(range(0, len(flights), PER_FIGURE), 1):
-        some = flights[first : first + PER_FIGURE]
-        picture = figure_beside(
-            folder / f"flights-{number:02d}.png",
-            cleaning_figure(some),
-            f"Altitude, vertical rate and IAS of {', '.join(_name(flight) for flight in some)} against time",
-            dpi=DPI,
-        )
-        counts = table(["flight", "rows"], [[_name(flight), _counts(flight)] for flight in some], align="l")
-        last = first + len(some)
-        heading = f"Flights {first + 1} to {last}" if len(some) > 1 else f"Flight {last}"
-        page.section(heading, picture, counts)
-    page.section("All rows", preformatted(str(report)))
-    page.write(folder / "index.html")
+    groups = [flights[first : first + PER_FIGURE] for first in range(0, len(flights), PER_FIGURE)]
+    shown = []
+    for number, some in enumerate(groups, 1):
+        picture = folder / f"flights-{number:02d}.png"
+        with whole_file(picture) as temporary:
+            temporary.write_bytes(png(cleaning_figure(some), DPI))
+        shown.append((picture.name, [[_name(flight), _counts(flight)] for flight in some]))
+    with whole_file(folder / "index.html") as temporary:
+        text = rendered("surveillance/figures/cleaning_page.html.j2", flights=shown, report=str(report))
+        temporary.write_text(text, encoding="utf-8")
     return len(flights)
 
 

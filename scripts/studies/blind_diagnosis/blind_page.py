@@ -4,11 +4,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from descentflow.reporting.html_elements import Html, code, marked, paragraph, table
-from descentflow.reporting.html_figures import figure
-from descentflow.reporting.html_page import HtmlPage
-from descentflow.reporting.number_text import number, percent
+from descentflow.reporting.pages import HtmlPage, figure, table
 from studies.blind_diagnosis.figures import blind_figures as figures
+from studies.page_elements import Html, code, marked, number, paragraph, percent
 
 WORLDS = {"own": "our own world", "foreign": "JSBSim's aircraft"}
 

@@ -6,12 +6,12 @@ import polars as pl
 
 from descentflow.evaluation.metrics.noise_floor import SIZE
 from descentflow.evaluation.metrics.score_registry import STATISTICS as REGISTERED
-from descentflow.reporting.html_elements import Cell, Html, paragraph, table
-from descentflow.reporting.number_text import number
+from descentflow.reporting.pages import table
+from studies.page_elements import Html, cell, number, paragraph
 from studies.paper.fidelity_tables import QUANTITIES, STATISTICS, summary, whole_descents
 from studies.paper.study_plan import MODELS, StudyPlan
 
-Row = list[str | Cell]
+Row = list[str]
 
 
 def over_floor(frame: pl.DataFrame, plan: StudyPlan) -> list[Html]:
@@ -31,9 +31,9 @@ def over_floor(frame: pl.DataFrame, plan: StudyPlan) -> list[Html]:
     told = summary(frame, plan.flights)
     for model in plan.models:
         for r in told.filter(pl.col("model") == model).iter_rows(named=True):
-            rows.append([MODELS[model], Cell(r["of"], "best"), "", *(Cell(_ratio(r[k]), "best") for k in keys)])
+            rows.append([MODELS[model], cell(r["of"], "best"), "", *(cell(_ratio(r[k]), "best") for k in keys)])
         for r in frame.filter(pl.col("model") == model).iter_rows(named=True):
-            cells = [Cell(_ratio(r[k]), "", number(r[f"{k} excess"], 2)) for k in keys]
+            cells = [cell(_ratio(r[k]), "", number(r[f"{k} excess"], 2)) for k in keys]
             rows.append([MODELS[model], r["typecode"], number(r["n_each"]), *cells])
     text = paragraph(
         f"Distance of samples from flights over that of other flights, {SIZE} on each side, or half of the held-out "
@@ -64,7 +64,7 @@ def descents(plan: StudyPlan, folder: Path) -> list[Html]:
         interval = "" if r["low"] is None else f"[{number(r['low'], 2)}, {number(r['high'], 2)}]"
         looks = r["looks_at"] if r["statistic"] == "auc" else ""
         cells: Row = [r["typecode"], MODELS[r["model"]], REGISTERED[r["statistic"]].label]
-        cells.append(Cell(number(r["score"]), "", interval))
+        cells.append(cell(number(r["score"]), "", interval))
         rows.append([*cells, *(number(r[name]) for name in ("equal_size", "floor", "n_each")), looks])
     text = paragraph(
         "The classifier, gradient boosting, is shown flights and samples that enter alike, and its AUC is the "

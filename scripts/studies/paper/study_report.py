@@ -7,8 +7,8 @@ import polars as pl
 
 from descentflow.core.errors import DataError
 from descentflow.core.files import whole_file
-from descentflow.reporting.html_elements import Html, paragraph
-from descentflow.reporting.html_page import HtmlPage
+from descentflow.reporting.pages import HtmlPage
+from studies.page_elements import Html, paragraph
 from studies.paper import fidelity_sections as fidelity
 from studies.paper import study_sections as sections
 from studies.paper.fidelity_tables import ratios
@@ -104,9 +104,7 @@ def write_report(plan: StudyPlan, folder: Path, published: Path | None = None) -
     lead = [_settings(plan), INTRODUCTION]
     if theirs.scores is not None:
         lead.append(paragraph(PUBLISHED, kind="reference"))
-    page = HtmlPage(
-        f"Study of {len(plan.flights)} types: {sum(plan.flights.values()):,} {source}", lead, landscape=True
-    )
+    page = HtmlPage(f"Study of {len(plan.flights)} types: {sum(plan.flights.values()):,} {source}", lead)
     page.section("Flights, and what BADA's mass explains of them", *sections.flights(plan, folder, theirs.types))
     page.section("Means over types", *sections.means_over_types(means(scores), plan.models))
     at_one_size = ratios(scores)

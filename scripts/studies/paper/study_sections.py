@@ -8,10 +8,9 @@ import polars as pl
 from descentflow.densities.checkpoint import load_model
 from descentflow.densities.component_search import max_components
 from descentflow.evaluation.metrics.score_registry import STATISTICS, level_parts
-from descentflow.reporting.html_elements import Cell, Html, bold, paragraph, table
-from descentflow.reporting.html_figures import figure
-from descentflow.reporting.number_text import number
+from descentflow.reporting.pages import figure, table
 from descentflow.representation.fpca.number_of_components import number_of_components
+from studies.page_elements import Html, bold, cell, number, paragraph
 from studies.paper.figures.boxes import boxes_figure
 from studies.paper.figures.rejection_rates import rejection_rates_figure
 from studies.paper.study_plan import MODELS, StudyPlan
@@ -20,7 +19,7 @@ from studies.paper.study_tables import WITHIN
 PAPER_SHARE = 0.8
 """Of the variance, that components explain in the paper (section 2.2)."""
 
-Row = list[str | Cell]
+Row = list[str]
 
 
 def flights(plan: StudyPlan, folder: Path, theirs: pl.DataFrame | None) -> list[Html]:
@@ -91,7 +90,7 @@ def means_over_types(frame: pl.DataFrame, models: tuple[str, ...]) -> list[Html]
             f"{STATISTICS[first['statistic']].short}{_unit(first['unit'])}",
         ]
         cells += [
-            Cell(number(r["score"]), "best" if (r["score"] or 0) <= WITHIN * best else "", _to_floor(r))
+            cell(number(r["score"]), "best" if (r["score"] or 0) <= WITHIN * best else "", _to_floor(r))
             for r in (found[m] for m in models)
         ]
         floors = [r["floor"] for r in found.values() if r["floor"] is not None]
@@ -134,7 +133,7 @@ def likelihoods(plan: StudyPlan, folder: Path) -> list[Html]:
         frame = pl.read_csv(folder / typecode / "nll.csv")
         best = float(frame["nll"].min())  # type: ignore[arg-type]
         cells = [
-            Cell(number(nll, 4), "best" if nll == best else "", f"± {error:.2g}")
+            cell(number(nll, 4), "best" if nll == best else "", f"± {error:.2g}")
             for nll, error in zip(frame["nll"], frame["error"], strict=True)
         ]
         rows.append([typecode, number(int(frame["n"][0])), *cells])
@@ -162,8 +161,8 @@ def scores_of_quantity(frame: pl.DataFrame, models: tuple[str, ...]) -> list[Htm
     for r in frame.filter(~pl.col("typecode").is_in(left_out)).iter_rows(named=True):
         best = (r["best"] or "").split()
         cells: Row = [r["typecode"], f"{STATISTICS[r['statistic']].short}{_unit(r['unit'])}"]
-        cells += [Cell(number(r[m]), "best" if m in best else "", _below(r, m)) for m in models]
-        cells += [number(r["floor"]), number(r["nominal"]), *(Cell(number(r[c]), "reference") for c in papers)]
+        cells += [cell(number(r[m]), "best" if m in best else "", _below(r, m)) for m in models]
+        cells += [number(r["floor"]), number(r["nominal"]), *(cell(number(r[c]), "reference") for c in papers)]
         rows.append(cells)
     text = [paragraph(f"Without flights there: {', '.join(left_out)}.")] if left_out else []
     return [table(head, rows, align="llr", grouped=True), *text]
@@ -238,12 +237,12 @@ def of_type(folder: Path) -> list[Html]:
     return [figure(folder / f"{name}.png", f"{folder.name}: {text}", text) for name, text in captions.items()]
 
 
-def _paper(theirs: pl.DataFrame | None, typecode: str, names: tuple[str, ...]) -> list[Cell]:
+def _paper(theirs: pl.DataFrame | None, typecode: str, names: tuple[str, ...]) -> list[Html]:
     """The paper's numbers of a type; a dash where they are not published."""
     if theirs is None:
         return []
     row = theirs.filter(typecode=typecode)
-    return [Cell(number(row[0, name]) if len(row) else "-", "reference") for name in names]
+    return [cell(number(row[0, name]) if len(row) else "-", "reference") for name in names]
 
 
 def _paper_column(column: str) -> str:

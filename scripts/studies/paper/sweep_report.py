@@ -5,9 +5,8 @@ from pathlib import Path
 
 import polars as pl
 
-from descentflow.reporting.html_elements import Cell, Html, paragraph, table
-from descentflow.reporting.html_figures import figure
-from descentflow.reporting.number_text import number
+from descentflow.reporting.pages import figure, table
+from studies.page_elements import Html, cell, number, paragraph
 from studies.paper.figures.sweep_curves import STATISTICS, flow_sizes_figure, variance_figure
 from studies.paper.hidden_levels import METHODS
 from studies.paper.study_plan import StudyPlan
@@ -56,7 +55,7 @@ def _variance(plan: StudyPlan, folder: Path, files: list[Path]) -> list[Html]:
     """The paper's appendix B."""
     frames = [pl.read_csv(path).with_columns(typecode=pl.lit(_typecode(path))) for path in files]
     scores = pl.concat(frames, how="vertical_relaxed")
-    rows: list[list[str | Cell]] = []
+    rows: list[list[str]] = []
     for share in sorted(scores["share"].unique()):
         at = scores.filter(pl.col("share") == share)
         each = at.select("typecode", "fold", "components", "clusters").unique()
@@ -80,14 +79,14 @@ def _variance(plan: StudyPlan, folder: Path, files: list[Path]) -> list[Html]:
 
 def _gappy(plan: StudyPlan, folder: Path, files: list[Path]) -> list[Html]:
     """The paper's appendix A."""
-    rows: list[list[str | Cell]] = []
+    rows: list[list[str]] = []
     for path in files:
         frame = pl.read_csv(path)
         for part in frame.partition_by("quantity", "pattern", maintain_order=True):
             found = dict(part.select("method", "rmse").iter_rows())
             best = min(found.values())
             about = [_typecode(path), f"{part['quantity'][0]}, {part['pattern'][0]}"]
-            errors = [Cell(number(found[m]), "best" if found[m] == best else "") for m in METHODS]
+            errors = [cell(number(found[m]), "best" if found[m] == best else "") for m in METHODS]
             rows.append([*about, *errors, number(int(part["n_flights"][0]))])
     text = paragraph(
         "Root mean square error on flight levels that were hidden from every method: from the top of flights, or at "
@@ -107,7 +106,7 @@ def _flow(plan: StudyPlan, folder: Path, files: list[Path]) -> list[Html]:
     frame = frame.join(paper, on="typecode").with_columns(gain=pl.col("nll") - pl.col("paper"))
     sizes = frame.select("flows", "hidden").unique().sort("flows", "hidden")
     gains: dict[int, dict[int, list[float]]] = {}
-    rows: list[list[str | Cell]] = []
+    rows: list[list[str]] = []
     for flows, hidden in sizes.iter_rows():
         at = frame.filter(flows=flows, hidden=hidden)
         gains.setdefault(flows, {})[hidden] = at["gain"].to_list()

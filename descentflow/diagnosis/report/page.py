@@ -1,0 +1,356 @@
+"""The page and the terminal text of a diagnosis: its findings as short numbers for the templates beside this file."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from shlex import quote
+from typing import Any
+
+from descentflow.diagnosis.findings.costs_found import Cost, Measured
+from descentflow.diagnosis.findings.findings import SEEN, SIGNIFICANT, Curve, Findings
+from descentflow.diagnosis.findings.inputs_found import InputUsed
+from descentflow.diagnosis.findings.plain_values import percent
+from descentflow.diagnosis.findings.selection_found import DetectionLimit
+from descentflow.diagnosis.report.page_tables import by_level_table, inputs_table, specialist_tables
+from descentflow.diagnosis.report.sizes import told_text
+from descentflow.diagnosis.report.trade_units import at_level, between, in_trade, level_range, trade_number
+from descentflow.effects import EFFECTS, UNKNOWN
+from descentflow.measurements.quantity_registry import label_of
+from descentflow.reporting.pages import drawing, rendered
+
+COSTS_DRAWN = ("time", "time_at_speed", "ground_distance", "air_distance", "rate")
+"""Costs that are drawn by level."""
+BRIEF = ("time", "ground_distance", "air_distance", "rate")
+"""Costs at the top of the page."""
+OF_STRETCHES = ("level", "slow")
+"""Costs of level-offs and slow stretches."""
+LEVELS_DRAWN = 4
+"""Quantities drawn against altitude: the rate, and those that differ most in standard errors."""
+
+
+def page(found: Findings, folder: str | Path | None = None) -> str:
+    """The whole page, figures inside.
+
+    Args:
+        found: What the diagnosis found.
+        folder: Where the report is written, for the command to type next.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS, UNKNOWN
+        >>> report = diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]})
+        >>> page(report).count("<h2")  # sections
+        6
+    """
+    from descentflow.diagnosis.report import figures  # matplotlib loads where figures are drawn
+
+    drawn = [cost.name for cost in shown_costs(found) if cost.name in COSTS_DRAWN]
+    curves = {name: found.details.curves[name] for name in _levels_drawn(found.details.curves)}
+    has_after, profile = bool(found.causes), found.details.profile
+    cause, made = found.details.label, found.provenance
+    return rendered(
+        "diagnosis/report/gap.html.j2",
+        **_shared(found),
+        command=next_command(found, folder),
+        costs=cost_table(found, means=True),
+        cost_figures=[
+            (_cost_alt(name, found.costs), drawing(figures.cost_figure(found.costs, name))) for name in drawn
+        ],
+        level_figures=[
+            (_level_alt(found, name, curve), drawing(figures.level_figure(name, curve, profile, after=has_after)))
+            for name, curve in curves.items()
+        ],
+        changes=[[cause(s.effect), s.text, c.text] for s, c in zip(found.recipe, found.causes, strict=True)],
+        small=[
+            [label_of(row.quantity), level_range(*ends), *(_trade(found, row.quantity, x, *ends) for x in sizes)]
+            for row in found.below_rounding
+            for ends, sizes in [((row.level_low_fl, row.level_high_fl), (row.difference, row.rounding))]
+        ],
+        brief=_brief(found),
+        inputs=inputs_table(found),
+        by_level=by_level_table(found),
+        numbers=specialist_tables(found),
+        settings=[] if made is None else [*made.versions.items(), *made.settings.items(), *made.real.settings.items()],
+    )
+
+
+def summary(found: Findings, command: str | None = None) -> str:
+    """The answer for a terminal.
+
+    Args:
+        found: What the diagnosis found.
+        command: To type next; as :func:`next_command` has it if absent.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS, UNKNOWN
+        >>> report = diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]})
+        >>> print(summary(report))
+        Nominal BADA of the A320 and the 120 real A320 flights differ (p = ...): one cause explains it.
+        ...
+        Change in nominal BADA of the A320:
+          mass: mass x 0.9... (0.8... to 0.9...), FL150 to FL...
+        ...
+    """
+    command = next_command(found) if command is None else command
+    costs = _aligned(cost_table(found)) if found.costs else ""
+    return rendered("diagnosis/report/gap.txt.j2", **_shared(found), costs=costs, command=command).strip()
+
+
+def simulator_name(found: Findings) -> str:
+    """The simulator by the name that its owner gave it; never a file's.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS, UNKNOWN
+        >>> simulator_name(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}))
+        'nominal BADA of the A320'
+    """
+    name, made = found.details.simulator, found.provenance
+    if name == "nominal":
+        return f"nominal BADA of the {found.details.typecode}"
+    return "the simulator" if made is None or name == made.simulator.name else name
+
+
+def whole_costs(found: Findings) -> list[Cost]:
+    """Costs over all levels.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS, UNKNOWN
+        >>> whole_costs(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}))[0].unit
+        's'
+    """
+    return [c for c in found.costs if (c.low_fl, c.high_fl) == (found.costs[0].low_fl, found.costs[0].high_fl)]
+
+
+def shown_costs(found: Findings) -> list[Cost]:
+    """Costs over all levels: of both distances the one over ground, and stretches only where they differ surely.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS
+        >>> report = diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]})
+        >>> [cost.name for cost in shown_costs(report)][:2]
+        ['time', 'time_at_speed']
+    """
+    costs = whole_costs(found)
+    hidden = {"air_distance"} if any(cost.name == "ground_distance" for cost in costs) else set()
+    hidden |= {cost.name for cost in costs if cost.name in OF_STRETCHES and not cost.before.excludes_zero}
+    return [cost for cost in costs if cost.name not in hidden]
+
+
+def cost_table(found: Findings, *, means: bool = False) -> list[list[str]]:
+    """Head and rows: each cost, what each cause takes of it, what is left, and what chance gives.
+
+    Args:
+        found: What the diagnosis found.
+        means: Whether the means of both sides stand before the difference.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS, UNKNOWN
+        >>> cost_table(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}))[0]
+        ['', 'difference', 'mass', 'left', 'by chance']
+    """
+    after = bool(found.causes) and any(cost.after is not None for cost in found.costs)
+    causes = [cause for cause in found.causes if cause.takes_away]
+    head = ["", *(["simulator", "real flights"] if means else []), "difference"]
+    head += [cause.label or cause.effect for cause in causes] + (["left"] if after else [])
+    rows = []
+    for cost in shown_costs(found):
+        row = [cost.label, *(trade_number(x, cost.unit) for x in (cost.simulator, cost.flights) if means)]
+        row.append(between(cost.before, cost.unit))
+        row += [trade_number(cause.takes_away.get(cost.name, 0.0), cost.unit, signed=True) for cause in causes]
+        row += ["-" if cost.after is None else between(cost.after, cost.unit)] if after else []
+        rows.append([*row, trade_number(cost.floor, cost.unit)])
+    return [[*head, "by chance"], *rows]
+
+
+def _brief(found: Findings) -> list[tuple[str, str]]:
+    """Time, distance and rate of the whole, and what each cause takes away of them."""
+    costs = [cost for cost in shown_costs(found) if cost.name in BRIEF]
+
+    def told(sizes: Sequence[float]) -> str:
+        pairs = zip(sizes, costs, strict=True)
+        return ", ".join(trade_number(size, cost.unit, signed=True) for size, cost in pairs)
+
+    if not costs:
+        return []
+    rows = [(f"Real flights minus {simulator_name(found)}", told([cost.before.estimate for cost in costs]))]
+    for cause in [cause for cause in found.causes if cause.takes_away]:
+        text = f"{cause.label or cause.effect} takes away"
+        rows.append((text[:1].upper() + text[1:], told([cause.takes_away.get(cost.name, 0.0) for cost in costs])))
+    return rows
+
+
+def next_command(found: Findings, folder: str | Path | None = None, real: str = "", simulator: str = "") -> str:
+    """The command to type next; empty where nothing is left to do.
+
+    Args:
+        found: What the diagnosis found.
+        folder: Where its report lies; beside the reader if absent.
+        real: The real flights as they are typed; their name if empty.
+        simulator: The simulator in the same way.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS, UNKNOWN
+        >>> next_command(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}), "gap")
+        'descentflow diagnose --real descents.parquet --simulator FLOWN_AGAIN --previous gap/gap.json --out gap-next'
+    """
+    made = found.provenance
+    if made is None or found.verdict == "none":
+        return ""
+    place = Path("gap" if folder is None else folder)
+    if found.corrected_file.endswith(".ckpt"):
+        return f"descentflow sample {quote(str(place / found.corrected_file))} -n 1000 --out samples.parquet"
+    again = f"descentflow diagnose --real {real or _typed(made.real)}"
+    out = quote(f"{place}-next")
+    if found.causes:
+        return f"{again} --simulator FLOWN_AGAIN --previous {quote(str(place / 'gap.json'))} --out {out}"
+    simulator = simulator or f"--simulator {_typed(made.simulator)}"
+    return f"{again} {simulator} --catalogue MY_EFFECTS.py --out {out}"
+
+
+def _typed(used: InputUsed) -> str:
+    """One file by its name, anything else by a word to be replaced."""
+    return quote(used.name) if "." in used.name and " + " not in used.name else "FLIGHTS"
+
+
+def _shared(found: Findings) -> dict[str, Any]:
+    """What both templates show."""
+    name, made, whole = simulator_name(found), found.provenance, whole_costs(found)
+    used = None if made is None else made.coefficients
+    counted = found.dropped.get("flights_compared")
+    types = found.details.typecode if used is None or not used.of_flights else listed(used.of_flights)
+    prints = [None, ""] if made is None else [made.real.fingerprint, made.simulator.fingerprint]
+    return {
+        "found": found,
+        "name": name,
+        "Name": name[:1].upper() + name[1:],
+        "flights": f"{'' if counted is None else f'{counted:,} '}real {types} flights",
+        "whole_range": f"FL{whole[0].high_fl:.0f} down to FL{whole[0].low_fl:.0f}" if whole else "",
+        "p": f"{found.p_value:.2g}",
+        "significant": SIGNIFICANT,
+        "same": prints[0] is not None and prints[0] == prints[1],
+        "known_flights": found.dropped.get(SEEN, 0),
+        "standing": _standing(found),
+        "stand_in": str(used) if used is not None and used.stand_in else "",
+        "decide": _deciding(found),
+        "worth_a_look": found.flights_worth_a_look if found.verdict in ("unknown", "partial") else [],
+        "limits": _limits(found),
+        "percent": percent,
+        "number": trade_number,
+        "levels": level_range,
+        "label": label_of,
+        "listed": listed,
+        "trade": lambda *one: _trade(found, *one),
+    }
+
+
+def listed(parts: Sequence[str], word: str = "and") -> str:
+    """A list in words.
+
+    Example:
+        >>> listed(["a", "b", "c"]), listed(["a"])
+        ('a, b and c', 'a')
+    """
+    return f" {word} ".join([*([", ".join(parts[:-1])] if parts[1:] else []), *parts[-1:]])
+
+
+def limit_text(limit: DetectionLimit) -> str:
+    """The smallest size of an effect that would be named.
+
+    Example:
+        >>> limit_text(DetectionLimit("temperature", "deviation_k", 1.2, "K"))
+        'ISA +1.2 K'
+        >>> limit_text(DetectionLimit("mass", "relative_change", 0.03, "1"))
+        'mass x 1.03'
+        >>> limit_text(DetectionLimit("of_your_own", "drag", 1.07, "factor", "drag at high Mach numbers"))
+        'drag at high Mach numbers x 1.07'
+    """
+    if limit.size is None:
+        return "none that is possible"
+    known = EFFECTS[limit.effect].parameters if limit.effect in EFFECTS else ()
+    parameter = next((p for p in known if p.name == limit.parameter), None)
+    if parameter is None:
+        return f"{limit.label or limit.parameter.replace('_', ' ')} {trade_number(limit.size, limit.unit)}"
+    return told_text(parameter, Measured(parameter.told(limit.size)))
+
+
+def _limits(found: Findings) -> list[list[str]]:
+    known = [x for x in found.details.detection_limits if x.size is not None]
+    return [[found.details.label(x.effect), limit_text(x)] for x in known]
+
+
+def _deciding(found: Findings) -> list[tuple[str, str, str]]:
+    """What looks alike, the channels that would separate it, and why no channel would."""
+    rows = [
+        (listed([found.details.label(name) for name in row.between if name != UNKNOWN]), row.channels, row.why)
+        for row in found.would_split
+    ]
+    for channel in found.left_out_channels:
+        names = [found.details.label(name) for name in channel.would_have_told_apart]
+        rows += (
+            [(f"{names[0]} from its likes" if len(names) == 1 else listed(names), [channel.channel], "")]
+            if names
+            else []
+        )
+    return list(dict.fromkeys((names, listed(channels, "or"), why) for names, channels, why in rows))
+
+
+def _standing(found: Findings) -> float | None:
+    """The largest difference that is left, in standard errors; None where it is of several bands."""
+    left = found.remaining.largest
+    curve = found.details.curves.get(left.quantity)
+    if curve is None:
+        return None
+    pairs = zip(curve.level_fl, curve.error, strict=True)
+    errors = [error for fl, error in pairs if fl is None or left.level_low_fl <= fl <= left.level_high_fl]
+    return abs(left.difference) / errors[0] if len(errors) == 1 and errors[0] > 0.0 else None
+
+
+def _trade(found: Findings, quantity: str, value: float, low_fl: float, high_fl: float) -> str:
+    """A difference with sign and unit; of noise its factor."""
+    return trade_number(*in_trade(quantity, value, low_fl, high_fl, found.details.profile), signed=True)
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> str:
+    """A table for a terminal: names on the left, numbers on the right."""
+    wide = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
+    lines = [
+        "  ".join([row[0].ljust(wide[0]), *(cell.rjust(n) for cell, n in zip(row[1:], wide[1:], strict=True))])
+        for row in rows
+    ]
+    return "\n".join(f"  {line}".rstrip() for line in lines)
+
+
+def _levels_drawn(curves: Mapping[str, Curve]) -> list[str]:
+    """Quantities of bands with the largest differences in standard errors, the rate first."""
+    banded = [name for name, curve in curves.items() if curve.level_fl[0] is not None]
+    size = {
+        name: max(abs(b / e) for b, e in zip(curves[name].before, curves[name].error, strict=True)) for name in banded
+    }
+    return sorted(banded, key=lambda name: (name != "rate", -size[name]))[:LEVELS_DRAWN]
+
+
+def _cost_alt(name: str, costs: Sequence[Cost]) -> str:
+    """What a figure of costs shows, in words."""
+    rows = [cost for cost in costs if cost.name == name]
+    texts = []
+    for cost in rows:
+        after = "" if cost.after is None else f", with the causes {trade_number(cost.after.estimate, cost.unit)}"
+        place = level_range(cost.low_fl, cost.high_fl)
+        texts.append(f"{place} {trade_number(cost.before.estimate, cost.unit, signed=True)}{after}")
+    return f"Difference of the {rows[0].label} by levels: {'; '.join(texts)}."
+
+
+def _level_alt(found: Findings, name: str, curve: Curve) -> str:
+    """What a figure by level shows, in words."""
+    texts = []
+    for when, values in (("now", curve.before), ("with the causes", curve.after))[: 2 if found.causes else 1]:
+        k = max(range(len(values)), key=lambda i: abs(values[i]))
+        fl = curve.level_fl[k] or 0.0
+        value = trade_number(*in_trade(name, values[k], fl, fl, at_level(found.details.profile, fl)), signed=True)
+        texts.append(f"{when} {value} at FL{fl:.0f}")
+    return f"Largest difference of {label_of(name)}: {', '.join(texts)}."

@@ -1,0 +1,143 @@
+"""Tables of the page for those who check it: what went in, and the numbers for specialists."""
+
+from descentflow.diagnosis.findings.findings import Findings
+from descentflow.diagnosis.findings.inputs_found import InputUsed
+from descentflow.diagnosis.findings.plain_values import percent
+from descentflow.diagnosis.report.trade_units import between, in_trade, level_range, trade_number
+from descentflow.measurements.quantity_registry import label_of
+
+CELLS_LISTED = 8
+"""Cells of the table of where, largest share first."""
+SETS_LISTED = 5
+"""Sets of effects that are listed."""
+BY_LEVEL = ("time", "time_at_speed", "rate")
+"""Costs that are listed by level."""
+Table = tuple[str, list[str], list[list[str]], str]
+"""Heading, names of the columns, rows, and how columns are aligned."""
+
+
+def inputs_table(found: Findings) -> list[list[str]]:
+    """Both sides by name, kind, flights, days, types and version; empty where nothing is known of them.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS
+        >>> inputs_table(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}))[0]
+        ['name', 'descents.parquet', 'nominal A320']
+    """
+    made = found.provenance
+    if made is None:
+        return []
+    sides = (_side(made.real), _side(made.simulator))
+    return [[name, *(side[name] for side in sides)] for name in sides[0]]
+
+
+def _side(used: InputUsed) -> dict[str, str]:
+    days = " to ".join(dict.fromkeys(day for day in (used.first, used.last) if day))
+    files = [file for file in used.files if file != used.name]
+    return {
+        "name": used.name,
+        "files of rows": ", ".join(files) or "-",
+        "kind": used.kind,
+        "flights": f"{used.flights:,}" if used.flights else "-",
+        "aircraft": "-" if used.aircraft is None else f"{used.aircraft:,}",
+        "days": days or "-",
+        "types": ", ".join(used.typecodes) or "-",
+        "descentflow": used.version or "-",
+    }
+
+
+def specialist_tables(found: Findings) -> list[Table]:
+    """Every further number that the page has; tables without rows are not shown.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS
+        >>> report = diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]})
+        >>> specialist_tables(report)[0][2][0][:2]
+        ['mass', 'relative change of the mass']
+    """
+    d, label = found.details, found.details.label
+    causes = found.causes
+    alone = [s for s in d.singles if s.gain_nats > 0]
+    return [
+        (
+            "Parameters, mean over all flights",
+            ["cause", "parameter", "estimate", "90 %"],
+            [
+                [cause.label, p.label, f"{p.estimate:.4g}{p.unit_text}", p.interval.strip()]
+                for cause in causes
+                for p in cause.parameters.values()
+            ],
+            "llr",
+        ),
+        (
+            "Closure by one cause alone",
+            ["cause", "closed"],
+            [[cause.label, str(cause.own_closure)] for cause in causes if cause.own_closure is not None],
+            "lr",
+        ),
+        ("Where most of the difference lies", ["", "levels", "flights", "difference", "share"], _cells(found), "lllr"),
+        (
+            "Best sets of effects",
+            ["set", "weight"],
+            [[", ".join(map(label, s.effects)) or "none", percent(s.weight)] for s in d.subsets[:SETS_LISTED]],
+            "lr",
+        ),
+        (
+            "Each effect alone: evidence over none (ln)",
+            ["effect", "gain", "remark"],
+            [[label(s.effect), f"{s.gain_nats:.0f}", s.refused] for s in alone],
+            "lrl",
+        ),
+        ("Scores against the real flights", ["", "before", "after", "noise floor"], _scores(found), "lr"),
+        (
+            "Loss by stage of the simulator, s for 1,500 ft",
+            ["stage", "seconds", "share"],
+            [[stage.name, f"{stage.seconds:.2g}", percent(stage.share)] for stage in found.stages],
+            "lr",
+        ),
+        (
+            "Flights and rows",
+            ["", ""],
+            [[n.replace("_", " "), f"{count:,}"] for n, count in found.dropped.items()],
+            "lr",
+        ),
+    ]
+
+
+def by_level_table(found: Findings) -> list[list[str]]:
+    """Head and rows of costs in the thirds of the levels.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS
+        >>> by_level_table(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}))[1][:2]
+        ['time', 'FL150 to FL210']
+    """
+    rows = [["", "levels", "difference", *(["left"] if found.causes else []), "by chance"]]
+    for name in BY_LEVEL:
+        for cost in [cost for cost in found.costs if cost.name == name][1:]:
+            after = ["-" if cost.after is None else between(cost.after, cost.unit)] if found.causes else []
+            place, floor = level_range(cost.low_fl, cost.high_fl), trade_number(cost.floor, cost.unit)
+            rows.append([cost.label, place, between(cost.before, cost.unit), *after, floor])
+    return rows
+
+
+def _cells(found: Findings) -> list[list[str]]:
+    rows = []
+    for cell in [cell for cell in found.where if cell.share > 0][:CELLS_LISTED]:
+        levels = (cell.level_low_fl, cell.level_high_fl)
+        value = trade_number(*in_trade(cell.quantity, cell.difference, *levels, found.details.profile), signed=True)
+        rows.append([label_of(cell.quantity), level_range(*levels), cell.slice, value, percent(cell.share)])
+    return rows
+
+
+def _scores(found: Findings) -> list[list[str]]:
+    return [
+        [
+            score.name,
+            *("-" if x is None else trade_number(x, score.unit) for x in (score.before, score.after, score.floor)),
+        ]
+        for score in found.scores
+    ]

@@ -1,0 +1,184 @@
+"""What is left once the causes are in the simulator: by level, in which flights, and what would tell more of it."""
+
+from collections.abc import Mapping, Sequence
+
+import torch
+from torch import Tensor
+
+from descentflow.diagnosis.evidence.nuisances import set_apart
+from descentflow.diagnosis.findings.cause_found import Cause
+from descentflow.diagnosis.findings.costs_found import LevelMeans
+from descentflow.diagnosis.findings.findings import Curve
+from descentflow.diagnosis.findings.gap_found import LargestDifference, Remaining, WouldSplit
+from descentflow.diagnosis.findings.inputs_found import FlightWorthALook
+from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.diagnosis.inference.where import strongest_block
+from descentflow.diagnosis.report.trade_units import in_trade
+from descentflow.effects import UNKNOWN, Effect
+
+MOST_FLIGHTS = 10
+"""Flights that are named."""
+NEIGHBOURS = 0.5
+"""Bands beside the one with the largest difference belong to it while theirs, of the same sign, is so large a share."""
+SHOWS = {"TAS": "tas", "geoaltitude": "height", "groundspeed": "wind", "Mach": "mismatch"}
+"""Channel -> the quantity that it makes, the one most often worth adding first."""
+
+
+def remaining_of(compared: Compared, left: Tensor, gap: float, share_unexplained: float) -> Remaining:
+    """What is left once the causes are in the simulator, and where the most of it lies.
+
+    Args:
+        compared: Flights of both sides.
+        left: (n, p) the same once the causes are in the simulator, or off the flights.
+        gap: Left above the noise floor, in spreads.
+        share_unexplained: Of what effects and a free discrepancy explain together.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> from descentflow.effects import EFFECTS
+        >>> sides = example_sides(EFFECTS["temperature"], [10.0])
+        >>> remaining_of(sides, sides.y, 0.5, 0.0).largest.quantity
+        'tas'
+    """
+    mean = left[compared.real].nanmean(0)
+    if compared.has_reference:
+        mean = mean - left[~compared.real].nanmean(0)
+    standing = (mean.abs() / compared.negligible()).nan_to_num(0.0)
+    # What the simulator lacks beside any cause is no part of the difference that is explained.
+    standing = torch.where(set_apart(compared), 0.0, standing)
+    most = int(standing.argmax())
+    entry = compared.entries[most]
+    low, high = compared.level_range(entry)
+    largest = LargestDifference(entry.quantity, low, high, float(mean[most]), float(standing[most]))
+    return Remaining(max(gap, 0.0), share_unexplained, largest, strongest_block(compared, left))
+
+
+def curves(compared: Compared, left: Tensor) -> dict[str, Curve]:
+    """Mean difference by band with its error, before and after, for the figures.
+
+    Args:
+        compared: Flights of both sides.
+        left: (n, p) the same once the causes are in the simulator, or off the flights.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> sides = example_sides()
+        >>> curve = curves(sides, sides.y)["tas"]
+        >>> curve.before == curve.after, len(curve.level_fl)
+        (True, 11)
+    """
+    real, levels = compared.real, compared.middles_fl()
+
+    def apart(y: Tensor) -> Tensor:
+        mean = y[real].nanmean(0)
+        return mean - y[~real].nanmean(0).nan_to_num(0.0) if compared.has_reference else mean
+
+    count = 1 / real.sum().double()
+    if compared.has_reference:
+        count = count + 1 / (~real).sum().double()
+    found: dict[str, Curve] = {}
+    for quantity in compared.quantities():
+        at = compared.columns(quantity)
+        size: Tensor = compared.scale[at] * count.sqrt()
+        bands = [compared.entries[i].band for i in at.tolist()]
+        middles = [levels[b] if b >= 0 else None for b in bands]
+        before, after = apart(compared.y[:, at]), apart(left[:, at])
+        found[quantity] = Curve(middles, before.tolist(), after.tolist(), size.tolist())
+    return found
+
+
+def flights_worth_a_look(compared: Compared, left: Tensor, profile: list[LevelMeans]) -> list[FlightWorthALook]:
+    """Real flights that are furthest from the simulator's mean where most is left, in the direction of what is left.
+
+    Args:
+        compared: Flights of both sides.
+        left: (n, p) the same once the causes are in the simulator, or off the flights.
+        profile: What the simulator flies on average by level, for units of the trade.
+
+    Returns:
+        At most :data:`MOST_FLIGHTS`; none where flights have no identifiers or no quantity by level is compared.
+
+    Example:
+        >>> from dataclasses import replace
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> from descentflow.effects import EFFECTS
+        >>> sides = example_sides(EFFECTS["temperature"], [10.0])
+        >>> sides = replace(sides, names=tuple(f"flight-{i}" for i in range(80)))
+        >>> found = flights_worth_a_look(sides, sides.y, [])
+        >>> len(found), found[0].quantity, found[0].unit
+        (10, 'tas', '%')
+    """
+    real = left[compared.real]
+    normal = left[~compared.real].nanmean(0).nan_to_num(0.0) if compared.has_reference else 0.0 * left[0]
+    rest = real - normal
+    mean = rest.nanmean(0).nan_to_num(0.0)
+    at = _largest(compared, mean)
+    if not compared.names or not at:
+        return []
+    inside = rest[:, at].nanmean(1)
+    towards = float(mean[at].sum())
+    entries = [compared.entries[i] for i in at]
+    low = min(compared.level_range(entry)[0] for entry in entries)
+    high = max(compared.level_range(entry)[1] for entry in entries)
+    order = (inside * towards).nan_to_num(-1e30).argsort(descending=True).tolist()
+    found = []
+    for i in [i for i in order if bool(inside[i].isfinite())][:MOST_FLIGHTS]:
+        excess, unit = in_trade(entries[0].quantity, float(inside[i]), low, high, profile)
+        found.append(FlightWorthALook(compared.names[i], excess, unit, entries[0].quantity, low, high))
+    return found
+
+
+def _largest(compared: Compared, mean: Tensor) -> list[int]:
+    """Entries of the quantity by level in which most is left, in neighbouring bands."""
+    banded = [i for i, entry in enumerate(compared.entries) if entry.band >= 0]
+    if not banded:
+        return []
+    standing = (mean / compared.negligible()).nan_to_num(0.0)
+    most = max(banded, key=lambda i: abs(float(standing[i])))
+    quantity = {e.band: i for i, e in enumerate(compared.entries) if e.quantity == compared.entries[most].quantity}
+    found = [most]
+    for step in (-1, 1):
+        band = compared.entries[most].band + step
+        while band in quantity and float(standing[quantity[band]] / standing[most]) >= NEIGHBOURS:
+            found.append(quantity[band])
+            band += step
+    return sorted(found)
+
+
+def would_split(
+    compared: Compared,
+    catalogue: Mapping[str, Effect],
+    causes: Sequence[Cause],
+    undecided: Sequence[Sequence[str]] = (),
+) -> list[WouldSplit]:
+    """Channels that are not there and would separate a cause from its group, or help an unknown one to a name.
+
+    Args:
+        compared: Flights of both sides.
+        catalogue: Effects by name.
+        causes: That were named.
+        undecided: Effects that would be named, each with those that it may be as well for lack of their channels.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> from descentflow.effects import EFFECTS
+        >>> [row.channels for row in would_split(example_sides(), EFFECTS, [])]  # of an unknown cause
+        [['geoaltitude'], ['groundspeed'], ['Mach']]
+    """
+    there = set(compared.quantities())
+    found = []
+    for alike in undecided:
+        needed = list(dict.fromkeys(channel for name in alike for channel in catalogue[name].needs))
+        found.append(WouldSplit(list(alike), needed, "they look alike in the channels given, so neither is named"))
+    for cause in causes:
+        names = [cause.effect, *cause.group]
+        able = list(dict.fromkeys(channel for name in names for channel in catalogue[name].splits))
+        missing = [channel for channel in able if channel in SHOWS and SHOWS[channel] not in there]
+        if len(names) > 1 and missing:
+            found.append(WouldSplit(names, missing, "they look alike in the channels given"))
+        groups = dict.fromkeys(catalogue[name].scale_group for name in names)
+        found += [WouldSplit(list(group.members), [], group.why) for group in groups if group is not None]
+    if not causes:
+        why = "it is not among the channels"
+        found += [WouldSplit([UNKNOWN], [c], why) for c, quantity in SHOWS.items() if quantity not in there]
+    return found

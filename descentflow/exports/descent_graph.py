@@ -7,11 +7,11 @@ import torch
 from torch import Tensor, nn
 from torch.overrides import TorchFunctionMode
 
+from descentflow.core.errors import ConfigError
 from descentflow.core.units import FPM_MPS, KT_MPS, NM_M
 from descentflow.densities.density import Density
 from descentflow.exports.weight_draws import MixtureDraw, weight_draw
-from descentflow.representation.decoder.graph_decoder import GraphDecoder
-from descentflow.representation.decoder.trajectories import Trajectories
+from descentflow.representation.decoder.trajectories import Trajectories, fly
 from descentflow.representation.own_air import check_standard_air
 from descentflow.representation.plausibility import RULES, Plausibility
 from descentflow.representation.representation import Representation
@@ -78,7 +78,14 @@ class DescentGraph(nn.Module):
         super().__init__()
         check_standard_air(representation, "an exported program")
         self.dtype = PRECISIONS[precision]
-        self.decoder = GraphDecoder(representation.decoder)
+        self.decoder = representation.decoder
+        if self.decoder.correction is not None:
+            raise ConfigError(
+                "a corrected model, whose effects are drawn flight by flight",
+                expected="a model without a correction",
+                mend="export the model that was corrected, or samples of this one (--to parquet)",
+            )
+        self.grid = self.decoder.grid(self.decoder.levels_fl)
         self.plausibility = Plausibility.from_state(representation.plausibility.to_state())
 
     @property
@@ -100,7 +107,14 @@ class DescentGraph(nn.Module):
             ``broken`` (n, rules) which of :data:`ALL_RULES` each breaks.
         """
         with ExactConstants():
-            return self._outputs(self.decoder(weights, self.entry(entry_fl), residual_noise), entry_fl)
+            return self._outputs(self._flown(weights, self.entry(entry_fl), residual_noise), entry_fl)
+
+    def _flown(self, weights: Tensor, entry: Tensor, residual_noise: Tensor | None) -> Trajectories:
+        """Descents in float64, in one expression: a program has no chunks."""
+        white = None if residual_noise is None else residual_noise.double()
+        drag_n, cas_mps, ahead_mps = self.decoder.flown_curves(weights.double(), white)
+        time_s, mach, tas_mps, rate_mps = fly(self.grid, drag_n, cas_mps, entry, ahead_mps)
+        return Trajectories(self.decoder.levels_fl, entry, time_s, cas_mps, mach, tas_mps, rate_mps, drag_n)
 
     def _outputs(self, flown: Trajectories, entry_fl: Tensor) -> dict[str, Tensor]:
         levels_fl = self.decoder.levels_fl

@@ -3,8 +3,8 @@
 Reading order: :mod:`~descentflow.physics.atmosphere`, :mod:`~descentflow.physics.airspeed`,
 :mod:`~descentflow.physics.performance_model` (the protocol of drag, thrust, fuel, speeds and limits, which
 :mod:`descentflow.aircraft_types` implements), :mod:`~descentflow.physics.energy` (rate from drag, and drag from the
-rate), :mod:`~descentflow.physics.nominal_descent` (BADA's own descent). The decoder uses
-:mod:`~descentflow.physics.idle_state` and, where speed counts, :mod:`~descentflow.physics.fused_table`.
+rate), :mod:`~descentflow.physics.nominal_descent` (BADA's own descent). Drag is
+inferred with :mod:`~descentflow.physics.idle_state` and flown with :mod:`~descentflow.physics.level_table`.
 
 The sign of the rate is laid down in :mod:`~descentflow.physics.energy`, the thrust of a descent in ``idle_thrust_n`` of
 the model. To fly climbs: both hold, with ``climb_thrust_n`` in place of idle. They need climb speeds in the protocol

@@ -14,7 +14,7 @@ from torch import Tensor
 from benchmarks.timing import best_of, fresh_process_s, peak_mib, print_row
 from descentflow.aircraft_types.registry import aircraft
 from descentflow.core.units import FL_M
-from descentflow.representation.decoder.trajectories import integrate, integrate_plain
+from descentflow.representation.decoder.trajectories import integrate
 
 N_DESCENTS, N_LEVELS = 10_000, 228
 GPU_DESCENTS, GPU_CHUNK = 10_000_000, 250_000
@@ -29,13 +29,13 @@ def run(args: argparse.Namespace) -> None:
     """Print the tables."""
     peer = pybada_descent_s()
     print(f"decoding {N_DESCENTS:,} descents of {N_LEVELS} levels, best of 7 runs, into arrays of an earlier batch")
-    head = ["precision", "threads", "plain ms", "decoder ms", "pow ms", "copy ms"]
+    head = ["precision", "threads", "new ms", "decoder ms", "pow ms", "copy ms"]
     print_row([*head, "descents/s", "of pow", "of pyBADA"])
     for threads in sorted({1, min(2, os.cpu_count() or 1)}):
         torch.set_num_threads(threads)
         for dtype in (torch.float64, torch.float32):
             _cpu_row(dtype, threads, peer)
-    print("'plain' makes new arrays; 'copy' moves as many values as the decoder reads and writes")
+    print("'new' makes new arrays; 'copy' moves as many values as the decoder reads and writes")
     if peer is None:
         print("pyBADA is not installed: no ratio to it")
     else:
@@ -86,14 +86,14 @@ def _cpu_row(dtype: torch.dtype, threads: int, peer: float | None) -> None:
     cas = arguments[4]
     out, earlier = torch.empty_like(cas), integrate(*arguments)
     with torch.no_grad():
-        plain = best_of(lambda: integrate_plain(*arguments))
+        fresh = best_of(lambda: integrate(*arguments))
         eager = best_of(lambda: integrate(*arguments, out=earlier))
         power = best_of(lambda: torch.pow(cas, 3.5, out=out))
         # The decoder reads two arrays and writes four.
         copy = 3 * best_of(lambda: out.copy_(cas))
     rate = N_DESCENTS / eager
     cells = [str(dtype).split(".")[1], str(threads)]
-    cells += [f"{1000 * seconds:.1f}" for seconds in (plain, eager, power, copy)]
+    cells += [f"{1000 * seconds:.1f}" for seconds in (fresh, eager, power, copy)]
     print_row([*cells, f"{rate:,.0f}", f"{eager / power:.2f}", "-" if peer is None else f"{rate * peer:,.0f}"])
 
 

@@ -1,7 +1,5 @@
 """Speed as a Mach number above each flight's own crossover and a CAS below: found, decoded, exported, refused."""
 
-from dataclasses import replace
-
 import pytest
 import torch
 import toys
@@ -19,7 +17,7 @@ from descentflow.physics.airspeed import cas_to_mach, crossover_altitude_m, mach
 from descentflow.representation.check_checkpoint import check_flies
 from descentflow.representation.crossover import find_crossovers
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
-from descentflow.representation.decoder.trajectories import integrate, integrate_plain
+from descentflow.representation.decoder.trajectories import integrate
 from descentflow.representation.fpca.constant_basis import can_be_fitted, fit_constant
 from descentflow.representation.linear_curves import evidence_of
 from descentflow.representation.profiles import Profiles, infer_drag_n
@@ -239,7 +237,7 @@ def test_one_speed_of_all_flights_is_refused() -> None:
     assert can_be_fitted(mach + 1e-4 * torch.arange(30)[:, None], seen)
 
 
-def test_the_plain_integrator_takes_slopes_and_own_regimes_together(parts: Representation) -> None:
+def test_the_integrator_takes_slopes_and_own_regimes_together(parts: Representation) -> None:
     decoder: DescentDecoder = parts.decoder
     curves = decoder.flown_curves(torch.zeros(1, decoder.dimension, dtype=torch.float64))
     entry = torch.tensor([len(LEVELS) - 1])
@@ -248,7 +246,3 @@ def test_the_plain_integrator_takes_slopes_and_own_regimes_together(parts: Repre
         wind_mps=torch.zeros_like(curves.cas_mps), ahead_mps=curves.ahead_mps,
     )  # fmt: skip
     torch.testing.assert_close(windy.time_s, decoder(torch.zeros(1, decoder.dimension).double()).time_s)
-    assert (
-        replace(windy).time_s.shape
-        == integrate_plain(toys.AIRCRAFT, LEVELS, ALTITUDE_M, *curves[:2], entry).time_s.shape
-    )

@@ -10,9 +10,9 @@ import pytest
 from descentflow import physics
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
 from descentflow.aircraft_types.bada3.coefficients import Coefficients
-from descentflow.physics import airspeed, atmosphere, energy, fused_table, idle_state, nominal_descent
+from descentflow.physics import airspeed, atmosphere, energy, idle_state, level_table, nominal_descent
 
-EQUATIONS = (airspeed, atmosphere, energy, fused_table, idle_state, nominal_descent)
+EQUATIONS = (airspeed, atmosphere, energy, idle_state, level_table, nominal_descent)
 """Modules in which every public function computes something of the manual."""
 OTHERS = {"performance_model"}
 """The protocol, which no manual lays down."""

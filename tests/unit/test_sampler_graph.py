@@ -10,9 +10,8 @@ from descentflow.densities.flow import MaskedAffineFlowDensity, SplineFlowDensit
 from descentflow.exports.descent_graph import OFF_GRID, DescentGraph, SamplerGraph
 from descentflow.exports.graph_description import describe
 from descentflow.exports.weight_draws import MixtureDraw
-from descentflow.physics.fused_table import fused_rate, level_rate
+from descentflow.physics.level_table import level_rate
 from descentflow.representation.correction import Correction
-from descentflow.representation.decoder.graph_decoder import GraphDecoder
 from descentflow.representation.representation import Representation
 
 D = PARTS.decoder.dimension
@@ -89,12 +88,11 @@ def test_levels_between_and_beyond_the_grid() -> None:
 
 
 @pytest.mark.parametrize("dtype", [torch.float64, torch.float32])
-def test_the_rate_without_in_place_steps_is_the_rate(dtype: torch.dtype) -> None:
+def test_the_rate_in_new_arrays_is_the_rate(dtype: torch.dtype) -> None:
     grid = PARTS.decoder.grid(torch.zeros(1, dtype=dtype))
-    assert grid is not None
     drag_n, cas_mps = PARTS.decoder.curves(torch.randn(N, D, dtype=dtype))
     out = tuple(torch.empty_like(drag_n) for _ in range(4))
-    fused_rate(grid.levels, drag_n, cas_mps, out)
+    level_rate(grid.levels, drag_n, cas_mps, out=out)
     rounding = 1e-12 if dtype is torch.float64 else 2e-5
     for found, expected in zip(level_rate(grid.levels, drag_n, cas_mps), out, strict=True):
         torch.testing.assert_close(found, expected, rtol=rounding, atol=0)
@@ -108,7 +106,7 @@ def test_what_cannot_be_a_graph_is_refused() -> None:
     corrected = Representation.from_state(PARTS.to_state())
     corrected.decoder.correction = Correction({"temperature": [10.0]}, 64_000.0)
     with pytest.raises(ConfigError, match="a corrected model"):
-        GraphDecoder(corrected.decoder)
+        DescentGraph(corrected)
 
 
 def test_the_description_tells_shapes_units_bounds_and_how_to_draw_again() -> None:

@@ -7,7 +7,7 @@ jumps in what would be padding, and profiles are summed number by number
 """
 
 from copy import copy
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from descentflow.core.units import FL_M
 from descentflow.generation.given_temperature import airspeed_ratio
-from descentflow.physics.fused_table import LevelTable, fused_rate
+from descentflow.physics.level_table import level_rate, level_table
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.decoder.flight_grid import flight_grid
 from descentflow.representation.decoder.lower_speed import lower_of
+from descentflow.representation.decoder.trajectories import climbed_s
 
 Array = NDArray[np.float64]
 VECTOR = 16
@@ -48,21 +49,14 @@ class FlownProfiles:
         levels = decoder.levels_fl.detach().cpu()
         altitude_m = levels * FL_M
         # Where every flight has a crossover of its own, the rate does not jump at the type's.
-        grid = flight_grid(decoder.aircraft, altitude_m, at_transition=decoder.speed == "cas")
-        breaks, tables = grid.breaks, (grid.levels, grid.sides)
+        self.grid = flight_grid(decoder.aircraft, altitude_m, at_transition=decoder.speed == "cas")
+        breaks = self.grid.breaks
         self.levels_fl, self.n_levels, self.n_sides = levels.numpy(), len(levels), len(breaks.base)
         self.width = -(-(self.n_levels + self.n_sides) // VECTOR) * VECTOR
         padding = self.width - self.n_levels - self.n_sides
-        joined = [
-            torch.cat([*(getattr(t, f.name) for t in tables), getattr(tables[0], f.name)[:1].expand(padding)])
-            for f in fields(LevelTable)
-        ]
         self._altitude_m = torch.cat([altitude_m, breaks.altitude_m, altitude_m[:1].expand(padding)])
-        self.table = LevelTable(*(column.contiguous() for column in joined))
+        self.table = level_table(decoder.aircraft, self._altitude_m)
         self.base, self.share = np.array(breaks.base, dtype=int), np.array([float(s) for s in breaks.share])
-        self.half_step_m = grid.half_step_m.numpy()
-        self.cells = [(cell, float(lower), float(upper)) for cell, lower, upper in breaks.cells]
-        self.inner = breaks.inner.numpy()
         self.airspeed_ratio = np.ones(self.width)
         self.drag_scale = decoder.drag_scale
 
@@ -121,7 +115,7 @@ class FlownProfiles:
             here, table = tuple(torch.from_numpy(values[part]) for values in out), self.table
             if ahead_mps is not None:
                 table = replace(table, compression=torch.from_numpy((ahead_mps[part] >= 0).astype(float)))
-            fused_rate(table, torch.from_numpy(drag_n[part]), torch.from_numpy(cas_mps[part]), here)
+            level_rate(table, torch.from_numpy(drag_n[part]), torch.from_numpy(cas_mps[part]), out=here)
         return out[0], out[1], out[2], out[3]
 
     def _blocks(self, n: int) -> list[slice]:
@@ -135,15 +129,9 @@ class FlownProfiles:
             slowness: (n, W) of :meth:`fly`.
             ahead_mps: (n, W) of :meth:`lower`: the leg in which a flight changes over is split there.
         """
-        levels = slowness[:, : self.n_levels]
-        legs = (levels[:, 1:] + levels[:, :-1]) * self.half_step_m
-        for column, (cell, lower, upper) in enumerate(self.cells):
-            legs[:, cell] = levels[:, cell] * lower + levels[:, cell + 1] * upper
-            for side in range(self.n_sides):
-                legs[:, cell] += slowness[:, self.n_levels + side] * self.inner[side, column]
-        if ahead_mps is not None:
-            legs = _split_at_crossovers(legs, levels, ahead_mps[:, : self.n_levels], self.half_step_m)
-        return _summed(legs)
+        levels, sides = (torch.from_numpy(part) for part in np.split(slowness, [self.n_levels], 1))
+        ahead = None if ahead_mps is None else torch.from_numpy(ahead_mps[:, : self.n_levels])
+        return climbed_s(self.grid, levels, sides, ahead).numpy()
 
     def metres(self, tas_mps: Array, rate_mps: Array, seconds: Array) -> Array:
         """Distance through the air (n, L) in the same way: horizontal speed is taken as linear in time."""
@@ -154,15 +142,6 @@ class FlownProfiles:
     def nearest(self, level_fl: float) -> int:
         """Index of the level nearest to a flight level."""
         return int(np.abs(self.levels_fl - level_fl).argmin())
-
-
-def _split_at_crossovers(legs: Array, slowness: Array, ahead_mps: Array, half_step_m: Array) -> Array:
-    """As :func:`~descentflow.representation.decoder.lower_speed.with_crossovers`, by arithmetic of the same bits."""
-    lower, upper = ahead_mps[:, :-1], ahead_mps[:, 1:]
-    across = (lower < 0) != (upper < 0)
-    share = lower / np.where(across, lower - upper, 1.0)
-    split = 2 * half_step_m * (share * slowness[:, :-1] + (1 - share) * slowness[:, 1:])
-    return np.where(across, split, legs)
 
 
 def _summed(legs: Array) -> Array:

@@ -3,9 +3,7 @@
 Reading order: :mod:`~descentflow.representation.decoder.descent_decoder`,
 :mod:`~descentflow.representation.decoder.trajectories` (integration),
 :mod:`~descentflow.representation.decoder.lower_speed` (Mach number and CAS, each flight's crossover),
-:mod:`~descentflow.representation.decoder.rate_jumps` (where the rate is discontinuous),
-:mod:`~descentflow.representation.decoder.flight_grid` (what is computed once of the levels),
-:mod:`~descentflow.representation.decoder.fused` (the same numbers, faster).
+:mod:`~descentflow.representation.decoder.flight_grid` (what is computed once of the levels, and where the rate jumps).
 
 Descents alone are flown: what climbs need is in :mod:`descentflow.physics`.
 """

@@ -13,7 +13,6 @@ from descentflow.core.units import FL_M
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.decoder.flight_grid import FlightGrid, flight_grid
 from descentflow.representation.decoder.flown_correction import FlownCorrection
-from descentflow.representation.decoder.fused import is_plain
 from descentflow.representation.decoder.lower_speed import FlownCurves, lower_of
 from descentflow.representation.decoder.trajectories import Trajectories, integrate
 from descentflow.representation.drag_scale import DragScale
@@ -94,25 +93,24 @@ class DescentDecoder(nn.Module):
         self.register_buffer("weight_mean", weight_mean.to(torch.float64), persistent=False)
         self.register_buffer("weight_scale", weight_scale.to(torch.float64), persistent=False)
         self.drag_scale = drag_scale
-        self._grids: dict[tuple[torch.dtype, torch.device], tuple[PerformanceModel, FlightGrid | None]] = {}
+        self._grids: dict[tuple[torch.dtype, torch.device], tuple[PerformanceModel, FlightGrid]] = {}
         self.grid(self.levels_fl)
 
-    def grid(self, like: Tensor) -> FlightGrid | None:
+    def grid(self, like: Tensor) -> FlightGrid:
         """Tables for flying the own levels, at the own mass and no temperature deviation.
 
         Computed once for each precision and device (float64 at construction), and again should ``aircraft`` be another
-        one; None where coefficients are tensors of several flights or with gradients.
+        one, or have numbers with gradients.
 
         Args:
             like: A tensor of the precision and on the device wanted.
         """
         key = (like.dtype, like.device)
         aircraft, found = self._grids.get(key, (None, None))
-        if aircraft is not self.aircraft:
-            plain = is_plain(self.levels_fl, self.levels_fl, *self.aircraft.numbers())
-            altitude_m, nominal = (self.levels_fl * FL_M).to(like), self.speed == "cas"
-            found = flight_grid(self.aircraft, altitude_m, at_transition=nominal) if plain else None
-            self._grids[key] = (self.aircraft, found)
+        if found is None or aircraft is not self.aircraft:
+            found = flight_grid(self.aircraft, (self.levels_fl * FL_M).to(like), at_transition=self.speed == "cas")
+            if found.is_plain:
+                self._grids[key] = (self.aircraft, found)
         return found
 
     @property
@@ -194,7 +192,8 @@ class DescentDecoder(nn.Module):
         values = [basis.decode(part) for basis, part in parts]
         if white is not None:
             of_drag, of_speed = torch.split(white.to(weights), [len(self.residual), len(self.speed_residual)], 1)
-            values[0] = values[0] + of_drag @ self.residual.to(weights)
+            if len(self.residual):
+                values[0] = values[0] + of_drag @ self.residual.to(weights)
             if len(self.speed_residual):
                 extra = (of_speed @ self.speed_residual.to(weights)).chunk(len(values) - 1, 1)
                 values[1:] = [value + part for value, part in zip(values[1:], extra, strict=True)]

@@ -1,19 +1,23 @@
 """Batched integration of BADA's rate equation from drag and CAS on the grid (paper, equation 2)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from descentflow.core.tensors import Number
-from descentflow.physics.energy import descent_rate_mps, slope_per_m
-from descentflow.physics.idle_state import idle_state
+from descentflow.physics.airspeed import cas_to_mach
+from descentflow.physics.energy import energy_share_factor, energy_share_factor_local, slope_per_m
+from descentflow.physics.level_table import NEW, LevelTable, level_rate
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.decoder.flight_grid import FlightGrid, flight_grid
-from descentflow.representation.decoder.fused import integrate_fast, is_plain
 from descentflow.representation.decoder.lower_speed import with_crossovers
-from descentflow.representation.decoder.rate_jumps import Breaks, rate_breaks
+
+CHUNK_VALUES = 1 << 17
+"""Values of a quantity in one chunk for each thread of the CPU: the handful of arrays in use stay in the caches."""
+GPU_CHUNK_VALUES = 1 << 26
+"""The same for a GPU: enough to fill it, while the arrays between the steps stay below 2 GiB."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +93,7 @@ def integrate(
 
     With drag and CAS given on the grid the rate is known at every level, so time is a quadrature of
     ``dh / rate``: the trapezoid rule between levels, and between a level and each side of a jump of the rate
-    (:mod:`descentflow.representation.decoder.rate_jumps`), where drag and CAS are continued from that side.
+    (:mod:`descentflow.representation.decoder.flight_grid`), where drag and CAS are continued from that side.
 
     The energy share factor is BADA's by default, of constant Mach above the transition altitude and of constant CAS
     below: the paper leaves BADA's algorithm unchanged, drag was inferred with the same factor, so that rates come back
@@ -126,105 +130,148 @@ def integrate(
         >>> round(float(flown.time_s[0, 0]) / 60)  # minutes from FL350 to FL150
         8
     """
-    # Whoever has tabulated the levels has looked at the coefficients.
-    parameters = (*aircraft.numbers(), mass_kg, deviation_k) if grid is None else ()
-    if is_plain(drag_n, cas_mps, *parameters) and wind_mps is None and not exact_energy_share:
-        known = grid or flight_grid(aircraft, altitude_m, mass_kg, deviation_k, at_transition=ahead_mps is None)
-        arrays = None if out is None else (out.time_s, out.mach, out.tas_mps, out.rate_mps)
-        time_s, mach, tas_mps, rate_mps = integrate_fast(known, drag_n, cas_mps, entry, ahead_mps=ahead_mps, out=arrays)
-        return Trajectories(levels_fl, entry, time_s, cas_mps, mach, tas_mps, rate_mps, drag_n)
-    slopes = Slopes(
-        0.0 if wind_mps is None else slope_per_m(wind_mps, altitude_m),
-        slope_per_m(cas_mps, altitude_m) if exact_energy_share else None,
-        ahead_mps,
-    )
-    return integrate_plain(aircraft, levels_fl, altitude_m, drag_n, cas_mps, entry, mass_kg, deviation_k, slopes)
+    grid = grid or flight_grid(aircraft, altitude_m, mass_kg, deviation_k, at_transition=ahead_mps is None)
+    if wind_mps is not None or exact_energy_share:
+        slope = slope_per_m(cas_mps, altitude_m) if exact_energy_share else None
+        wind = torch.zeros_like(altitude_m) if wind_mps is None else slope_per_m(wind_mps, altitude_m)
+        shares = _shares(aircraft, grid, cas_mps, deviation_k, wind, slope, ahead_mps)
+        found = fly(grid, drag_n, cas_mps, entry, ahead_mps, shares)
+    elif grid.is_plain and not drag_n.requires_grad and not cas_mps.requires_grad:
+        found = _fly_chunks(grid, drag_n, cas_mps, entry, ahead_mps, out)
+    else:
+        found = fly(grid, drag_n, cas_mps, entry, ahead_mps)
+    return Trajectories(levels_fl, entry, found.time_s, cas_mps, found.mach, found.tas_mps, found.rate_mps, drag_n)
 
 
-class Slopes(NamedTuple):
-    """Arguments of the energy share factor: slopes (1/s) of wind, and of CAS if it is exact, and the own regime.
+class Flown(NamedTuple):
+    """Time, Mach, TAS and rate, each (n, L), see :func:`fly`.
 
     Example:
-        >>> Slopes(wind=-0.002).cas is None  # the energy share factor is BADA's
-        True
+        >>> Flown(*torch.zeros(4, 1, 2)).mach
+        tensor([[0., 0.]])
     """
 
-    wind: Number = 0.0
-    cas: Tensor | None = None
-    ahead_mps: Tensor | None = None
-
-    def continued(self, breaks: Breaks) -> "Slopes":
-        """At both sides of the jumps."""
-        wind = breaks.continued(self.wind) if isinstance(self.wind, Tensor) else self.wind
-        cas, ahead = (None if one is None else breaks.continued(one) for one in (self.cas, self.ahead_mps))
-        return Slopes(wind, cas, ahead)
+    time_s: Tensor
+    mach: Tensor
+    tas_mps: Tensor
+    rate_mps: Tensor
 
 
-def integrate_plain(
-    aircraft: PerformanceModel,
-    levels_fl: Tensor,
-    altitude_m: Tensor,
+def fly(
+    grid: FlightGrid,
     drag_n: Tensor,
     cas_mps: Tensor,
     entry: Tensor,
-    mass_kg: Number | None = None,
-    deviation_k: Number = 0.0,
-    slopes: Slopes | None = None,
-) -> Trajectories:
-    """:func:`integrate` in the equations' own order, differentiable in all its arguments.
+    ahead_mps: Tensor | None = None,
+    energy_shares: tuple[Tensor | None, Tensor | None] = (None, None),
+    out: tuple[Tensor | None, ...] = NEW,
+) -> Flown:
+    """Integrate the rate over a grid: one expression of its inputs, to differentiate and to trace.
+
+    Args:
+        grid: Of the L levels, in the profiles' precision.
+        drag_n: (n, L).
+        cas_mps: (n, L).
+        entry: (n,) index of the entry level.
+        ahead_mps: (n, L), see :func:`integrate`.
+        energy_shares: Energy share factor at the levels and at both sides of the jumps; the grid's if absent.
+        out: Arrays for the result, in its order, where nothing is differentiated or traced.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
-        >>> levels_fl = torch.arange(150, 351).double()
+        >>> grid = flight_grid(aircraft("A320"), torch.arange(150, 351).double() * 30.48)
         >>> drag_n = torch.full((1, 201), 45e3).double().requires_grad_()
-        >>> profiles = drag_n, torch.full((1, 201), 140.0).double(), torch.tensor([200])
-        >>> flown = integrate_plain(aircraft("A320"), levels_fl, levels_fl * 30.48, *profiles)
-        >>> flown.time_s[0, 0].backward()
-        >>> bool((drag_n.grad < 0).all())  # more drag is less time
-        True
+        >>> time_s = fly(grid, drag_n, torch.full((1, 201), 140.0).double(), torch.tensor([200])).time_s
+        >>> time_s[0, 0].backward()
+        >>> round(time_s[0, 0].item() / 60), bool((drag_n.grad < 0).all())  # minutes; more drag is less time
+        (8, True)
     """
-    slopes = slopes or Slopes()
-    breaks = rate_breaks(aircraft, altitude_m, at_transition=slopes.ahead_mps is None)
-    mach, tas_mps, rate_mps = _fly(aircraft, altitude_m, drag_n, cas_mps, mass_kg, deviation_k, slopes)
-    extra_rate = _fly(
-        aircraft,
-        breaks.altitude_m,
-        breaks.continued(drag_n),
-        breaks.continued(cas_mps),
-        mass_kg,
-        deviation_k,
-        slopes.continued(breaks),
-    )[2]
-    half_step_m = altitude_m.diff() / 2
-    leg_s = breaks.leg_times(-1 / rate_mps, -1 / extra_rate, half_step_m)
-    if slopes.ahead_mps is not None:
-        leg_s = with_crossovers(leg_s, -1 / rate_mps, slopes.ahead_mps, half_step_m)
-    # Seconds since entry: the integral of slowness from the bottom to the entry, minus the part below the level.
-    climbed_s = torch.nn.functional.pad(leg_s.cumsum(1), (1, 0))
-    time_s = climbed_s.gather(1, entry[:, None]) - climbed_s
-    return Trajectories(levels_fl, entry, time_s, cas_mps, mach, tas_mps, rate_mps, drag_n)
+    of_time, *others = out
+    table = _own_regime(grid.levels, ahead_mps)
+    mach, tas_mps, rate_mps, slowness = level_rate(table, drag_n, cas_mps, energy_shares[0], (*others, of_time))
+    extra = slowness[:, :0]
+    if grid.breaks.base:
+        at_sides = grid.breaks.continued
+        table = _own_regime(grid.sides, None if ahead_mps is None else at_sides(ahead_mps))
+        extra = level_rate(table, at_sides(drag_n), at_sides(cas_mps), energy_shares[1])[3]
+    climbed = climbed_s(grid, slowness, extra, ahead_mps, of_time)
+    time_s = torch.sub(climbed, climbed.gather(1, entry[:, None]), out=of_time)
+    return Flown(time_s, mach, tas_mps, rate_mps)
 
 
-def _fly(
+def climbed_s(
+    grid: FlightGrid, slowness: Tensor, extra: Tensor, ahead_mps: Tensor | None, out: Tensor | None = None
+) -> Tensor:
+    """Time (n, L) from the lowest level up to each, negative because the rate is: it grows downwards.
+
+    Args:
+        grid: Of the levels.
+        slowness: (n, L) seconds per metre at the levels, negative.
+        extra: (n, b) the same at both sides of the jumps.
+        ahead_mps: (n, L), see :func:`integrate`.
+        out: Array for the result, which may be that of the slowness.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> grid = flight_grid(aircraft("A320"), torch.arange(150, 153).double() * 30.48)
+        >>> climbed_s(grid, torch.full((1, 3), -0.1), torch.zeros(1, 0), None).round(decimals=1)
+        tensor([[ 0.0000, -3.0000, -6.1000]])
+    """
+    legs = grid.breaks.leg_times(slowness, extra, grid.half_step_m)
+    if ahead_mps is not None:
+        legs = with_crossovers(legs, slowness, ahead_mps, grid.half_step_m)
+    if out is None:
+        return torch.nn.functional.pad(legs.cumsum(1), (1, 0))
+    out[:, 0] = 0
+    torch.cumsum(legs, 1, out=out[:, 1:])
+    return out
+
+
+def _fly_chunks(
+    grid: FlightGrid, drag_n: Tensor, cas_mps: Tensor, entry: Tensor, ahead_mps: Tensor | None, out: Trajectories | None
+) -> Flown:
+    """The same without gradients, in chunks that the processor's caches hold.
+
+    On the CPU the system may take longer to hand out new memory than the descents take to compute.
+    """
+    new = (torch.empty_like(drag_n) for _ in range(4))
+    whole = Flown(*new) if out is None else Flown(out.time_s, out.mach, out.tas_mps, out.rate_mps)
+    values = GPU_CHUNK_VALUES if drag_n.is_cuda else CHUNK_VALUES * torch.get_num_threads()
+    size = max(values // drag_n.shape[1], 1)
+    with torch.no_grad():
+        for start in range(0, len(drag_n), size):
+            part = slice(start, start + size)
+            ahead = None if ahead_mps is None else ahead_mps[part]
+            arrays = tuple(values[part] for values in whole)
+            fly(grid, drag_n[part], cas_mps[part], entry[part], ahead, out=arrays)
+    return whole
+
+
+def _own_regime(table: LevelTable, ahead_mps: Tensor | None) -> LevelTable:
+    """The table with the energy share factor of each flight's own regime."""
+    return table if ahead_mps is None else replace(table, compression=(ahead_mps >= 0).to(ahead_mps))
+
+
+def _shares(
     aircraft: PerformanceModel,
-    altitude_m: Tensor,
-    drag_n: Tensor,
+    grid: FlightGrid,
     cas_mps: Tensor,
-    mass_kg: Number | None,
     deviation_k: Number,
-    slopes: Slopes,
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Mach, TAS and rate at some altitudes, each (n, number of altitudes)."""
-    state = idle_state(
-        aircraft,
-        cas_mps,
-        altitude_m,
-        deviation_k,
-        wind_gradient_per_s=slopes.wind,
-        cas_gradient_per_s=slopes.cas,
-        at_mach=None if slopes.ahead_mps is None else slopes.ahead_mps < 0,
+    wind_slope_per_s: Tensor,
+    cas_slope_per_s: Tensor | None,
+    ahead_mps: Tensor | None,
+) -> tuple[Tensor, Tensor]:
+    """Energy share factor in a wind, or that of the CAS profile itself, at the levels and at the jumps' sides."""
+
+    def share(altitude_m: Tensor, cas: Tensor, wind: Tensor, slope: Tensor | None, ahead: Tensor | None) -> Tensor:
+        if slope is not None:
+            return energy_share_factor_local(cas, altitude_m, slope, wind, deviation_k)
+        at_mach = aircraft.holds_mach(altitude_m) if ahead is None else ahead < 0
+        return energy_share_factor(cas_to_mach(cas, altitude_m), altitude_m, at_mach, deviation_k, wind)
+
+    at_sides, others = grid.breaks.continued, (cas_slope_per_s, ahead_mps)
+    sides = [None if one is None else at_sides(one) for one in others]
+    return (
+        share(grid.altitude_m, cas_mps, wind_slope_per_s, *others),
+        share(grid.breaks.altitude_m, at_sides(cas_mps), at_sides(wind_slope_per_s), *sides),
     )
-    rate_mps = descent_rate_mps(
-        aircraft, drag_n, state.thrust_n, state.tas_mps, state.energy_share, altitude_m, deviation_k, mass_kg
-    )
-    return state.mach, state.tas_mps, rate_mps

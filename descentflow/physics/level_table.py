@@ -1,0 +1,148 @@
+"""The clean idle descent on fixed levels: what depends on the level alone is tabulated, and the rate in between.
+
+The equations are those of :mod:`airspeed`, :mod:`energy` and the performance model, from which the table is filled;
+only their order is new. With ``x = 1 + 0.2 (CAS/c)^2`` the impact pressure is ``r = (x^3.5 - 1) p0/p + 1``, and
+``y = r^(2/7) = 1 + 0.2 M^2`` gives Mach, and the energy share ``1 / (1 + lapse M^2 + y - y/r)``: one general power
+and two square roots a value, where the equations' own order takes four powers. Tests hold the two together.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import sqrt
+
+import torch
+from torch import Tensor
+
+from descentflow.core.constants import G0_MPS2, KAPPA, P0_PA
+from descentflow.core.tensors import Number, as_tensors
+from descentflow.physics.airspeed import CAS_SCALE_MPS
+from descentflow.physics.atmosphere import isa_fraction, pressure_pa, speed_of_sound_mps
+from descentflow.physics.energy import lapse_share
+from descentflow.physics.performance_model import PerformanceModel
+
+HALF = (KAPPA - 1) / 2
+INVERSE_EXPONENT = (KAPPA - 1) / KAPPA
+NEW = (None, None, None, None)
+"""Arrays for a result that there are none of yet."""
+
+
+@dataclass(frozen=True)
+class LevelTable:
+    """Constants of L levels for an aircraft, mass and temperature deviation; :func:`level_table` fills it.
+
+    Each is (L,), or (n, L) where coefficients, mass or deviation vary by flight.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> table = level_table(aircraft("A320"), torch.tensor([6000.0, 9000.0]))
+        >>> table.thrust_n[0].shape, bool((table.pressure_ratio > 1).all())
+        (torch.Size([2]), True)
+    """
+
+    thrust_n: dict[int, Tensor]
+    """Coefficients of idle thrust by powers of the Mach number."""
+    pressure_ratio: Tensor
+    """Sea-level pressure over the pressure of the level."""
+    pressure_rest: Tensor
+    """One minus ``pressure_ratio``."""
+    mach_scale: Tensor
+    """True airspeed per ``sqrt(y - 1)``."""
+    lapse: Tensor
+    """Weight of ``y - 1`` in the energy share: zero above the tropopause."""
+    compression: Tensor
+    """Weight of ``y - y/r``: one where CAS is held, zero where Mach is."""
+    power_scale: Tensor
+    """``(T - dT)/T / (m g0)``: rate for each watt of excess power."""
+
+    def columns(self) -> Iterator[Tensor]:
+        """All its tensors."""
+        for value in vars(self).values():
+            yield from value.values() if isinstance(value, dict) else (value,)
+
+
+def level_table(
+    aircraft: PerformanceModel, altitude_m: Tensor, mass_kg: Number | None = None, deviation_k: Number = 0.0
+) -> LevelTable:
+    """Tabulate levels (L,) in their precision (manual 3.1, 3.2 and 3.7).
+
+    Args:
+        aircraft: Its model; gradients go through numbers that are tensors.
+        altitude_m: (L,) pressure altitude.
+        mass_kg: Mass; the reference mass if absent.
+        deviation_k: ISA temperature deviation.
+
+    Example:
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> level_table(open_aircraft("A320"), torch.tensor([9000.0, 12000.0])).compression  # Mach is held at both
+        tensor([1., 0.])
+    """
+    # Filled in float64 and rounded once.
+    altitude = altitude_m.double()
+    deviation = as_tensors(deviation_k)[0].to(altitude)
+    ratio = P0_PA / pressure_pa(altitude)
+    mass = aircraft.mass_reference_kg if mass_kg is None else mass_kg
+
+    def placed(column: Tensor) -> Tensor:
+        return (column + torch.zeros_like(altitude)).to(altitude_m)
+
+    columns = (
+        ratio,
+        1 - ratio,
+        speed_of_sound_mps(altitude, deviation) / sqrt(HALF),
+        lapse_share(torch.ones_like(altitude), altitude, deviation) / HALF,
+        (~aircraft.holds_mach(altitude)).double(),
+        isa_fraction(altitude, deviation) / (mass * G0_MPS2),
+    )
+    terms = aircraft.idle_thrust_terms(altitude, deviation)
+    return LevelTable({power: placed(term) for power, term in terms.items()}, *map(placed, columns))
+
+
+def level_rate(
+    table: LevelTable,
+    drag_n: Tensor,
+    cas_mps: Tensor,
+    energy_share: Tensor | None = None,
+    out: Sequence[Tensor | None] = NEW,
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Mach, true airspeed, rate and its reciprocal of profiles (manual 3.1-23, 3.2-7 to 3.2-11).
+
+    Differentiable and traceable where ``out`` is not given.
+
+    Args:
+        table: Constants of the L levels.
+        drag_n: (n, L).
+        cas_mps: (n, L).
+        energy_share: (n, L) energy share factor, in place of that of the table.
+        out: Arrays for the result.
+
+    Returns:
+        Each (n, L); the reciprocal is slowness in s/m, negative in descent as the rate is.
+
+    Example:
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> table = level_table(open_aircraft("A320"), torch.tensor([6000.0, 6100.0]))
+        >>> mach, tas_mps, rate_mps, slowness = level_rate(table, torch.full((1, 2), 40e3), torch.full((1, 2), 150.0))
+        >>> bool((rate_mps < 0).all())  # it descends
+        True
+    """
+    # Results that later steps overwrite are written into the arrays of the result; None makes new ones.
+    of_mach, of_tas, of_rate, spare = out
+    x = torch.mul(cas_mps, cas_mps, out=of_rate).mul_(HALF / CAS_SCALE_MPS**2).add_(1.0)
+    root = torch.sqrt(x, out=spare)
+    cube = torch.mul(x, torch.mul(x, x, out=of_tas), out=of_rate)
+    r = torch.addcmul(table.pressure_rest, torch.mul(cube, root, out=of_rate), table.pressure_ratio, out=of_rate)
+    y = torch.pow(r, INVERSE_EXPONENT, out=of_tas)
+    held = torch.sub(y, torch.div(y, r, out=of_rate), out=of_rate)
+    beyond = torch.sub(y, 1.0, out=of_tas)
+    held = torch.mul(held, table.compression, out=of_rate)
+    share = torch.addcmul(held, beyond, table.lapse, out=of_rate).add_(1.0)  # its reciprocal
+    root = torch.sqrt(beyond, out=of_tas)
+    mach = torch.mul(root, 1 / sqrt(HALF), out=of_mach)
+    tas = torch.mul(root, table.mach_scale, out=of_tas)
+    force = torch.neg(drag_n, out=spare) if 0 not in table.thrust_n else torch.sub(table.thrust_n[0], drag_n, out=spare)
+    for power, term in table.thrust_n.items():
+        if power != 0:
+            force = torch.add(force, term * mach**power, out=spare)
+    excess = torch.mul(torch.mul(force, tas, out=spare), table.power_scale, out=spare)
+    rate = torch.div(excess, share, out=of_rate) if energy_share is None else excess * energy_share
+    return mach, tas, rate, torch.reciprocal(rate, out=spare)

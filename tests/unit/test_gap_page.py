@@ -42,7 +42,7 @@ NOT_WORDS = (
     "worked out",
     "gives way",
 )
-"""What neither page nor terminal says."""
+"""Words that neither page nor terminal has."""
 
 
 def of_verdict(verdict: str) -> Findings:
@@ -60,7 +60,7 @@ def page_of(verdict: str) -> str:
 
 
 def words_of(text: str) -> str:
-    """What a reader of a page sees, a paragraph or cell in a line."""
+    """Text that a reader of a page sees, a paragraph or cell in a line."""
     body = re.sub(r"<style>.*?</style>", "", text, flags=re.DOTALL)
     body = re.sub(r"\n", " ", body)
     body = re.sub(r"</(?:p|td|th|li|h1|h2|h3|tr|summary)>", "\n", body)

@@ -218,7 +218,7 @@ def _typed(used: InputUsed) -> str:
 
 
 def _shared(found: Findings) -> dict[str, Any]:
-    """What both templates show."""
+    """Values and macros of both templates."""
     name, made, whole = simulator_name(found), found.provenance, whole_costs(found)
     used = None if made is None else made.coefficients
     counted = found.dropped.get("flights_compared")
@@ -284,7 +284,7 @@ def _limits(found: Findings) -> list[list[str]]:
 
 
 def _deciding(found: Findings) -> list[tuple[str, str, str]]:
-    """What looks alike, the channels that would separate it, and why no channel would."""
+    """Effects that look alike, the channels that would separate them, and why no channel would."""
     rows = [
         (listed([found.details.label(name) for name in row.between if name != UNKNOWN]), row.channels, row.why)
         for row in found.would_split
@@ -335,7 +335,7 @@ def _levels_drawn(curves: Mapping[str, Curve]) -> list[str]:
 
 
 def _cost_alt(name: str, costs: Sequence[Cost]) -> str:
-    """What a figure of costs shows, in words."""
+    """Description of a figure of costs."""
     rows = [cost for cost in costs if cost.name == name]
     texts = []
     for cost in rows:
@@ -346,7 +346,7 @@ def _cost_alt(name: str, costs: Sequence[Cost]) -> str:
 
 
 def _level_alt(found: Findings, name: str, curve: Curve) -> str:
-    """What a figure by level shows, in words."""
+    """Description of a figure by level."""
     texts = []
     for when, values in (("now", curve.before), ("with the causes", curve.after))[: 2 if found.causes else 1]:
         k = max(range(len(values)), key=lambda i: abs(values[i]))

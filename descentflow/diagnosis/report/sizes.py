@@ -162,11 +162,11 @@ def _ends(value: Measured, shown: Callable[[float], str]) -> str:
 
 @dataclass(frozen=True)
 class BothSides:
-    """What either side has of an effect by itself.
+    """Size of an effect on either side.
 
     Attributes:
-        has_some: Whether the simulator's flights have some, or may have, for nothing says that they have none.
-        measured: By parameter, what either side shows; empty where nothing says it.
+        has_some: Whether the simulator's flights have some, or may have, for nothing proves that they have none.
+        measured: By parameter, what either side shows; empty where unknown.
 
     Example:
         >>> BothSides().has_some
@@ -178,7 +178,7 @@ class BothSides:
 
 
 def on_both_sides(compared: Compared, effect: Effect) -> BothSides:
-    """What either side measured of an effect.
+    """Measurements of an effect on either side.
 
     Args:
         compared: Flights of both sides; a nominal descent has none of any effect.

@@ -1,4 +1,4 @@
-"""What is left once the causes are in the simulator: by level, in which flights, and what would tell more of it."""
+"""Gap that is left once the causes are in the simulator: by level, in which flights, and data that would decide more."""
 
 from collections.abc import Mapping, Sequence
 
@@ -25,7 +25,7 @@ SHOWS = {"TAS": "tas", "geoaltitude": "height", "groundspeed": "wind", "Mach": "
 
 
 def remaining_of(compared: Compared, left: Tensor, gap: float, share_unexplained: float) -> Remaining:
-    """What is left once the causes are in the simulator, and where the most of it lies.
+    """Gap that is left once the causes are in the simulator, and its largest part.
 
     Args:
         compared: Flights of both sides.

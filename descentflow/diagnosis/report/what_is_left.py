@@ -1,4 +1,4 @@
-"""Gap that is left with the causes in the simulator: by level, in which flights, and data that would decide more.
+"""Gap that is left with the causes in the simulator: by level, in which flights, and data that would decide more."""
 
 from collections.abc import Mapping, Sequence
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from descentflow.core.units import FT_M, KT_MPS
 from descentflow.surveillance.rows.air_data import Array, cas_of_mach_kt, isa_tas_of_mach_kt, mach_of_cas
-from descentflow.surveillance.rows.rate_readings import AS_GIVEN, OFF, RATE_READINGS, Reading, Steps
+from descentflow.surveillance.rows.rate_readings import AS_GIVEN, OFF, OPPOSITE, RATE_READINGS, Reading, Steps
 from descentflow.surveillance.rows.schema import POSSIBLE
 
 MIN_VALUES = 20
@@ -41,6 +41,9 @@ LOWEST_TOP_FT, TAXI_KT = 700.0, 150.0
 """Rows of which none is above this, at more than this speed, are of flight levels that are taken for feet."""
 LOWEST_READ_FT = 10_000.0
 """Rows whose altitude is read in another unit reach this: what is below has no descents."""
+EARNED = 0.5
+"""Spread of a column about its own quantity, over that about another one, below which it is not the other one: the
+ratio of TAS and IAS changes with altitude, a factor does not."""
 CLOSELY = 0.55
 """Share of the allowed difference that another unit leaves where columns contradict each other as given, at most."""
 
@@ -221,6 +224,9 @@ def judged(evidence: Evidence, readings: dict[str, Reading], only: str = "") -> 
             if name in values and not readings[name].off
         }
         pairs = _compared(machs, altitude, values, readings)
+        for name in machs:
+            if readings[name].meaning and not _is_earned(name, values[name], machs, altitude):
+                pairs[f"{name} and {readings[name].meaning}"] = OPPOSITE, 1.0
         if evidence.steps is not None and not (rate := readings.get("vertical_rate", OFF)).off:
             pairs["vertical_rate and the change of altitude"] = (
                 evidence.steps.difference(readings["altitude"].factor, rate.factor, rate.meaning),
@@ -241,6 +247,20 @@ def _mach(name: str, values: Array, altitude: Array, reading: Reading) -> Array:
     if (reading.meaning or ("TAS" if name == "groundspeed" else name)) == "IAS":
         return mach_of_cas(np.where(values < 1000, values, np.nan), altitude)
     return values / isa_tas_of_mach_kt(np.ones_like(altitude), altitude)
+
+
+def _is_earned(name: str, values: Array, machs: dict[str, Array], altitude: Array) -> bool:
+    """Whether a column that is read as another quantity follows that one, and not its own by a factor."""
+    other = next((machs[one] for one in ("Mach", "IAS", "TAS") if one in machs and one != name), None)
+    if other is None:
+        return True
+    own, read = (
+        np.log(one / other)[(altitude > SHORT_FT) & np.isfinite(one * other)]
+        for one in (_mach(name, values, altitude, AS_GIVEN), machs[name])
+    )
+    if min(len(own), len(read)) < MIN_VALUES:
+        return True
+    return bool(np.ptp(np.quantile(own, (0.25, 0.75))) >= EARNED * np.ptp(np.quantile(read, (0.25, 0.75))))
 
 
 def _compared(

@@ -158,6 +158,21 @@ def test_no_epoch_is_no_training(made: type[LatentModel[Any]], tmp_path: Path, d
     assert (run.current_epoch, run.global_step) == (0, 0)
 
 
+@pytest.mark.parametrize(
+    "model", [MaskedAffineFlow(n_flows=1, max_steps=None), GaussianMixture(training="svi", n_clusters=2)]
+)
+def test_a_fit_that_nothing_ends_is_refused(model: LatentModel[Any], tmp_path: Path, data: DescentDataModule) -> None:
+    with pytest.raises(ConfigError, match=r"without a last epoch \(max_epochs -1\).*a number of epochs"):
+        trainer(tmp_path, max_epochs=-1).fit(model, data)
+
+
+@pytest.mark.parametrize("made", [Gaussian, GaussianMixture])
+def test_a_closed_form_ends_by_itself(made: type[LatentModel[Any]], tmp_path: Path, data: DescentDataModule) -> None:
+    run = trainer(tmp_path, max_epochs=-1)
+    run.fit(made(), data)
+    assert run.current_epoch > 0
+
+
 def test_the_sanity_check_is_no_epoch_to_go_back_to(tmp_path: Path, data: DescentDataModule) -> None:
     """Of a part of the validation flights, which may be likelier than all of them."""
     model = MaskedAffineFlow(n_flows=1)

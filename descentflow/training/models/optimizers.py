@@ -9,6 +9,7 @@ from lightning.pytorch import LightningModule, Trainer
 from lightning.pytorch.utilities.types import OptimizerLRSchedulerConfig
 from torch import nn
 
+from descentflow.core.errors import ConfigError
 from descentflow.training.datamodule import data_of
 
 
@@ -60,6 +61,9 @@ def adam_with_cosine(
         still_first: Train nothing in the first epoch (unless it is the only one), so that the start is validated too.
         max_steps: The last epoch is the last whole one in so many steps, if that comes before ``trainer.max_epochs``.
 
+    Raises:
+        ConfigError: If nothing says which epoch is the last: the cosine would end at once, and the fit never.
+
     Example:
         >>> from lightning.pytorch import Trainer
         >>> module = LightningModule()
@@ -98,4 +102,10 @@ def _whole_epochs(trainer: Trainer, max_steps: int | None) -> int:
         most = max(max_steps // len(data_of(trainer).train_dataloader()), 1)
         asked = trainer.max_epochs
         trainer.fit_loop.max_epochs = most if asked is None or asked < 0 else min(asked, most)
+    elif trainer.max_epochs is None or trainer.max_epochs < 0:
+        raise ConfigError(
+            "a fit without a last epoch (max_epochs -1), with which its learning rate ends",
+            expected="a number of epochs",
+            mend="pass --trainer.max_epochs 150 (Trainer(max_epochs=150)), beside early stopping too",
+        )
     return max(trainer.max_epochs or 1, 1)

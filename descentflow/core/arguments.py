@@ -149,7 +149,7 @@ def _kind_of_one(hint: Any) -> Kind:
     if hint in (NoneType, bool):
         return Kind("None" if hint is NoneType else "True or False", lambda value: isinstance(value, hint))
     if issubclass(hint, int | float):
-        words, number = (f"a whole number{BITS}", Integral) if issubclass(hint, int) else ("a number", Real)
+        words, number = (f"a whole number{BITS}", Integral) if issubclass(hint, int) else ("a finite number", Real)
         bounds = (hint.__doc__ or "").partition("restricted to be")[2]  # of jsonargparse's own numbers
         return Kind(words + bounds, lambda value: _is_number(number, value) and _can_be_made(hint, value))
     return Kind(f"a {hint.__name__} of {hint.__module__.partition('.')[0]}", lambda value: isinstance(value, hint))

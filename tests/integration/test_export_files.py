@@ -94,7 +94,7 @@ def test_a_cf_file_that_lacks_something_fails_the_checker(a320: Path, tmp_path: 
         ("cf", "s.nc", {}, "cf without places"),
         ("cf", "s.nc", {"end": (52.0, 4.0), "track": 90.0}, "cf without a time"),
         ("parquet", "s.parquet", {"n": 0}, "n = 0"),
-        ("parquet", "s.parquet", {"every_s": 1e300}, r"every_s = 1e\+300; expected a number, from 0 to 1,000,000"),
+        ("parquet", "s.parquet", {"every_s": 1e300}, r"every_s = 1e\+300; expected a finite number, from 0 to"),
         (
             "bluesky",
             "s.scn",

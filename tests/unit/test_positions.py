@@ -132,7 +132,7 @@ def test_wind_is_read_as_aviation_writes_it() -> None:
         ({"end": (51.0, 4.0), "track": 90.0, "wind": "breezy"}, "the wind 'breezy'"),
         ({"end": (51.0, 4.0), "track": 90.0, "wind": "300:270/30,100:270/10"}, "ascending flight levels"),
         ({"end": (51.0, 4.0), "track": 90.0, "wind": "270/30,280/40"}, "ascending flight levels"),
-        ({"to_go_nm": -1.0}, "to_go_nm = -1.0; expected a number, 0 or more"),
+        ({"to_go_nm": -1.0}, "to_go_nm = -1.0; expected a finite number, 0 or more"),
         ({"end_time": "noon"}, "the time 'noon'"),
     ],
 )

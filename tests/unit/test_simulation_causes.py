@@ -289,7 +289,7 @@ def test_every_cause_draws_values_that_can_be_planted() -> None:
         ({"nonsense": {}}, "to plant nonsense; expected one of temperature, wind_gradient, mass"),
         ({"mass": {"percent": 3.0}}, "mass with percent; expected of mass: factor=0.9 mean factor"),
         ({"mass": {"factor": 9.0}}, "mass with factor=9; expected a finite number, at least 0.5 and at most 1.5"),
-        ({"temperature": {"deviation_k": math.nan}}, "deviation_k': nan.*expected .* a number"),
+        ({"temperature": {"deviation_k": math.nan}}, "deviation_k': nan.*expected .* a finite number"),
         ({"speed_brake": {"low_fl": 300.0}}, "low_fl below high_fl"),
         ({"geometric_path": {"of_idle": 0.95, "of_idle_range": 0.1}}, "together at most 1"),
     ],

@@ -169,5 +169,5 @@ def test_the_margin_about_the_training_flights_is_an_option(descents: Path, marg
 
 
 def test_a_margin_must_be_positive(descents: Path) -> None:
-    with pytest.raises(ConfigError, match=r"margin = -0\.1; expected a number"):
+    with pytest.raises(ConfigError, match=r"margin = -0\.1; expected a finite number"):
         module(descents, margin=-0.1)

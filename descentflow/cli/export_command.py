@@ -21,7 +21,7 @@ def run(
     number: Annotated[int, "-n"] = 1000,
     seed: int = 0,
     every: float = 120.0,
-    prefix: str = "DF",
+    prefix: str = "",
     as_: list[str] | None = None,
     into: tuple[Path, Path, Path] | None = None,
     precision: Literal["float64", "float32"] = "float64",
@@ -41,7 +41,7 @@ def run(
         number: samples of each checkpoint
         seed: the same seed gives the same files
         every (S): seconds from one flight's arrival to the next one's
-        prefix (LETTERS): of the callsigns: two exports that fly in one simulation need two
+        prefix (LETTERS): of the callsigns (default: three letters that stand for these flights)
         as_ (TYPES): types that fly the samples, A319,A320,A321; such a list for each checkpoint: bluesky, bluebird
         into (PROFILE UNCERTAINTY MAPPING): tables of bluebird-dt, whose climbs, cruises and other types the written
             ones keep: bluebird

@@ -45,7 +45,7 @@ def export(
     progress: Callable[[int], None] | None = None,
     precision: Precision = "float64",
     step_s: float | None = None,
-    prefix: str = "DF",
+    prefix: str = "",
     fly_as: str | Sequence[str] = (),
     into: Sequence[str | Path] = (),
 ) -> list[Path]:
@@ -70,7 +70,8 @@ def export(
         progress: Progress callback: called with the number of descents newly accepted.
         precision: Of the inputs and outputs of a sampler that is exported itself (``onnx``).
         step_s: Seconds from row to row, on whole steps of the clock; a row for each level if absent, 1 for ``traffic``.
-        prefix: Of the callsigns: two exports that fly in one simulation need two.
+        prefix: Of the callsigns; if empty, three letters that stand for these flights, so that two exports that fly in
+            one simulation have two.
         fly_as: Types that a model's samples are flown as, as "A319,A320,A321"; one such text for each model.
         into: Profile, uncertainty and mapping of bluebird-dt, whose climbs and cruises the tables keep.
 
@@ -89,7 +90,7 @@ def export(
     """
     target = target_of(to)
     plan = ground_plan(end=end, track=track, route=route, wind=wind, to_go_nm=to_go_nm, end_time=end_time)
-    if not PREFIX.fullmatch(prefix):
+    if prefix and not PREFIX.fullmatch(prefix):
         raise ConfigError(
             f"callsigns that begin {prefix!r}", expected="capital letters, then digits or none", mend="pass KLM"
         )

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from hashlib import sha256
 from pathlib import Path
 from typing import Literal
 
@@ -16,8 +17,8 @@ from descentflow.generation.sample_contexts import Contexts
 from descentflow.generation.samples import Samples
 from descentflow.positions.ground_plan import NOWHERE, GroundPlan
 
-FIRST_ADDRESS = 0xF00000
-"""ICAO addresses of samples begin here: a block that no state has."""
+FIRST_ADDRESS, ADDRESSES = 0xF00000, 0xFFFFF
+"""ICAO addresses of samples: a block that no state has, but for its last, which is no address."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class ExportRequest:
         progress: Called with the number of descents newly accepted.
         precision: Of the inputs and outputs of a sampler that is exported itself.
         step_s: Seconds from row to row; a row for each level if None.
-        prefix: Of the callsigns.
+        prefix: Of the callsigns; if empty, three letters that stand for these flights.
         fly_as: Types that the samples are flown as, in turn; the model's own if empty.
         into: Files of the other program that the output has beside its own.
         first: Number of the first flight, where flights of several models are counted on.
@@ -60,7 +61,7 @@ class ExportRequest:
     progress: Callable[[int], None] | None = None
     precision: Literal["float64", "float32"] = "float64"
     step_s: float | None = None
-    prefix: str = "DF"
+    prefix: str = ""
     fly_as: tuple[str, ...] = ()
     into: tuple[Path, ...] = ()
     first: int = 0
@@ -121,7 +122,16 @@ class ExportRequest:
             >>> ExportRequest(load_model("best.ckpt"), Path("d.scn"), prefix="KLM").callsign(7)
             'KLM00007'
         """
-        return f"{self.prefix}{number:05d}"
+        return f"{self._letters}{number:05d}"
+
+    @cached_property
+    def _letters(self) -> str:
+        """What callsigns begin with: other flights in one program need other letters, or one of two is lost."""
+        if self.prefix:
+            return self.prefix
+        entries = self.samples.to_polars().group_by("sample_id", maintain_order=True).first()
+        number = _number_of(f"{self.types} {self.every_s:g} {entries.write_csv(float_precision=1)}")
+        return "".join(chr(ord("A") + number // 26**place % 26) for place in range(3))
 
     def flights(self) -> pl.DataFrame:
         """The table of samples as flights of their own: ``flight_id``, ``callsign``, ``icao24`` and ``typecode`` first.
@@ -130,16 +140,17 @@ class ExportRequest:
 
         Example:
             >>> from descentflow.densities.checkpoint import load_model
-            >>> flights = ExportRequest(load_model("best.ckpt"), Path("s.parquet"), n=2).flights()
+            >>> flights = ExportRequest(load_model("best.ckpt"), Path("s.parquet"), n=2, prefix="KLM").flights()
             >>> flights["callsign"][-1]
-            'DF00001'
+            'KLM00001'
         """
         table = self.samples.to_polars()
-        number = pl.col("sample_id").cast(pl.Int64)
+        number, first = pl.col("sample_id").cast(pl.Int64), _number_of(self._letters)
+        callsigns = [self.callsign(number) for number in self.numbers]
         names = pl.DataFrame({"sample_id": pl.Series(range(self.n), dtype=pl.Int32)}).with_columns(
-            flight_id=pl.format("{}-{}-{}", pl.lit(self.typecode), self.seed, number.cast(pl.String).str.zfill(5)),
-            callsign=pl.Series([self.callsign(number) for number in self.numbers]),
-            icao24=pl.Series([f"{FIRST_ADDRESS + number:06x}" for number in self.numbers]),
+            flight_id=pl.Series([f"{self.typecode}-{callsign}" for callsign in callsigns]),
+            callsign=pl.Series(callsigns),
+            icao24=pl.Series([f"{FIRST_ADDRESS + (first + number) % ADDRESSES:06x}" for number in self.numbers]),
             typecode=pl.lit(self.typecode),
         )
         found = table.join(names, on="sample_id", how="left", maintain_order="left")
@@ -148,3 +159,8 @@ class ExportRequest:
             found = found.with_columns(pl.col("timestamp") + later)
         found = found.select("sample_id", *names.columns[1:], pl.exclude("sample_id", *names.columns[1:]))
         return found if self.step_s is None else rows_by_time(found, self.step_s)
+
+
+def _number_of(text: str) -> int:
+    """A number that stands for a text, on every machine."""
+    return int(sha256(text.encode()).hexdigest(), 16)

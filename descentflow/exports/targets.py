@@ -81,7 +81,7 @@ class Target:
         return found
 
 
-DEFAULTS = {"models": 1, "precision": "float64", "step_s": None, "prefix": "DF", "fly_as": (), "into": ()}
+DEFAULTS = {"models": 1, "precision": "float64", "step_s": None, "prefix": "", "fly_as": (), "into": ()}
 """Options that some targets have and others refuse, with what they are where nobody asked."""
 ROWS, FLEET = ("step_s", "prefix"), ("models", "fly_as")
 TARGETS = {

@@ -107,7 +107,7 @@ def test_the_plugin_flies_the_samples(a320: Path, tmp_path: Path, step_s: float)
 @pytest.mark.parametrize("step_s", STEPS)
 def test_the_scenario_flies_the_samples_to_their_end_point(a320: Path, tmp_path: Path, step_s: float) -> None:
     """Commands every 4 s: times within the aim of 2 s and 8 s, places within 2 NM after some 60 NM in a wind."""
-    (source,) = export(a320, "bluesky", tmp_path / "descents.scn", n=N, seed=2, every_s=20.0, **PLACES)
+    (source,) = export(a320, "bluesky", tmp_path / "descents.scn", n=N, seed=2, every_s=20.0, prefix="DF", **PLACES)
     samples = df.sample(a320, N, seed=2).placed(**PLACES).to_polars()
     flown = fly(tmp_path, source, step_s=step_s)
     assert flown.left == [], "deleted where their samples end"
@@ -240,13 +240,17 @@ def test_several_types_fly_in_one_simulation(a320: Path, a321: Path, tmp_path: P
     assert steady(flown) == ["A319", "B738"]
     assert any("MORE is not loaded: another plugin flies A320" in line for line in flown.echoed)
     assert any("A321 descends by sample 3" in line for line in flown.echoed)
-    arrivals = {"n": 4, "every_s": 60.0, **PLACES}
-    (first,) = export([a320, a321], "bluesky", tmp_path / "first.scn", fly_as=["A319,A320", "A321"], **arrivals)
-    (second,) = export(a320, "bluesky", tmp_path / "second.scn", prefix="KLM", **arrivals)
+    arrivals, types = {"n": 4, "every_s": 60.0, **PLACES}, ["A319,A320", "A321"]
+    (first,) = export([a320, a321], "bluesky", tmp_path / "a.scn", fly_as=types, prefix="DF", **arrivals)
     created_as = [line.split()[1:3] for line in first.read_text().splitlines() if ">CRE" in line]
     assert sorted(created_as) == [[f"DF{i:05d}", ["A319", "A321", "A320", "A321"][i % 4]] for i in range(8)]
-    flown = fly(tmp_path, first, second)
-    assert sorted(flown.states) == [*(f"DF{i:05d}" for i in range(8)), *(f"KLM{i:05d}" for i in range(4))]
+    # Callsigns of their own without any prefix: the same samples on two tracks.
+    others = [
+        *export(a320, "bluesky", tmp_path / "b.scn", **arrivals),
+        *export(a320, "bluesky", tmp_path / "c.scn", **(arrivals | {"track": 90.0})),
+    ]
+    flown = fly(tmp_path, first, *others)
+    assert len(flown.states) == 8 + 4 + 4
     assert flown.left == []
     ends = [passed(flown.states[f"DF{i:05d}"], 15_050.0) for i in range(8)]
     assert np.diff(ends) == pytest.approx(60.0, abs=3.0)

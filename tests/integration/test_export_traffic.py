@@ -28,11 +28,11 @@ def core() -> object:
 
 
 def test_flights_have_the_columns_of_traffic_in_its_units(a320: Path, tmp_path: Path) -> None:
-    (path,) = export(a320, "traffic", tmp_path / "t.parquet", n=5, **WHERE)
+    (path,) = export(a320, "traffic", tmp_path / "t.parquet", n=5, prefix="DF", **WHERE)
     found = pl.read_parquet(path)
     assert {"timestamp", "icao24", "callsign", "altitude", "latitude", "longitude"} <= set(found.columns)
     assert found.schema["timestamp"] == pl.Datetime("us", "UTC")
-    assert found["icao24"].str.contains("^f0[0-9a-f]{4}$").all()
+    assert found["icao24"].str.contains("^f[0-9a-f]{5}$").all()
     assert (found["timestamp"].dt.epoch("us") % 1_000_000 == 0).all(), "a row each second, on the second"
     assert found.group_by("callsign").agg(pl.col("timestamp").diff().dt.total_seconds().max())["timestamp"].max() == 1
     for number, own in enumerate(df.sample(a320, 5).placed(**WHERE).to_polars().partition_by("sample_id")):
@@ -41,6 +41,19 @@ def test_flights_have_the_columns_of_traffic_in_its_units(a320: Path, tmp_path: 
         assert 0 <= one["timestamp"].dt.epoch("us")[0] - at[0] < 1_000_000
         for name, column in (("altitude", "altitude_ft"), ("IAS", "CAS"), ("latitude", "latitude")):
             np.testing.assert_allclose(np.interp(one["timestamp"].dt.epoch("us"), at, own[column]), one[name])
+
+
+def test_flights_of_two_exports_can_lie_in_one_table(a320: Path, tmp_path: Path) -> None:
+    """Of one model and seed, on two tracks or at two times: nothing that names a flight names two."""
+    ways = [{}, {"track": 90.0}, {"end_time": "2026-11-22T11:00:00Z"}, {"every_s": 60.0}, {"seed": 1}]
+    tables = [
+        pl.read_parquet(*export(a320, "traffic", tmp_path / f"{i}.parquet", n=20, **(WHERE | way)))
+        for i, way in enumerate(ways)
+    ]
+    names = pl.concat(tables).select("flight_id", "callsign", "icao24").unique()
+    assert names["callsign"].n_unique() == names["flight_id"].n_unique() == names["icao24"].n_unique() == 20 * len(ways)
+    (again,) = export(a320, "traffic", tmp_path / "again.parquet", n=20, **WHERE)
+    assert pl.read_parquet(again).equals(tables[0]), "the same seed gives the same files"
 
 
 def test_rows_of_a_coarser_step_and_over_the_antimeridian(a320: Path, tmp_path: Path) -> None:
@@ -62,14 +75,14 @@ def test_rows_of_a_coarser_step_and_over_the_antimeridian(a320: Path, tmp_path: 
 @pytest.mark.filterwarnings("ignore")
 def test_traffic_reads_resamples_finds_phases_and_evaluates(a320: Path, tmp_path: Path) -> None:
     traffic = core()
-    export(a320, "traffic", tmp_path / "t.parquet", n=6, **WHERE)
+    export(a320, "traffic", tmp_path / "t.parquet", n=6, prefix="DF", **WHERE)
     flights = traffic.Traffic.from_file(tmp_path / "t.parquet")
     assert len(flights) == 6
     made = flights.resample("2s").phases().eval(max_workers=1)
     phases = made.data["phase"].value_counts(normalize=True)
     assert phases["DESCENT"] > 0.8
     one = df.sample(a320, 6).placed(**WHERE).to_polars().filter(sample_id=2)
-    again = flights["A320-0-00002"]
+    again = flights["A320-DF00002"]
     assert 0 <= one["time_s"].max() - again.duration.total_seconds() < 2, "from second to second"
     # Its own great-circle lengths of the track, in NM, are the distance that was flown.
     assert again.cumulative_distance().data["cumdist"].max() == pytest.approx(
@@ -164,11 +177,11 @@ def test_a_scaler_of_traffics_generation_is_refused(a320: Path) -> None:
 @pytest.mark.filterwarnings("ignore")
 def test_what_traffic_writes_is_read_by_prepare(a320: Path, tmp_path: Path) -> None:
     traffic = core()
-    export(a320, "traffic", tmp_path / "t.parquet", n=20, **WHERE)
+    export(a320, "traffic", tmp_path / "t.parquet", n=20, prefix="DF", **WHERE)
     flights = traffic.Traffic.from_file(tmp_path / "t.parquet").resample("4s").eval(max_workers=1)
     flights.to_parquet(tmp_path / "r.parquet")
     again = df.prepare(tmp_path / "r.parquet", typecode="A320").frame
     assert again["flight_id"].n_unique() == 20
     own = df.sample(a320, 20).to_polars().filter(sample_id=4, level_fl=200)
-    found = again.filter(flight_id="A320-0-00004", level_fl=200)
+    found = again.filter(flight_id="A320-DF00004", level_fl=200)
     assert found["IAS"].item() == pytest.approx(own["CAS"].item(), abs=0.5)

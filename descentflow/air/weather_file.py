@@ -21,7 +21,7 @@ import numpy as np
 from descentflow.air import weather_layout as layout
 from descentflow.air.weather_layout import AXES, NAMES, VERSION, Array, Axis
 from descentflow.core.errors import DataError, DescentflowError
-from descentflow.core.tabular import optional_library
+from descentflow.core.tabular import optional_library, pyproj
 
 GRIB = (".grib", ".grb", ".grib2", ".grb2")
 SUFFIXES = (".nc", ".nc4", *GRIB)
@@ -108,8 +108,7 @@ def opened(source: Source) -> Iterator[list[WeatherFile]]:
         ...     [list(part.variables) for part in parts]
         [['air_temperature']]
     """
-    import pyproj  # noqa: F401 - before ecCodes, which brings a PROJ of its own that pyproj crashes with
-
+    pyproj()
     xarray, parts = optional_library("xarray", extra="wind"), []
     with ExitStack() as stack:
         for path in _paths_of(source):

@@ -1,6 +1,7 @@
 """Tables as pandas and xarray objects; both libraries are optional and imported only when they are asked for."""
 
 import re
+import sys
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, requires
@@ -39,6 +40,25 @@ asked for; to mend it, pip install 'rs1090<0.8,>=0.7'
             expected="it for what was asked for",
             mend=f"pip install {' '.join(_requirements(extra or name))}",
         ) from error
+
+
+def pyproj() -> ModuleType:
+    """The library pyproj, before ecCodes: loaded after the PROJ of ecCodes' wheel, it ends the process.
+
+    Raises:
+        ConfigError: If another module has imported ecCodes before.
+
+    Example:
+        >>> round(pyproj().Geod(ellps="WGS84").inv(0, 0, 0, 1)[2])
+        110574
+    """
+    if "eckitlib" in sys.modules and "pyproj" not in sys.modules:
+        raise ConfigError(
+            "cfgrib or eccodes imported before pyproj, which then ends the process",
+            expected="pyproj first",
+            mend="write `import pyproj` above `import cfgrib` (or eccodes), once in a program",
+        )
+    return import_module("pyproj")
 
 
 def _requirements(extra: str) -> list[str]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from descentflow.core.errors import ConfigError
+from descentflow.core.tabular import pyproj
 
 if TYPE_CHECKING:
     from pyproj import Geod
@@ -126,6 +127,4 @@ def _checked(point: Point) -> Point:
 
 @cache
 def _geod() -> "Geod | Any":
-    from pyproj import Geod  # here: whatever draws samples without places would pay for it otherwise
-
-    return Geod(ellps="WGS84")
+    return pyproj().Geod(ellps="WGS84")  # here: whatever draws samples without places would pay for it otherwise

@@ -1,7 +1,10 @@
 """Files of weather that are odd or damaged: a field in closed form comes back, or a line names what is wrong."""
 
 import math
+import subprocess
+import sys
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -258,3 +261,22 @@ def test_grib_that_is_no_such_field_is_refused_quietly(grib: Path, capfd: pytest
     with pytest.raises(DataError, match=r"in a hole of the weather field .*with a value of northward_wind"):
         read(grib)
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.skipif(find_spec("eckitlib") is None, reason="only the wheel of ecCodes has a PROJ of its own")
+@pytest.mark.parametrize(
+    ("first", "said"),
+    [("import cfgrib", "cfgrib or eccodes imported before pyproj"), ("import pyproj, cfgrib", "180.0")],
+)
+def test_a_program_that_imports_eccodes_first_is_refused_and_not_ended(first: str, said: str) -> None:
+    code = f"""{first}
+from descentflow.core.errors import ConfigError
+from descentflow.positions.ground_path import path_to
+import numpy as np
+try:
+    print(path_to((52.0, 4.0), track=180.0).at(np.zeros(1))[2][0])
+except ConfigError as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert said in done.stdout

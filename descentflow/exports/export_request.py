@@ -126,7 +126,7 @@ class ExportRequest:
 
     @cached_property
     def _letters(self) -> str:
-        """What callsigns begin with: other flights in one program need other letters, or one of two is lost."""
+        """Begin of the callsigns: other flights in one program need other letters, or one of two is lost."""
         if self.prefix:
             return self.prefix
         entries = self.samples.to_polars().group_by("sample_id", maintain_order=True).first()
@@ -162,5 +162,5 @@ class ExportRequest:
 
 
 def _number_of(text: str) -> int:
-    """A number that stands for a text, on every machine."""
+    """Number that stands for a text, the same on every machine."""
     return int(sha256(text.encode()).hexdigest(), 16)

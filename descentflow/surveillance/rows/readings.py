@@ -250,7 +250,7 @@ def _mach(name: str, values: Array, altitude: Array, reading: Reading) -> Array:
 
 
 def _is_earned(name: str, values: Array, machs: dict[str, Array], altitude: Array) -> bool:
-    """Whether a column that is read as another quantity follows that one, and not its own by a factor."""
+    """True for a column that follows the quantity that it is read as, and not its own by a factor."""
     other = next((machs[one] for one in ("Mach", "IAS", "TAS") if one in machs and one != name), None)
     if other is None:
         return True

@@ -62,7 +62,7 @@ def adam_with_cosine(
         max_steps: The last epoch is the last whole one in so many steps, if that comes before ``trainer.max_epochs``.
 
     Raises:
-        ConfigError: If nothing says which epoch is the last: the cosine would end at once, and the fit never.
+        ConfigError: If no epoch is the last: the cosine would end at once, and the fit never.
 
     Example:
         >>> from lightning.pytorch import Trainer

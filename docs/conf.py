@@ -52,6 +52,8 @@ nitpick_ignore_regex = [
     (r"py:attr", r"(?!descentflow\.).*"),
     # Type variables and private bases have no page of their own.
     (r"py:.*", r"descentflow\..*\.([A-Z]|_\w+|Task)"),
+    # Bounds of annotated numbers, and what stands for a value in the help of a command.
+    (r"py:class", r"-?(inf|\d[\d.e-]*)|[A-Z]+([ =,][A-Z]+)*(\.py)?"),
 ]
 
 autodoc_member_order = "bysource"

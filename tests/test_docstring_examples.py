@@ -112,6 +112,16 @@ def test_the_page_of_the_running_simulator_runs(example_folder: Path, monkeypatc
     assert len(made["many"]) == 100
 
 
+@pytest.mark.parametrize("page", ["densities", "air", "positions"])
+def test_the_first_lines_of_python_of_a_page_run(
+    page: str, example_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(example_folder)
+    made: dict[str, object] = {}
+    exec(blocks_of(page)[0], made)
+    assert {"model", "samples"} & set(made)
+
+
 def test_the_page_of_lightning_scripts_runs(example_folder: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     monkeypatch.chdir(example_folder)
     script, _ = blocks_of("lightning")

@@ -37,7 +37,7 @@ class CoefficientSource:
     """
 
     name: str
-    """Field of :class:`Aircraft`, or the name of a fact or a published range."""
+    """Field of :class:`Bada3Aircraft`, or the name of a fact or a published range."""
     value: float | str | tuple[float, ...]
     """The number; a published range reads (middle, lowest, highest)."""
     unit: str

@@ -105,10 +105,7 @@ def samples(gated: bool, entry_fl: int | None, n: int = 40_000, mach: bool = Fal
     """Samples as anyone draws them."""
     entry, known = None if entry_fl is None else torch.tensor([index(entry_fl)]), parts(mach)
     density = mixture(gated, mach)
-    found = [
-        sample_descents(density, known.decoder, known.plausibility, 10_000, seed, entry=entry).trajectories
-        for seed in range(n // 10_000)
-    ]
+    found = [sample_descents(density, known, 10_000, seed, entry=entry).trajectories for seed in range(n // 10_000)]
     return concatenate(found)
 
 
@@ -166,4 +163,4 @@ def by_entry(flow: bool) -> TransformedDensity:
 def samples_by_entry(flow: bool, entry_fl: int | None) -> Trajectories:
     """Samples as anyone draws them."""
     entry, known = None if entry_fl is None else torch.tensor([index(entry_fl)]), parts()
-    return sample_descents(by_entry(flow), known.decoder, known.plausibility, 20_000, 1, entry=entry).trajectories
+    return sample_descents(by_entry(flow), known, 20_000, 1, entry=entry).trajectories

@@ -126,7 +126,7 @@ class SamplingError(DescentflowError):
         >>> from descentflow.generation.rejection import sample_descents
         >>> model = load_model("best.ckpt")
         >>> parts = model.representation
-        >>> sample_descents(model, parts.decoder, parts.plausibility, n=100, seed=0, draw_budget=10)
+        >>> sample_descents(model, parts, n=100, seed=0, draw_budget=10)
         Traceback (most recent call last):
         descentflow.core.errors.SamplingError: only ...; expected 100 plausible descents within 10 draws; to ...
     """

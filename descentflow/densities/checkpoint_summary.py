@@ -6,7 +6,6 @@ from typing import Any
 
 from descentflow.densities.checkpoint import load_model
 from descentflow.densities.density import Density
-from descentflow.representation.correction import Correction
 from descentflow.representation.read_checkpoint import SECTION, read_checkpoint
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 
@@ -44,7 +43,7 @@ class CheckpointSummary:
         decoder, split = parts.decoder, parts.split
         levels, made = decoder.levels_fl, parts.provenance
         types = ", ".join(made.get("typecodes", [])) or "types unknown"
-        added = decoder.correction
+        added = parts.correction
         lines = {
             "aircraft": f"{decoder.aircraft.typecode}, {decoder.aircraft.source}",
             "levels": f"FL{levels[0]:.0f} to FL{levels[-1]:.0f}, {len(levels)} of them",
@@ -52,7 +51,7 @@ class CheckpointSummary:
             "descents": f"{made.get('descents', 'unknown')} ({types})",
             "context": "none" if parts.context is None else parts.context.describe(),
             "air": "standard" if parts.air is None else parts.air.describe(),
-            "effects added": ", ".join(added.effects) if isinstance(added, Correction) else "none",
+            "effects added": ", ".join(added.effects) if added is not None else "none",
             "cleaning": _cleaning(parts.cleaning),
             "score": self._score(),
             "written by": f"descentflow {self.version}",

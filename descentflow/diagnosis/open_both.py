@@ -114,7 +114,7 @@ def open_both(
     found = open_simulator(simulator, source.bada_dir)
     say("reading flights")
     parts = found.representation
-    if parts is not None and parts.decoder.correction is not None:
+    if parts is not None and parts.correction is not None:
         raise ConfigError(
             f"{found.name}, a simulator that is corrected already: the flights that it carries are those before",
             expected="the checkpoint that `descentflow fit` wrote, or flights",

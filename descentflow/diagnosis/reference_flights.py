@@ -201,7 +201,7 @@ def _samples(simulator: Simulator, real: LevelGrid, seed: int) -> Quantities:
     mask = real.mask
     chosen = torch.from_numpy(generator.integers(0, len(mask), SAMPLES))
     top = mask.shape[1] - 1 - mask.flip(1).to(torch.int8).argmax(1)
-    flown = sample_descents(simulator.sampler, parts.decoder, parts.plausibility, SAMPLES, seed, entry=top).trajectories
+    flown = sample_descents(simulator.sampler, parts, SAMPLES, seed, entry=top).trajectories
     # Each sample takes the gaps of a real flight; levels above its own entry have no meaning.
     seen = mask[chosen] & flown.mask.cpu()
     names = tuple(f"sample-{i}" for i in range(SAMPLES))

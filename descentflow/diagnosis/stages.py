@@ -59,7 +59,7 @@ def stages_of(simulator: Simulator, frame: pl.DataFrame, seed: int) -> list[Stag
         generator = torch.Generator().manual_seed(seed)
         whose = torch.randint(len(entry), (SAMPLES,), generator=generator)
         free = _legs(decoder(draws, entry[whose]).time_s, flights.mask[whose])
-        kept = sample_descents(simulator.sampler, decoder, parts.plausibility, SAMPLES, seed, entry=entry)
+        kept = sample_descents(simulator.sampler, parts, SAMPLES, seed, entry=entry)
         accepted = _legs(kept.trajectories.time_s.double(), kept.trajectories.mask)
     observed = _legs(flights.time_s, flights.mask)
     seconds = {

@@ -154,8 +154,7 @@ def evaluate_profiles(
     decoder = representation.decoder
     samples = sample_descents(
         model,
-        decoder,
-        representation.plausibility,
+        representation,
         n,
         seed,
         context=context,

@@ -79,7 +79,7 @@ class DescentGraph(nn.Module):
         check_standard_air(representation, "an exported program")
         self.dtype = PRECISIONS[precision]
         self.decoder = representation.decoder
-        if self.decoder.correction is not None:
+        if representation.correction is not None:
             raise ConfigError(
                 "a corrected model, whose effects are drawn flight by flight",
                 expected="a model without a correction",

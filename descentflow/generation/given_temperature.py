@@ -36,7 +36,7 @@ def given_deviation_k(representation: Representation, encoded: Tensor | None) ->
         True
     """
     encoder = representation.context
-    own = representation.air is not None or representation.decoder.correction is not None
+    own = representation.air is not None or representation.correction is not None
     if encoder is None or encoded is None or own:
         return None
     place = 0

@@ -22,16 +22,15 @@ from descentflow.generation.draw_owners import (
 from descentflow.generation.own_air_of_samples import AirWhereFlown, OwnAir
 from descentflow.generation.samplers import ConditionalSampler, GatedSampler, Sampler
 from descentflow.generation.samples import RejectionReport, Samples
-from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.decoder.trajectories import Trajectories, concatenate
-from descentflow.representation.plausibility import RULES, Plausibility
+from descentflow.representation.plausibility import RULES
+from descentflow.representation.representation import Representation
 
 
 @torch.no_grad()
 def sample_descents(
     model: Sampler | ConditionalSampler,
-    decoder: DescentDecoder,
-    plausibility: Plausibility,
+    parts: Representation,
     n: int,
     seed: int,
     *,
@@ -50,8 +49,7 @@ def sample_descents(
 
     Args:
         model: Density of the standardised weights.
-        decoder: Its decoder.
-        plausibility: Bounds and entry levels.
+        parts: Its representation.
         n: Number of descents wanted.
         seed: Makes the whole result repeatable on one machine.
         context: (m, c) encoded contexts, for a conditional density.
@@ -72,11 +70,11 @@ def sample_descents(
     Example:
         >>> from descentflow.densities.checkpoint import load_model
         >>> model = load_model("best.ckpt")
-        >>> parts = model.representation
-        >>> samples = sample_descents(model, parts.decoder, parts.plausibility, n=100, seed=0)
+        >>> samples = sample_descents(model, model.representation, n=100, seed=0)
         >>> samples.report.accepted, samples.weights.shape[0]
         (100, 100)
     """
+    decoder, plausibility = parts.decoder, parts.plausibility
     budget = draw_budget or max(100 * n, 10_000)
     generator = torch.Generator().manual_seed(seed)
     draws: Interchangeable | OfContexts | OfEntries | OfSamples
@@ -103,7 +101,7 @@ def sample_descents(
         white = torch.randn(size, decoder.n_white, generator=generator, dtype=torch.float64).to(tries)
         white = draws.residual(model, wanted, tries, white, seed_of(seed, drawn))
         numbers = DrawNumbers(seed, drawn)
-        flown = decoder(tries, entries, out=reused, draws=numbers, white=white)
+        flown = parts.fly(tries, entries, white=white, draws=numbers, out=reused)
         if own is not None:
             flown = own.fly(decoder.aircraft, flown, wanted)
         rules = plausibility.broken_rules(flown)

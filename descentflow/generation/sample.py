@@ -97,8 +97,7 @@ def sample(
         along = None if opened is None else AirAlongPath(opened, plan)
         found = sample_descents(
             density,
-            representation.decoder,
-            representation.plausibility,
+            representation,
             n,
             seed,
             context=encoded,

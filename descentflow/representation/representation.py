@@ -7,12 +7,14 @@ import torch
 from torch import Tensor, nn
 
 from descentflow.air.kept_air import KeptAir
+from descentflow.core.counter_random import FIRST_DRAWS, DrawNumbers
 from descentflow.core.errors import DataError
 from descentflow.core.units import FL_M
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.context import ContextEncoder
 from descentflow.representation.correction import Correction
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
+from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.representation.drag_scale import DragScale, DragScaleName, fit_drag_scale
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.constant_basis import fit_constant
@@ -76,6 +78,7 @@ class Representation(nn.Module):
         gaps: Gaps = "marginal",
         air: KeptAir | None = None,
         seen: SeenFlights | None = None,
+        correction: Correction | None = None,
     ) -> None:
         """Hold the parts.
 
@@ -94,17 +97,45 @@ class Representation(nn.Module):
             air: In which air drag was inferred, and the training flights' own; None for standard air.
             seen: By which training and validation flights are recognised under other identifiers; None if the
                 identifiers alone are known.
+            correction: Effects that a diagnosis found, which :meth:`fly` adds to decoded descents.
         """
         super().__init__()
         self.decoder, self.plausibility = decoder, plausibility
         self.split, self.provenance = split, provenance
         self.reference, self.context, self.cleaning, self.gaps = reference, context, cleaning, gaps
-        self.air, self.seen = air, seen
+        self.air, self.seen, self.correction = air, seen, correction
 
     @property
     def n_context(self) -> int:
         """Numbers that stand for one flight's context; zero without one."""
         return 0 if self.context is None else self.context.width
+
+    def fly(
+        self,
+        weights: Tensor,
+        entry: Tensor | None = None,
+        *,
+        white: Tensor | None = None,
+        draws: DrawNumbers = FIRST_DRAWS,
+        out: Trajectories | None = None,
+    ) -> Trajectories:
+        """Decode weights (n, d), with the effects of the correction if there is one.
+
+        Args:
+            weights: (n, d) standardised weights.
+            entry: (n,) index of the entry level; the top of the grid if absent.
+            white: (n, r + s) standard normals for what lies beyond the components, see the decoder.
+            draws: Seed and numbers of these draws, which determine the flights that a partial effect changes.
+            out: Descents of the same shape whose arrays may take the result.
+
+        Example:
+            >>> from descentflow.densities.checkpoint import load_model
+            >>> model = load_model("best.ckpt")
+            >>> len(model.representation.fly(model.sample(4, seed=0)))
+            4
+        """
+        flown: Trajectories = self.decoder(weights, entry, out=out, white=white)
+        return flown if self.correction is None else self.correction.apply(self.decoder.aircraft, flown, draws)
 
     def to_state(self) -> dict[str, Any]:
         """Tensors and primitives from which :meth:`from_state` rebuilds the whole."""
@@ -115,6 +146,8 @@ class Representation(nn.Module):
             "provenance": self.provenance,
             "gaps": self.gaps,
         }
+        if self.correction is not None:
+            state["decoder"]["correction"] = self.correction.to_state()
         if self.air is not None:
             state["air"] = self.air.to_state()
         if self.seen is not None:
@@ -132,9 +165,7 @@ class Representation(nn.Module):
         """Rebuild from :meth:`to_state`."""
         corrected, cleaning = state["decoder"].get("correction"), kept_cleaning(state.get("cleaning"))
         return cls(
-            DescentDecoder.from_state(
-                state["decoder"], None if corrected is None else Correction.from_state(corrected, cleaning)
-            ),
+            DescentDecoder.from_state(state["decoder"]),
             Plausibility.from_state(state["plausibility"]),
             Split.from_state(state["split"]),
             state["provenance"],
@@ -144,6 +175,7 @@ class Representation(nn.Module):
             state["gaps"],
             None if state.get("air") is None else KeptAir.from_state(state["air"], len(state["decoder"]["levels_fl"])),
             None if state.get("seen_flights") is None else SeenFlights.from_state(state["seen_flights"]),
+            None if corrected is None else Correction.from_state(corrected, cleaning),
         )
 
 

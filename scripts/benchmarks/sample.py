@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> None:
         with torch.no_grad():
             log_prob = best_of(lambda d=density, w=drawn: d.log_prob(w), 3)
         parts = density.representation
-        whole = best_of(lambda d=density, p=parts: sample_descents(d, p.decoder, p.plausibility, args.n, 0), 3)
+        whole = best_of(lambda d=density, p=parts: sample_descents(d, p, args.n, 0), 3)
         paper = PAPER_DRAW_S.get(type(density).__name__)
         cells = [f"{1000 * draw:.1f}", "-" if paper is None else f"{paper / (draw / args.n):,.0f} x"]
         cells += [f"{1000 * log_prob:.1f}", f"{args.n / whole:,.0f}", f"{PAPER_DESCENT_S / (whole / args.n):,.0f} x"]

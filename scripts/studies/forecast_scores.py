@@ -66,8 +66,7 @@ def forecast_scores(
     model = _WithoutContext(density) if context is None else density
     samples = sample_descents(
         model,
-        parts.decoder,
-        parts.plausibility,
+        parts,
         n * n_draws,
         seed,
         context=own,

@@ -111,7 +111,7 @@ def test_the_corrected_simulator_samples_warm_air(warm: tuple[GapReport, Path], 
     before, after = load_model(checkpoint), load_model(warm[1] / "corrected.ckpt")
     for model in (before, after):
         parts = model.representation
-        flown = sample_descents(model, parts.decoder, parts.plausibility, 200, seed=0).trajectories
+        flown = sample_descents(model, parts, 200, seed=0).trajectories
         ratio.append((flown.tas_mps.mean(), flown.rate_mps.mean(), flown.time_s[:, 0].mean()))
     tas, rate, time = (float(a / b) for b, a in zip(*ratio, strict=True))
     assert tas == pytest.approx(1.021, abs=0.004)
@@ -208,7 +208,7 @@ def test_real_flights_in_other_air_than_the_training_flights(plain: Path, folder
     assert "Those of the simulator report the TAS of standard air." in str(report)
     model = load_model(inside / "gap" / "corrected.ckpt")
     parts = model.representation
-    flown = sample_descents(model, parts.decoder, parts.plausibility, 400, seed=0).trajectories
+    flown = sample_descents(model, parts, 400, seed=0).trajectories
     levels = flown.levels_fl
     real = LevelGrid.of_frame(
         read_descents(plain).frame, float(levels[0]), float(levels[-1]), ["IAS", "vertical_rate", "TAS", "Mach"]
@@ -231,7 +231,7 @@ def test_real_flights_in_other_air_than_the_training_flights(plain: Path, folder
     # The same draws before: what ten kelvin take of the rate, they add to the time.
     model = load_model(checkpoint)
     before = model.representation.decoder(model.sample(400, seed=0))
-    after = parts.decoder(model.sample(400, seed=0))
+    after = parts.fly(model.sample(400, seed=0))
     rate = float(after.rate_mps.mean() / before.rate_mps.mean())
     time = float(after.time_s.mean() / before.time_s.mean())
     assert rate == pytest.approx(1.023, abs=0.008)

@@ -10,14 +10,13 @@ import toys
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.counter_random import DrawNumbers
-from descentflow.core.errors import CheckpointError
 from descentflow.core.units import FL_M
 from descentflow.effects import EFFECTS
 from descentflow.effects.vertical_rate_lag import _late
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 from descentflow.representation.correction import Correction
-from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.decoder.trajectories import Trajectories
+from descentflow.representation.representation import Representation
 
 pytestmark = pytest.mark.usefixtures("worlds_once")
 
@@ -111,10 +110,10 @@ def test_a_negative_seed_draws_as_the_generators_of_torch_number_it() -> None:
     assert not torch.equal(DrawNumbers(-1).uniform(9, 0), DrawNumbers(1).uniform(9, 0))
 
 
-def test_the_decoder_hands_the_numbers_of_its_draws_to_the_correction() -> None:
-    plain = toys.representation(60).decoder
-    state = {**plain.to_state(), "correction": PARTIAL.to_state()}
-    corrected = DescentDecoder.from_state(state, Correction.from_state(state["correction"]))
+def test_the_numbers_of_draws_are_those_of_the_correction() -> None:
+    parts = toys.representation(60)
+    plain, parts.correction = parts.decoder, PARTIAL
+    corrected = Representation.from_state(parts.to_state()).fly
     weights = 0.2 * torch.randn(40, plain.dimension, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
     before = plain(weights)
     for draws in (DrawNumbers(), DrawNumbers(5, 12)):
@@ -180,12 +179,15 @@ def test_sizes_spread_between_flights_as_is_said(flown: Trajectories) -> None:
     torch.testing.assert_close(part.tas_mps, found.tas_mps[1000:1100])
 
 
-def test_a_decoder_is_not_rebuilt_without_its_correction() -> None:
-    plain = toys.representation(60).decoder.to_state()
-    with pytest.raises(CheckpointError, match="without its correction"):
-        DescentDecoder.from_state({**plain, "correction": PARTIAL.to_state()})
-    with pytest.raises(CheckpointError, match="that the state lacks"):
-        DescentDecoder.from_state(plain, PARTIAL)
+def test_the_decoder_knows_no_correction() -> None:
+    parts = toys.representation(60)
+    weights = torch.zeros(1, parts.decoder.dimension).double()
+    before = parts.fly(weights)
+    parts.correction = Correction({"temperature": [10.0]}, 57e3)
+    assert torch.equal(parts.decoder(weights).time_s, before.time_s)
+    assert bool((parts.fly(weights).tas_mps > before.tas_mps).all())
+    again = Representation.from_state(parts.to_state())
+    assert again.correction == parts.correction
 
 
 def test_a_late_rate_follows_the_closed_form_of_a_first_order_lag() -> None:

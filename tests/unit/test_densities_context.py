@@ -296,9 +296,7 @@ def test_sampling_keeps_each_sample_with_its_context() -> None:
     parts = model.representation
     rows = torch.tensor([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0]], dtype=torch.float64)
     entry = torch.tensor([100, 120, 140])
-    made = [
-        sample_descents(model, parts.decoder, parts.plausibility, 7, 3, context=rows, entry=entry) for _ in range(2)
-    ]
+    made = [sample_descents(model, parts, 7, 3, context=rows, entry=entry) for _ in range(2)]
     assert torch.equal(made[0].weights, made[1].weights)
     assert made[0].report.accepted == 7
     entered = made[0].trajectories.mask.sum(1) - 1

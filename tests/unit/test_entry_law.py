@@ -94,7 +94,8 @@ def test_samples_are_of_the_bin_in_which_they_enter(kind: str) -> None:
     """Before rejection: mean weights of samples from either level are those of the bin, to five standard errors."""
     model = density(kind, PARTS)
     assert isinstance(model, TransformedDensity)
-    wide = deepcopy(PARTS.plausibility)  # a state read again shares its tensors
+    everywhere = deepcopy(PARTS)  # a state read again shares its tensors
+    wide = everywhere.plausibility
     for name in ("drag_low", "cas_low"):
         getattr(wide, name).fill_(-1e9)
     for name in ("drag_high", "cas_high"):
@@ -102,7 +103,7 @@ def test_samples_are_of_the_bin_in_which_they_enter(kind: str) -> None:
     for name in ("slowest_rate_mps", "fastest_change_mps2", "largest_step_n"):
         getattr(wide, name).fill_(1e9)
     for k, entry in enumerate(ENTRY):
-        found = sample_descents(model, PARTS.decoder, wide, 4_000, seed=0, entry=entry[None]).weights
+        found = sample_descents(model, everywhere, 4_000, seed=0, entry=entry[None]).weights
         expected = model.sample_of(torch.full((4_000,), k), seed=5).double()
         error = (found.var(0) / 4_000 + expected.var(0) / 4_000).sqrt()
         assert bool(((found.mean(0) - expected.mean(0)).abs() < 5 * error).all())

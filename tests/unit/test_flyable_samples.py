@@ -150,7 +150,7 @@ def test_samples_of_few_flights_can_be_flown(n: int, seed: int) -> None:
     parts = fit_representation(train, toys.AIRCRAFT, Split(train.flight_ids, (), ()))
     density = GaussianMixtureDensity(parts.decoder.dimension, 1)
     density.mixture = fit_mixture(evidence_of(parts.decoder, train), 1, seed=0)[0]
-    samples = sample_descents(density, parts.decoder, parts.plausibility, 1000, seed=0)
+    samples = sample_descents(density, parts, 1000, seed=0)
     flown = samples.trajectories
     change = acceleration_mps2(flown.tas_mps, flown.rate_mps, flown.levels_fl * FL_M).abs() / G0_MPS2
     assert float(change[flown.mask[:, 1:]].max()) < limit

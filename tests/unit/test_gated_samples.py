@@ -43,9 +43,8 @@ def test_components_are_as_frequent_as_the_gate_says_also_where_most_are_rejecte
 ) -> None:
     """Exact binomial test; p < 1e-4 fails one right sampler in 10,000."""
     density = mixture(far, scale=1.0 if far > 1 else 0.1)
-    parts = PARTS.plausibility
     n = 2000
-    samples = sample_descents(density, PARTS.decoder, parts, n, 0, entry=torch.tensor([entry]))
+    samples = sample_descents(density, PARTS, n, 0, entry=torch.tensor([entry]))
     # With scale 1 the components overlap: the first is below the middle between both, nearly always.
     second = int((samples.weights[:, 0] > (far - 1) / 2).sum())
     if far > 1:
@@ -58,7 +57,7 @@ def test_components_are_as_frequent_as_the_gate_says_also_where_most_are_rejecte
 
 def test_entry_levels_are_as_frequent_as_among_the_flights_whatever_is_rejected() -> None:
     """Chi-square over four bins; p < 1e-4 fails one right sampler in 10,000."""
-    samples = sample_descents(mixture(4.0, 1.0), PARTS.decoder, PARTS.plausibility, 4000, 0)
+    samples = sample_descents(mixture(4.0, 1.0), PARTS, 4000, 0)
     counts = PARTS.plausibility.entry_counts.double()
     edges = torch.tensor([130, 160, 200])
     bins = torch.bucketize(torch.arange(len(counts)), edges)
@@ -70,7 +69,7 @@ def test_entry_levels_are_as_frequent_as_among_the_flights_whatever_is_rejected(
 
 def test_a_component_that_cannot_fly_gives_way() -> None:
     density = mixture(100.0)
-    samples = sample_descents(density, PARTS.decoder, PARTS.plausibility, 200, 0)
+    samples = sample_descents(density, PARTS, 200, 0)
     assert bool((samples.weights[:, 0] < 50).all())
     assert samples.report.drawn > 200 + 20 * MAX_TRIES
 

@@ -28,7 +28,7 @@ PARTS = toys.representation(400)
 
 def draw(n: int = 500, seed: int = 0, spread: float = 1.0, poison: float = 0.0, **settings: object) -> object:
     sampler = Normal(PARTS.decoder.dimension, spread, poison)
-    return sample_descents(sampler, PARTS.decoder, PARTS.plausibility, n, seed, **settings)
+    return sample_descents(sampler, PARTS, n, seed, **settings)
 
 
 def test_bounds_move_outward_even_at_negative_extremes() -> None:

@@ -312,7 +312,7 @@ def test_a_corrected_checkpoint_takes_an_entry_and_nothing_that_its_correction_w
     density = GaussianDensity(parts.decoder.dimension)
     density.attach(parts)
     before = df.Generator(density).next(entry_fl=340).trajectories.time_s
-    density.representation.decoder.correction = Slower()
+    density.representation.correction = Slower()
     one = df.Generator(density)
     torch.testing.assert_close(one.next(entry_fl=340).trajectories.time_s, 1.5 * before)
     with pytest.raises(ConfigError, match="corrected checkpoint"):

@@ -172,7 +172,7 @@ def test_a_checkpoint_keeps_it(parts: Representation) -> None:
 
 
 def test_samples_change_over_each_on_its_own(model: GaussianDensity, parts: Representation) -> None:
-    drawn = sample_descents(model, parts.decoder, parts.plausibility, 100, seed=0).trajectories
+    drawn = sample_descents(model, parts, 100, seed=0).trajectories
     held = drawn.mach.diff(dim=1).abs() < 5e-4  # from level to level; a CAS that is held makes some 1.4e-3
     changes = (held & drawn.mask[:, 1:]).sum(1).double()
     assert float(changes.std()) > 5

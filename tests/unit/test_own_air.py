@@ -170,7 +170,7 @@ def test_each_flight_is_held_against_samples_in_its_own_air(checkpoint: Path, de
     n_levels, top = len(parts.decoder.levels_fl), len(parts.decoder.levels_fl) - 1
     airs = LevelAir(torch.tensor([[0.0], [30.0]]).double().expand(2, n_levels), torch.zeros(2, n_levels).double())
     entry = torch.tensor([top - 10, top])
-    found = sample_descents(density, parts.decoder, parts.plausibility, 50, 0, entry=entry, air=airs)
+    found = sample_descents(density, parts, 50, 0, entry=entry, air=airs)
     assert found.air is not None
     warm = found.air.deviation_k[:, 0] == 30
     assert torch.equal(found.trajectories.entry == top, warm), "an entry level comes with the air of its flight"

@@ -195,7 +195,7 @@ def test_a_fitted_mixture_has_a_law_and_keeps_it(tmp_path: Path) -> None:
     assert all(torch.equal(getattr(again.residual_law, name), getattr(law, name)) for name in ("offset", "spread"))
     model.save(tmp_path / "best.ckpt")
     loaded, parts = load_model(tmp_path / "best.ckpt"), model.representation
-    one, two = (sample_descents(m, parts.decoder, parts.plausibility, 50, 0) for m in (model.density, loaded))
+    one, two = (sample_descents(m, parts, 50, 0) for m in (model.density, loaded))
     assert torch.equal(one.trajectories.time_s, two.trajectories.time_s)
 
 

@@ -104,7 +104,7 @@ def test_what_cannot_be_a_graph_is_refused() -> None:
     with pytest.raises(ConfigError, match="a SplineFlowDensity, whose draws cannot be written as a graph"):
         SamplerGraph(spline)
     corrected = Representation.from_state(PARTS.to_state())
-    corrected.decoder.correction = Correction({"temperature": [10.0]}, 64_000.0)
+    corrected.correction = Correction({"temperature": [10.0]}, 64_000.0)
     with pytest.raises(ConfigError, match="a corrected model"):
         DescentGraph(corrected)
 

@@ -96,7 +96,7 @@ def test_descents_are_the_same_in_four_threads() -> None:
     density.attach(parts)
 
     def draw(seed: int) -> Tensor:
-        return sample_descents(density, parts.decoder, parts.plausibility, 20, seed).trajectories.time_s
+        return sample_descents(density, parts, 20, seed).trajectories.time_s
 
     serial = [draw(seed) for seed in range(60)]
     with ThreadPoolExecutor(4) as pool:

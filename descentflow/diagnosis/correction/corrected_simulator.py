@@ -1,4 +1,4 @@
-"""The simulator with its causes added: a checkpoint whose decoder applies them after it has flown."""
+"""The simulator with its causes added: a checkpoint that adds them to descents after they are decoded."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -47,7 +47,7 @@ def corrected(
         >>> theta = {"temperature": torch.tensor([10.0])}
         >>> write = corrected(open_simulator("best.ckpt"), 64_000.0, EFFECTS, theta)
         >>> write(Path("warm.ckpt"))
-        >>> load_model("warm.ckpt").representation.decoder.correction.effects
+        >>> load_model("warm.ckpt").representation.correction.effects
         {'temperature': [10.0]}
     """
     foreign = any(catalogue[name] is not EFFECTS.get(name) for name in theta)

@@ -152,7 +152,7 @@ def _samples(
     grid = LevelGrid.of_frame(frame, low, high, NEEDED)
     mask = torch.ones(1, len(parts.decoder.levels_fl), dtype=torch.bool) if grid is None else grid.mask
     entry = mask.shape[1] - 1 - mask.flip(1).to(torch.int8).argmax(1)
-    flown = sample_descents(sampler, parts.decoder, parts.plausibility, MOST, seed, entry=entry).trajectories
+    flown = sample_descents(sampler, parts, MOST, seed, entry=entry).trajectories
 
     def moved(theta: Mapping[str, Tensor]) -> Trajectories:
         sizes = {name: value.tolist() for name, value in theta.items()}

@@ -87,7 +87,7 @@ def plausible_shares(density: Density, parts: Representation, n_components: int)
             of_scale = torch.full((TRIED,), (before + end) / 2, dtype=torch.float64)
             white_of = density.residual(weights, white, k, components=components, of_scale=of_scale)
             # Plausible from a level down: nothing below it is broken.
-            broken = parts.plausibility.broken_levels(parts.decoder(weights, white=white_of))
+            broken = parts.plausibility.broken_levels(parts.fly(weights, white=white_of))
             found.append((broken.cumsum(1) == 0).double().mean(0))
     return torch.stack(found, 1).numpy()
 

@@ -188,7 +188,7 @@ class Generator:
                 mend="write mach={level: value}",
             )
         request.check(self.levels_fl)
-        if self.decoder.correction is not None and not request.is_free:
+        if self.representation.correction is not None and not request.is_free:
             raise ConfigError(
                 "constraints for a corrected checkpoint, whose correction changes descents after they are drawn",
                 expected="an entry level and a context alone",

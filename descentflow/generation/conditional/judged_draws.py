@@ -37,12 +37,13 @@ class DrawnDescents:
     def __init__(self, representation: Representation, grid: FlownProfiles, seed: int) -> None:
         """Hold the parts; ``seed`` is that of corrections."""
         self.decoder, self.bounds = representation.decoder, representation.plausibility
+        self.correction = representation.correction
         self.grid, self.seed = grid, seed
 
     def of(self, drawn: Drawn, which: np.ndarray) -> Trajectories:
         """The descents; where there is a correction, each is corrected by its number (n,)."""
         flown = self._trajectories(drawn)
-        correction = self.decoder.correction
+        correction = self.correction
         if correction is None:
             return flown
         parts = [

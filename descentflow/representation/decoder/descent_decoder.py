@@ -6,13 +6,10 @@ import torch
 from torch import Tensor, nn
 
 from descentflow.aircraft_types.registry import aircraft_from_state
-from descentflow.core.counter_random import FIRST_DRAWS, DrawNumbers
-from descentflow.core.errors import CheckpointError
 from descentflow.core.tensors import Number
 from descentflow.core.units import FL_M
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.decoder.flight_grid import FlightGrid, flight_grid
-from descentflow.representation.decoder.flown_correction import FlownCorrection
 from descentflow.representation.decoder.lower_speed import FlownCurves, lower_of
 from descentflow.representation.decoder.trajectories import Trajectories, integrate
 from descentflow.representation.drag_scale import DragScale
@@ -59,7 +56,6 @@ class DescentDecoder(nn.Module):
         weight_mean: Tensor,
         weight_scale: Tensor,
         mass_kg: float | None = None,
-        correction: FlownCorrection | None = None,
         residual: Tensor | None = None,
         mach_basis: FunctionalBasis | None = None,
         speed_residual: Tensor | None = None,
@@ -75,7 +71,6 @@ class DescentDecoder(nn.Module):
             weight_mean: (d,) mean of the training flights' weights.
             weight_scale: (d,) their standard deviation.
             mass_kg: Mass that inferred the drag and flies it; the reference mass if absent.
-            correction: Applied to the flown descents, for instance effects that a diagnosis found.
             residual: (r, L) drag that samples have beyond the components, each row times a standard normal of its own
                 (:func:`descentflow.representation.residual.residual_drag`); none if absent.
             mach_basis: Basis of the Mach number that is held above each flight's crossover; speed is one CAS profile
@@ -85,7 +80,6 @@ class DescentDecoder(nn.Module):
             drag_scale: On which profiles of drag are linear in the weights; newtons if absent.
         """
         super().__init__()
-        self.correction = correction
         self.aircraft = aircraft if mass_kg is None else aircraft.at_mass(mass_kg)
         self.drag_basis, self.cas_basis, self.mach_basis = drag_basis, cas_basis, mach_basis
         self.register_buffer("levels_fl", levels_fl.to(torch.float64), persistent=False)
@@ -220,7 +214,6 @@ class DescentDecoder(nn.Module):
         wind_mps: Tensor | None = None,
         exact_energy_share: bool = False,
         out: Trajectories | None = None,
-        draws: DrawNumbers = FIRST_DRAWS,
         white: Tensor | None = None,
     ) -> Trajectories:
         """Fly weights (n, d) from their entry levels, in the weights' precision.
@@ -235,7 +228,6 @@ class DescentDecoder(nn.Module):
             exact_energy_share: Use the energy share factor of the CAS profile itself instead of BADA's; see
                 :func:`descentflow.representation.decoder.trajectories.integrate`.
             out: Descents of the same shape whose arrays may take the result.
-            draws: Seed and numbers of these draws, which determine the flights that a partial effect changes.
             white: (n, r + s) standard normals for what lies beyond the components, see :attr:`n_white`; without them
                 the components fly alone.
         """
@@ -246,7 +238,7 @@ class DescentDecoder(nn.Module):
         grid = self.grid(weights) if own else None
         altitude_m = (self.levels_fl * FL_M).to(weights) if grid is None else grid.altitude_m
         flown = aircraft if aircraft is not None else self.aircraft
-        found = integrate(
+        return integrate(
             flown,
             self.levels_fl,
             altitude_m,
@@ -261,7 +253,6 @@ class DescentDecoder(nn.Module):
             out=out,
             grid=grid,
         )
-        return found if self.correction is None else self.correction.apply(self.aircraft, found, draws)
 
     def to_state(self) -> dict[str, Any]:
         """Tensors and primitives from which :meth:`from_state` rebuilds the decoder."""
@@ -281,25 +272,11 @@ class DescentDecoder(nn.Module):
             state["mach_basis"] = self.mach_basis.to_state()
         if self.mach_basis is not None or len(self.speed_residual):
             state["speed_residual"] = self.speed_residual.cpu()
-        return state if self.correction is None else {**state, "correction": self.correction.to_state()}
+        return state
 
     @classmethod
-    def from_state(cls, state: dict[str, Any], correction: FlownCorrection | None = None) -> "DescentDecoder":
-        """Rebuild from :meth:`to_state`.
-
-        Args:
-            state: As :meth:`to_state` gave it.
-            correction: What the state's ``correction`` describes, rebuilt by whoever knows its kind.
-
-        Raises:
-            CheckpointError: If the state has a correction and none is handed over, or the other way about.
-        """
-        if (correction is None) is ("correction" in state):
-            raise CheckpointError(
-                "a decoder without its correction" if correction is None else "a correction that the state lacks",
-                expected="the correction that the state describes, and no other",
-                mend="rebuild it by descentflow.representation.representation.Representation.from_state",
-            )
+    def from_state(cls, state: dict[str, Any]) -> "DescentDecoder":
+        """Rebuild from :meth:`to_state`."""
         of_speed = ConstantBasis if "mach_basis" in state else FunctionalBasis
         return cls(
             aircraft_from_state(state["aircraft"]),
@@ -308,7 +285,6 @@ class DescentDecoder(nn.Module):
             of_speed.from_state(state["cas_basis"]),
             state["weight_mean"],
             state["weight_scale"],
-            correction=correction,
             residual=state.get("residual"),
             mach_basis=ConstantBasis.from_state(state["mach_basis"]) if "mach_basis" in state else None,
             speed_residual=state.get("speed_residual"),

@@ -55,7 +55,7 @@ def write_type_figures(plan: StudyPlan, folder: Path, typecode: str) -> None:
         model = load_model(path)
         parts = model.representation
         n = min(DRAWN, plan.n_samples)
-        drawn = sample_descents(model, parts.decoder, parts.plausibility, n, plan.seed, entry=held_out.entry_level)
+        drawn = sample_descents(model, parts, n, plan.seed, entry=held_out.entry_level)
         samples[MODELS[name]] = DescentSet.of_trajectories(drawn.trajectories)
         with torch.no_grad():
             nll = -model.log_observed(evidence).double()

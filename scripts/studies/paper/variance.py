@@ -160,7 +160,7 @@ def _one_share(
         "clusters": len(mixture.probs),
     }
     try:
-        drawn = sample_descents(density, parts.decoder, parts.plausibility, SAMPLES, fold, entry=test.entry_level)
+        drawn = sample_descents(density, parts, SAMPLES, fold, entry=test.entry_level)
     except DescentflowError:
         # Too many components for the flights: hardly a draw is plausible, which is a result.
         return [_FoldScore(**about, quantity=q, statistic="ks", unit="1", score=float("nan")) for q in QUANTITIES]

@@ -1,4 +1,4 @@
-"""Hide levels of descents and compare ways to fill them: python scripts/gappy_comparison.py DESCENTS FIGURE.png."""
+"""Hide levels of descents and compare methods to fill them: python scripts/gappy_comparison.py DESCENTS FIGURE.png."""
 
 import sys
 

@@ -44,7 +44,7 @@ def once(folder: Path, name: str, make: Callable[[], T]) -> T:
 
 
 def digest(*values: Any) -> str:
-    """A name for values, to the bit: tensors, dataclasses of them, and whatever is told apart by its ``repr``."""
+    """A name for values, to the bit: tensors, dataclasses of them, and whatever is identified by its ``repr``."""
     found = hashlib.sha256()
     for value in values:
         _add(found, value)

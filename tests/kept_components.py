@@ -1,7 +1,7 @@
 """Components of profiles that were fitted before, for tests of whole runs: most of them train on the same flights.
 
 What fits the components has tests of its own, which fit each time (``tests/reference/test_representation_fpca.py``);
-a run is told apart by its profiles, to the bit, and by the options of the fit, so that flights which another path
+a run is identified by its profiles, to the bit, and by the options of the fit, so that flights which another path
 reads or splits otherwise are fitted anew.
 """
 

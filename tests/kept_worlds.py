@@ -1,6 +1,6 @@
 """Flights of worlds that were flown before, for tests of what is done with them: many take the same few worlds.
 
-What flies them has tests of its own, which fly each time (``tests/unit/test_simulation_*.py``); flights are told apart
+What flies them has tests of its own, which fly each time (``tests/unit/test_simulation_*.py``); flights are identified
 by everything that they are flown by, to the bit.
 """
 

@@ -1,4 +1,4 @@
-"""The decoder's integration in the equations' own order, which the package's is held against."""
+"""The decoder's integration in the equations' own order, with which the package's is compared."""
 
 import torch
 from torch import Tensor

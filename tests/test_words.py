@@ -67,10 +67,10 @@ def test_the_first_line_of_a_docstring_is_a_noun_phrase_or_an_imperative() -> No
     assert found == []
 
 
-def test_docstrings_of_the_package_have_words_of_the_field() -> None:
+def test_docstrings_have_words_of_the_field() -> None:
     found = [
         f"{path.relative_to(ROOT)}:{line}: {word[0]}"
-        for path in (ROOT / "descentflow").rglob("*.py")
+        for path in CODE
         for line, text in docstrings(path)
         for word in NOT_OF_THE_FIELD.finditer(prose(text))
     ]

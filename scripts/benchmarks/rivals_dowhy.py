@@ -1,4 +1,4 @@
-"""DoWhy: which mechanism of a causal graph changed (`gcm.distribution_change`), set up as its user guide says.
+"""DoWhy: which mechanism of a causal graph changed (`gcm.distribution_change`), set up as in its user guide.
 
 Mechanisms are assigned by `gcm.auto`, the tests of mechanisms and their false discovery control are its defaults, and
 every attribution is repeated on parts of the flights for its interval (`gcm.confidence_intervals`), as the guide

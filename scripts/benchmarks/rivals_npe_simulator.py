@@ -51,7 +51,7 @@ class Prior:
 def simulations(data: Measured, prior: Prior, n: int) -> tuple[Tensor, Tensor]:
     """Parameters (n, k) from the prior, and what two sides of flights with the effects between them would show (n, p).
 
-    Each effect's parameters are drawn from so many of its own that its shifts are worked out once; all combinations
+    Each effect's parameters are drawn from so many of its own that its shifts are computed once; all combinations
     are drawn anew, and so are the flights of both sides, from the simulator's.
     """
     simulated = filled(data.simulated)

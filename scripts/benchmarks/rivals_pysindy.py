@@ -1,4 +1,4 @@
-"""PySINDy: which terms a sparse regression keeps in the residual of the rate, set up as its documentation says.
+"""PySINDy: which terms a sparse regression keeps in the residual of the rate, set up as in its documentation.
 
 The residual is the real flights' ln rate over the polar's minus the simulator's mean of it, by flight and by band of
 altitude. The library holds each effect's own signature there, more than a user of PySINDy has, a constant and the

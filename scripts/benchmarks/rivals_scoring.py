@@ -13,8 +13,8 @@ class Answer:
 
     Attributes:
         named: What it names, strongest first; each as all effects that the name may stand for.
-        gap: Whether it says that there is a gap; None if it does not say.
-        unknown: Whether it says that the cause, or what remains, is none that it knows.
+        gap: True if it finds a gap; None if it does not decide.
+        unknown: True if it finds that the cause, or what remains, is none that it knows.
         says_causes: Whether the method can name causes at all.
     """
 

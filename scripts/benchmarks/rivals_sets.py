@@ -48,7 +48,7 @@ def read_set(folder: Path) -> RivalSet:
     """One set.
 
     Raises:
-        DataError: If a file is missing, or the truth says no kind that is known.
+        DataError: If a file is missing, or the truth has no known kind.
     """
     missing = [name for name in FILES if not (folder / name).is_file()]
     if missing:

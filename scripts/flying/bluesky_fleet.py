@@ -56,7 +56,7 @@ class Orders:
 
 
 def start() -> Any:
-    """BlueSky without network and windows, in a folder of its own; what it says on the way is not shown.
+    """BlueSky without network and windows, in a folder of its own; its output on the way is not shown.
 
     Raises:
         ConfigError: If it is not installed.

@@ -23,7 +23,7 @@ class FirstStep(Callback):
         print("loaded", *(name for name in {(*OPTIONAL, *NEVER)!r} if name in sys.modules), flush=True)
         os._exit(0)
 """
-"""A callback that says what is loaded, and ends the process: scores and figures come later."""
+"""A callback that lists what is loaded, and ends the process: scores and figures come later."""
 
 
 @pytest.fixture(scope="module")

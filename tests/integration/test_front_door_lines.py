@@ -1,4 +1,4 @@
-"""The lines that the README shows run, in memory and by paths, and each result says something."""
+"""The lines that the README shows run, in memory and by paths, and each result prints something."""
 
 import re
 from pathlib import Path

@@ -66,7 +66,7 @@ def test_a_good_file_of_every_source_that_ends_in_a_bomb(kind: str, tmp_path: Pa
 @pytest.mark.parametrize("kind", [pl.String(), pl.Categorical(), pl.Enum(["x" * 200_000, "b"])], ids=KINDS)
 @pytest.mark.parametrize("form", ["parquet", "feather"])
 def test_one_text_that_a_small_table_repeats_in_every_row(kind: pl.DataType, form: str, tmp_path: Path) -> None:
-    """Kept once in the file and by Polars, two gigabytes if anything copies it; it says nothing and is counted."""
+    """Kept once in the file and by Polars, two gigabytes if anything copies it; it is counted."""
     long = FLIGHT.sample(10_000, with_replacement=True, seed=0).with_columns(
         callsign=pl.lit("x" * 200_000).cast(kind), timestamp=pl.lit(FLIGHT["timestamp"][0])
     )

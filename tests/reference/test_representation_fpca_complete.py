@@ -1,4 +1,4 @@
-"""Components of complete profiles in closed form, against EM, NumPy and what was worked out flight by flight."""
+"""Components of complete profiles in closed form, against EM, NumPy and results flight by flight."""
 
 import numpy as np
 import pytest

@@ -42,7 +42,7 @@ def _cause(name: str, one: SetPlan) -> dict[str, Any]:
 
 
 def few_flights(plan: Plan) -> Plan:
-    """The plan with sets of 15 flights: what each has got is drawn again wherever sizes are told or scored."""
+    """The plan with sets of 15 flights: what each has got is drawn again wherever sizes are reported or scored."""
     return replace(plan, sets=tuple(replace(one, flights=15) for one in plan.sets))
 
 

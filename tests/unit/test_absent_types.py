@@ -1,4 +1,4 @@
-"""A type that is asked for beside others, and of which there is no row, is told and not passed over."""
+"""A type that is asked for beside others, and of which there is no row, is reported and not passed over."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Arguments of public calls are held against their annotations: what is of another kind is refused by its name."""
+"""Arguments of public calls are checked by their annotations: what is of another kind is refused by its name."""
 
 from collections.abc import Callable, Mapping, Sequence
 from inspect import Parameter, signature

@@ -1,4 +1,4 @@
-"""Columns of each flight are held against each other as tightly as real sources agree, and what differs is named."""
+"""Columns of each flight are compared as tightly as real sources agree, and what differs is named."""
 
 import warnings
 

@@ -103,7 +103,7 @@ def test_what_a_cause_makes_is_gone_after_it() -> None:
 
 
 def test_slower_flights_cost_time_by_their_speed() -> None:
-    """Taking a change of CAS off changes TAS, and the rate with it as the polar says."""
+    """Taking a change of CAS off changes TAS, and the rate with it by the polar."""
     sides = example_sides(EFFECTS["speed_schedule"], [20.0, 0.0], n=40)
     shift = torch.zeros_like(sides.y)
     shift[:, sides.columns("cas")] = 20.0

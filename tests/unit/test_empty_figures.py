@@ -1,4 +1,4 @@
-"""A figure that has nothing to show says why: no panel is left blank."""
+"""A figure that has nothing to show gives the reason: no panel is left blank."""
 
 from collections.abc import Callable
 

@@ -150,7 +150,7 @@ def test_the_residual_is_an_option() -> None:
 
 
 def test_the_residual_is_no_wider_than_what_flights_show() -> None:
-    """A model that says ten times the spread, as it may where few flights show a level."""
+    """A model of ten times the spread, as it may where few flights show a level."""
     parts, _ = with_residual()
     flights = toys.flights(600, gappy=False)
     before = residual_drag(parts.decoder, flights).square().sum(0).sqrt()

@@ -275,7 +275,7 @@ def test_a_multiple_of_the_noise_that_is_none_is_refused_at_once(multiple: objec
 
 
 def test_a_context_is_given_to_the_density() -> None:
-    """A Gaussian whose mean follows a number: weights of two contexts lie as far apart as its slope says."""
+    """A Gaussian whose mean follows a number: weights of two contexts lie as far apart as its slope implies."""
     parts = replace_context(ContextEncoder.fit(pl.DataFrame({"wind": [-20.0, 0.0, 20.0]}), ["wind"]))
     d = parts.decoder.dimension
     density = GaussianDensity(d, 1)

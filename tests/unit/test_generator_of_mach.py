@@ -79,7 +79,7 @@ def test_a_batch_is_what_single_calls_give_to_the_bit(asked: dict[str, object]) 
 
 @pytest.mark.parametrize("level", [CHANGING, 290, 345])
 def test_a_speed_is_met_in_whichever_way_it_is_held(level: int) -> None:
-    """Each descent is asked for the speed of one sample: one level is met in both ways, the others mostly in one."""
+    """Each descent is asked for the speed of one sample: one level is met in both cases, the others mostly in one."""
     middle = cas_kt(brute(350), level).median()
     like = cut(brute(350), lambda t: (cas_kt(t, level) - middle).abs() < 5)
     one, asked = df.Generator(toy.mixture(mach=True), seed=3), cas_kt(like, level)[:300]

@@ -22,7 +22,7 @@ UNION = """Parser key "{key}":
     - Expected a <class 'NoneType'>
   Given value type: <class 'str'>
   Given value: {value}"""
-"""As the parser says that a value is of none of several types."""
+"""The parser's message on a value of none of several types."""
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""An output that cannot be written is told before the work, and what the system refuses in the middle in a line."""
+"""An output that cannot be written is refused before the work, and what the system refuses in the middle in a line."""
 
 import signal
 import sys

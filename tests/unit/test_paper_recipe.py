@@ -1,4 +1,4 @@
-"""The paper's own recipe: who trains, normflows' own flow, and an fPCA that says where it runs off."""
+"""The paper's own recipe: who trains, normflows' own flow, and an fPCA that reports where it runs off."""
 
 import warnings
 from pathlib import Path

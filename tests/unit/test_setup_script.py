@@ -1,4 +1,4 @@
-"""The set-up script says what it cannot set up, before pip fails over it."""
+"""The set-up script names what it cannot set up, before pip fails over it."""
 
 import subprocess
 from pathlib import Path

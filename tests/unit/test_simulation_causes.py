@@ -117,7 +117,7 @@ def injected(name: str) -> World:
 
 @pytest.mark.parametrize("name", ONE)
 def test_rate_changes_as_the_energy_equation_says(name: str, plain: World) -> None:
-    """Flown in time and worked out by hand: the middle flight agrees within 0.05 % of the rate.
+    """Flown in time and computed by hand: the middle flight agrees within 0.05 % of the rate.
 
     A few flights are still in the transient of their crossover, and so the middle one counts and not the mean.
     """

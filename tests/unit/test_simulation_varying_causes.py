@@ -78,7 +78,7 @@ def test_paths_and_rates_are_each_flights_own() -> None:
 
 
 def test_days_and_airframes_share_what_is_theirs() -> None:
-    """Twenty days: deviations alike within a day, and as the spread says between days."""
+    """Twenty days: deviations alike within a day, and by the spread between days."""
     p = drawn(flights_per_aircraft=20, temperature={"deviation_k": 0.0, "daily_spread_k": 4.0})
     own, day = p.planted["temperature_deviation_k"].numpy(), p.day.numpy()
     by_day = np.array([np.unique(own[day == k]) for k in range(20)])

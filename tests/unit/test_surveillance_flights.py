@@ -1,4 +1,4 @@
-"""Rows in order, flights told apart, types joined, rates derived, units checked."""
+"""Rows in order, flights separated, types joined, rates derived, units checked."""
 
 import numpy as np
 import polars as pl

@@ -185,7 +185,7 @@ def test_days_of_a_spreadsheet_are_refused(text: bool, rows: pl.DataFrame) -> No
 
 
 def test_a_rate_that_no_unit_explains_is_told_and_not_refused(rows: pl.DataFrame) -> None:
-    """Rows of several aircraft under one address make such rates; flights that are named are told apart."""
+    """Rows of several aircraft under one address make such rates; flights that are named are separated."""
     with pytest.warns(DescentflowWarning, match="vertical_rate contradicts .* different icao24"):
         check_units(times("vertical_rate", 0.3)(rows), "rows")
     number = pl.int_range(pl.len()).over("flight_id")

@@ -1,4 +1,4 @@
-"""Columns that a radar feed names, flight levels, factors, and what is told of columns that nothing uses."""
+"""Columns that a radar feed names, flight levels, factors, and the report on unused columns."""
 
 from pathlib import Path
 

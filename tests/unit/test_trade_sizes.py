@@ -1,4 +1,4 @@
-"""Sizes as readers are told them: units of the trade, of the flights that have the effect, with their intervals."""
+"""Sizes as reported: units of the trade, of the flights that have the effect, with their intervals."""
 
 import math
 

@@ -102,7 +102,7 @@ def test_other_commands_need_no_model() -> None:
 
 
 def test_names_are_those_of_the_classes() -> None:
-    """Read from the sources, they are what Python itself says of the constructors."""
+    """Read from the sources, they are those of the constructors in Python."""
     from descentflow.training import models
     from descentflow.training.callbacks.score_callback import ScoreCallback
     from descentflow.training.datamodule import DescentDataModule

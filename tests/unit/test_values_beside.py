@@ -1,4 +1,4 @@
-"""Registers of Mode S come in rows of their own: what is near in time is joined, and what is not is told."""
+"""Registers of Mode S come in rows of their own: what is near in time is joined, and what is not is reported."""
 
 import polars as pl
 import pytest

@@ -42,7 +42,7 @@ def test_with_one_flight_an_aircraft_the_statistic_is_welchs() -> None:
 
 
 def test_whole_aircraft_make_the_variance() -> None:
-    """Every flight copied four times over says nothing more."""
+    """Every flight copied four times over adds nothing."""
     y, real = drawn(60, 2, seed=1), torch.arange(60) >= 30
     once = squared_t(y, labellings(torch.arange(60), real, 5, seed=0))
     five = [value.repeat_interleave(5, 0) for value in (y, torch.arange(60), real)]

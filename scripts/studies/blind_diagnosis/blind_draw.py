@@ -1,4 +1,4 @@
-"""A study drawn at random: which sets there are, what is planted in each, and which simulator each is held against."""
+"""A study drawn at random: which sets there are, what is planted in each, and which simulator each is compared with."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -28,7 +28,7 @@ content of gap.json."""
 
 
 CHECKPOINT, FLIGHTS = "checkpoint", "flights"
-"""Ways in which a simulator is given to the diagnosis."""
+"""Forms in which a simulator is given to the diagnosis."""
 PUBLISH_EVERY = 20
 """Files after which the manifest is written anew."""
 

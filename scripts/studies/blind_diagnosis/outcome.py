@@ -29,7 +29,7 @@ class Outcome:
         named: Effects named, in order, without those that only say that the polar is wrong where it is.
         groups: Of each, itself and what the diagnosis could not tell it from.
         right_first: The injected cause is named first (any of mass, idle thrust and drag stands for each of them where
-            it says so: nothing that is observed tells them apart).
+            so marked: nothing that is observed tells them apart).
         in_group: The injected cause is in the group of the first.
         exact: Neither more nor fewer than the injected causes are named, and nothing is said to remain.
         report: The whole report.

@@ -75,7 +75,7 @@ def _finished(futures: list[Future[Any]]) -> Iterable[Future[Any]]:
 
 
 def _alone() -> None:
-    """A worker keeps to one thread, says nothing, and ends with the study that it works for."""
+    """A worker keeps to one thread, prints nothing, and ends with the study that it works for."""
     import torch
 
     end_with_parent()

@@ -1,4 +1,4 @@
-"""Real flights with a channel withheld: what a diagnosis says with it and without, beside what it never saw."""
+"""Real flights with a channel withheld: the diagnosis with it and without, beside what it never saw."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -20,7 +20,7 @@ SCORED = ("verdict", "p_value", "causes", "where", "gap_before", "gap_after", "f
 """Of a report, what a score looks at."""
 SCHEMA_VERSION = 1
 NAMED = 8
-"""Letters of a key's hash by which the sets of a part are told from those of another."""
+"""Letters of a key's hash by which the sets of a part differ from those of another."""
 
 
 @dataclass(frozen=True)

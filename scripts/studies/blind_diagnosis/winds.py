@@ -13,7 +13,7 @@ from studies.blind_diagnosis.hypsometry import weighted_mean
 Array = NDArray[np.float64]
 LAYER_FT = 2000.0
 MIN_REPORTS = 10
-"""A layer with fewer says nothing."""
+"""A layer with fewer is left out."""
 FASTEST_MPS = 100.0
 """A wind beyond this is a register misread."""
 

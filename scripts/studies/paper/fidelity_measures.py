@@ -39,7 +39,7 @@ TOP_FL = 30.0
 FEWEST_LEGS = 20
 """Steps from one level to the next, 2,000 ft in all, that a flight must show to say how fast it descends."""
 FEWEST = 10
-"""Flights at a level below which it says nothing of a spread."""
+"""Flights at a level below which no spread is computed."""
 OBSERVED = (0.75, 0.5)
 """Shares of the grid's height at which a flight is predicted from: below the top of descent, and half-way down."""
 MOST_FLIGHTS = 1_000

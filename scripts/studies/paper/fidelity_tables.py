@@ -8,7 +8,7 @@ from descentflow.evaluation.metrics.score_registry import descent_statistics, le
 from studies.paper.study_plan import StudyPlan
 
 STATISTICS = ("ks", "wasserstein")
-"""Distances whose ratio to the floor is told: the error of the mean has none of the shape."""
+"""Distances whose ratio to the floor is given: the error of the mean has none of the shape."""
 LARGE = 1_000
 """Flights of a type from which on it counts for the worst: of fewer, few are held out, and ratios are of small sets."""
 QUANTITIES = {name: part.short for name, part in level_parts().items()}

@@ -150,7 +150,7 @@ def _jobs_of(name: str, typecode: str, sweep: SweepPlan) -> list[_SweepJob]:
 
 
 def _do_job(job: _SweepJob, common: _Sweeps) -> None:
-    """Do one job, with one thread; what it says goes into a log beside its file."""
+    """Do one job, with one thread; its output goes into a log beside its file."""
     with one_thread(), logged_to(job.product(common.own).with_suffix(".log")):
         {"variance": _variance, "gappy": _gappy, "flow": _flow}[job.sweep](job, common)
 

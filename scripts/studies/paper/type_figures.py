@@ -26,7 +26,7 @@ def write_type_figures(plan: StudyPlan, folder: Path, typecode: str) -> None:
     """Write a type's figures, the models' likelihoods, and what is known of the flights.
 
     ``nll.csv`` has the columns ``model nll error n`` (nats, standard error, flights); ``flights.json``, which is
-    written last, says what BADA's mass explains of the held-out flights.
+    written last, has the part that BADA's mass explains of the held-out flights.
 
     Args:
         plan: The study.

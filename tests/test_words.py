@@ -43,7 +43,7 @@ def docstrings(path: Path) -> Iterator[tuple[int, str]]:
 def prose(text: str) -> str:
     """Text without code, formulas, tables, links' targets and names of arguments."""
     text = re.sub(r"```.*?```|\$\$.*?\$\$|<!--.*?-->|^ *(>>>|\.\.\.) .*(\n(?! *\n).*)*", "", text, flags=re.S | re.M)
-    text = re.sub(r"`[^`]*`|\$[^$]*\$", "x", text)
+    text = re.sub(r"``[^`]*``|`[^`]*`|\$[^$]*\$", "x", text)
     return re.sub(r"^\||\]\([^)]*\)|^ *\w+:(?= )", "", text, flags=re.M)
 
 

@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 from shlex import quote
 
-from descentflow.cli.options import one_or_several
+from descentflow.cli.options import one_or_several, pairs
 
 
 def run(
@@ -17,6 +17,9 @@ def run(
     any_type: bool = False,
     bada_dir: Path | None = None,
     air: list[str] | None = None,
+    column: list[str] | None = None,
+    simulator_column: list[str] | None = None,
+    simulator_name: str | None = None,
     channels: str | None = None,
     catalogue: Path | None = None,
     previous: Path | None = None,
@@ -43,6 +46,10 @@ def run(
         air: for a model that was fitted with data.air: where the air of these flights is known from: measured (their
             own reports; default for a model fitted with measured), or a weather field: a NetCDF or GRIB file by
             pressure level, several, or a folder of them
+        column (NAME=COLUMN): column of the real rows' tables for a name of the rows, as in `descentflow prepare`:
+            altitude=alt_ft, or altitude=alt_m*3.2808; may be given again
+        simulator_column (NAME=COLUMN): the same of the rows of the simulator's flights
+        simulator_name: name of the simulator on the page (default: the simulator)
         channels: use these alone, for instance IAS,Mach,TAS,groundspeed (default: all)
         catalogue (FILE.py): effects of your own that may be named beside the package's: classes or instances of
             descentflow.effects.Effect in this Python file, which is run
@@ -63,6 +70,9 @@ def run(
             nearest_type=nearest_type,
             any_type=any_type,
             air=one_or_several(air),
+            columns=pairs("--column", column or []),
+            simulator_columns=pairs("--simulator-column", simulator_column or []),
+            simulator_name=simulator_name,
             bada_dir=bada_dir,
             channels=[name.strip() for name in channels.split(",")] if channels else None,
             catalogue=catalogue,

@@ -17,7 +17,7 @@ from descentflow.diagnosis.procedure import run
 from descentflow.diagnosis.report.gap_report import FILES, GapReport
 from descentflow.diagnosis.simulator_flights import SignatureSource
 from descentflow.effects import EFFECTS, Effect, checked_catalogue
-from descentflow.effects.user_catalogue import effects_of_file
+from descentflow.effects.user_catalogue import effects_of_file, lines_named
 from descentflow.measurements.quantity_registry import CHANNELS
 from descentflow.representation.own_air import AirSource
 
@@ -37,6 +37,9 @@ def diagnose(
     out: str | Path | None = None,
     any_type: bool = False,
     air: AirSource | None = None,
+    columns: Mapping[str, str] | None = None,
+    simulator_columns: Mapping[str, str] | None = None,
+    simulator_name: str | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> GapReport:
     """Say where a simulator and real descents differ, which unmodelled effect causes it, and how far it shrinks.
@@ -68,6 +71,9 @@ def diagnose(
             they are left out, counted and named.
         air: Where the real flights' air is known from, for a model that knows the air of its own: ``measured``, or a
             weather field; the former if absent, which a model fitted by a field refuses.
+        columns: Name in a row -> column of the real rows' tables, for instance `{"altitude": "alt_ft"}`.
+        simulator_columns: The same of the rows of a simulator's flights.
+        simulator_name: Name of the simulator on the page and in the terminal; "the simulator" if absent.
         progress: Called with what is being done.
 
     Returns:
@@ -110,16 +116,18 @@ def diagnose(
     wanted = _channels(channels)
     effects, user_files = _catalogue(catalogue, say)
     source = SignatureSource(typecode, bada_dir, nearest_type)
-    opened = open_both(real, simulator, source, say, any_type=any_type, air=air)
+    named = {"columns": columns, "simulator_columns": simulator_columns}
+    opened = open_both(real, simulator, source, say, any_type=any_type, air=air, **named)
     made = opened.provenance({"seed": str(seed), "channels": ", ".join(wanted)})
     made = replace(made, user_files=user_files)
     if out is not None:
         check_no_other_report(out, previous, made)
-    settings = Settings(opened.simulator, effects, wanted, seed, say)
+    diagnosed = replace(opened.simulator, name=simulator_name or opened.simulator.name)
+    settings = Settings(diagnosed, effects, wanted, seed, say)
     if previous is not None:
         before = previous_round(previous, made, opened.simulator.aircraft.typecode)
         settings = replace(settings, previous=before, previous_name=str(previous))
-    with one_thread():
+    with one_thread(), lines_named(catalogue if isinstance(catalogue, str | Path) else None):
         report = replace(run(opened.frame, settings, opened.dropped), provenance=made)
         if out is not None:
             say("writing the report")
@@ -135,7 +143,8 @@ def _catalogue(
         return checked_catalogue(EFFECTS if catalogue is None else catalogue), []
     say(f"running {catalogue}")
     own = effects_of_file(catalogue, frozenset(EFFECTS))
-    return checked_catalogue({**EFFECTS, **own}), [Path(catalogue).name]
+    with lines_named(catalogue):
+        return checked_catalogue({**EFFECTS, **own}), [Path(catalogue).name]
 
 
 def _channels(channels: Sequence[str] | None) -> tuple[str, ...]:

@@ -1,7 +1,7 @@
 """Real flights and the simulator opened together: one cleaning for both, and where either comes from."""
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -71,6 +71,8 @@ def open_both(
     *,
     any_type: bool = False,
     air: AirSource | None = None,
+    columns: Mapping[str, str] | None = None,
+    simulator_columns: Mapping[str, str] | None = None,
 ) -> Opened:
     """Open real flights and the simulator that they are compared with.
 
@@ -82,6 +84,8 @@ def open_both(
         any_type: Whether real flights of other types than a checkpoint's or a nominal descent's are taken too; if not,
             they are left out and counted.
         air: Where the real flights' air is known from, for a model that knows the air of its own.
+        columns: Name in a row -> column of the real rows' tables.
+        simulator_columns: The same of the simulator's rows.
 
     Raises:
         AircraftError: If a type has no coefficients.
@@ -109,7 +113,15 @@ def open_both(
             mend="leave the air out",
         )
     if kind == "flights":
-        return _with_flights(real, simulator, source, say)
+        say("reading flights")
+        pair = open_pair(real, simulator, columns=columns, simulator_columns=simulator_columns, progress=say)
+        return _with_flights(real, simulator, source, pair)
+    if simulator_columns:
+        raise ConfigError(
+            "columns of a simulator that is not given as flights",
+            expected="them for rows of its flights",
+            mend="leave them out; columns of the real rows are `columns` (--column)",
+        )
     check_no_source(source, "a checkpoint" if kind == "model" else "a type")
     found = open_simulator(simulator, source.bada_dir)
     say("reading flights")
@@ -120,7 +132,10 @@ def open_both(
             expected="the checkpoint that `descentflow fit` wrote, or flights",
             mend="diagnose what it flies: corrected.parquet beside it, or samples (descentflow sample) as --simulator",
         )
-    descents = open_descents(real, progress=say) if parts is None else comparable_descents(real, parts, progress=say)
+    if parts is None:
+        descents = open_descents(real, columns=columns, progress=say)
+    else:
+        descents = comparable_descents(real, parts, columns=columns, progress=say)
     own = input_of_flights(name_of(real), descents)
     frame, others = (descents.reported, {}) if any_type else of_its_type(descents.reported, found)
     if any_type:
@@ -148,9 +163,8 @@ def open_both(
     return Opened(frame, found, own, input_of_simulator(found), {**_rows_dropped(descents), **others, **seen})
 
 
-def _with_flights(real: Any, simulator: Any, source: SignatureSource, say: Callable[[str], None]) -> Opened:
-    say("reading flights")
-    first, second = open_pair(real, simulator, progress=say)
+def _with_flights(real: Any, simulator: Any, source: SignatureSource, pair: tuple[Descents, Descents]) -> Opened:
+    first, second = pair
     sides = of_one_type(first.reported, second.reported)
     name = name_of(simulator)
     found = simulator_of_flights(sides.simulator, sides.typecodes, source, name)

@@ -1,18 +1,23 @@
 """Checks of a catalogue of effects: names, words, channels and parameters."""
 
 from collections.abc import Mapping
+from pathlib import Path
+from typing import NoReturn
+
+import torch
 
 from descentflow.core.errors import ConfigError
 from descentflow.effects.effect import Effect
-from descentflow.measurements.quantity_registry import CHANNELS
+from descentflow.effects.example_flights import example_flights
+from descentflow.measurements.quantity_registry import CHANNELS, QUANTITIES
 
 
 def checked_catalogue(catalogue: Mapping[str, Effect]) -> Mapping[str, Effect]:
     """The catalogue, unless it cannot be used.
 
     Raises:
-        ConfigError: If it is empty, an effect stands under another name than its own or has no parameters, or names
-            channels that do not exist.
+        ConfigError: If it is empty, an effect stands under another name than its own or has no parameters, names
+            channels that do not exist, or shifts what cannot be shifted.
 
     Example:
         >>> from descentflow.effects import EFFECTS
@@ -42,4 +47,31 @@ to mend it, write {effect.name: effect}
                 expected=f"some of {', '.join(CHANNELS)}",
                 mend="correct its `needs` or `splits`",
             )
+        if not type(effect).__module__.startswith("descentflow."):
+            _check_shift(effect)
     return catalogue
+
+
+def _check_shift(effect: Effect) -> None:
+    """Try the shift of an effect of the user's own on a few flights."""
+    state, theta = example_flights(), effect.start() + torch.tensor([p.scale for p in effect.parameters]).double()
+    shift = effect.shift(state, effect.clamp(theta))
+    if not isinstance(shift, Mapping):
+        _refuse(effect, f"a {type(shift).__name__}", "a dictionary of quantities")
+    n, bands = state.cas_mps.shape
+    for name, change in shift.items():
+        if name not in QUANTITIES:
+            _refuse(effect, f"the quantity {name!r}", f"some of {', '.join(QUANTITIES)}")
+        shape = (n, bands) if QUANTITIES[name].by_band else (n,)
+        if not isinstance(change, torch.Tensor) or tuple(change.shape) != shape:
+            got = tuple(change.shape) if isinstance(change, torch.Tensor) else type(change).__name__
+            _refuse(effect, f"{got} for {name}", f"a tensor {shape}: flights{' and bands' if len(shape) > 1 else ''}")
+        if not bool(change.isfinite().all()):
+            _refuse(effect, f"NaN or infinity for {name}", "numbers")
+
+
+def _refuse(effect: Effect, got: str, expected: str) -> NoReturn:
+    """Raise an error with the line where the effect's shift begins."""
+    code = type(effect).shift.__code__
+    place = f"{Path(code.co_filename).name}, line {code.co_firstlineno}"
+    raise ConfigError(f"{place}: shift of effect {effect.name!r} gives {got}", expected=expected, mend="correct it")

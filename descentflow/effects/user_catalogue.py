@@ -3,11 +3,13 @@
 import inspect
 import sys
 import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
 
-from descentflow.core.errors import ConfigError
+from descentflow.core.errors import ConfigError, DescentflowError
 from descentflow.effects.effect import Effect
 
 MODULE = "descentflow_user_effects"
@@ -72,6 +74,32 @@ def effects_of_file(path: str | Path, taken: frozenset[str] = frozenset()) -> di
     return found
 
 
+@contextmanager
+def lines_named(source: str | Path | None) -> Iterator[None]:
+    """Errors that the code of a user's file raises become errors that name its line.
+
+    Args:
+        source: The file; None for no file.
+
+    Raises:
+        ConfigError: In place of such an error.
+
+    Example:
+        >>> with lines_named(None):
+        ...     1 / 0
+        Traceback (most recent call last):
+        ZeroDivisionError: division by zero
+    """
+    try:
+        yield
+    except DescentflowError:
+        raise
+    except Exception as error:
+        if source is None or not _lines(Path(source), error):
+            raise
+        raise _failed(Path(source), error) from error
+
+
 def _run(source: Path) -> ModuleType:
     """Run the file; an error names the file's own line."""
     spec = spec_from_file_location(MODULE, source)
@@ -88,13 +116,19 @@ def _run(source: Path) -> ModuleType:
 
 
 def _failed(source: Path, error: Exception) -> ConfigError:
-    lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if Path(f.filename) == source]
+    lines = _lines(source, error)
     line = error.lineno if isinstance(error, SyntaxError) else (lines[-1] if lines else None)
     place = f"{source}" if line is None else f"{source}, line {line}"
     message = error.msg if isinstance(error, SyntaxError) else str(error)
     return ConfigError(
         f"{place}: {type(error).__name__}: {message}", expected="a file that runs", mend="correct that line"
     )
+
+
+def _lines(source: Path, error: Exception) -> list[int | None]:
+    """Lines of a file that an error came through, the last one last."""
+    frames = traceback.extract_tb(error.__traceback__)
+    return [frame.lineno for frame in frames if Path(frame.filename).absolute() == source.absolute()]
 
 
 def _effects(module: ModuleType, source: Path) -> list[Effect]:

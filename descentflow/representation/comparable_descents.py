@@ -1,7 +1,7 @@
 """Descents to hold against a model: cleaned as those that it was trained on."""
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import polars as pl
@@ -14,7 +14,11 @@ from descentflow.surveillance.open_descents import open_descents
 
 
 def comparable_descents(
-    source: Any, representation: Representation, *, progress: Callable[[str], None] | None = None
+    source: Any,
+    representation: Representation,
+    *,
+    columns: Mapping[str, str] | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> Descents:
     """Open descents that a model is compared with; rows are cleaned with the settings of its training descents.
 
@@ -24,6 +28,7 @@ def comparable_descents(
     Args:
         source: As :func:`~descentflow.surveillance.open_descents.open_descents` takes it.
         representation: The model's.
+        columns: Name in a row -> column of the rows' tables.
         progress: Called with what is being done.
 
     Raises:
@@ -39,7 +44,7 @@ def comparable_descents(
         True
     """
     if representation.cleaning is not None:
-        return open_descents(source, representation.cleaning, progress=progress)
+        return open_descents(source, representation.cleaning, columns=columns, progress=progress)
     warnings.warn(
         "the cleaning settings of this model's training descents are unknown: rows are cleaned with the default "
         "settings, and prepared descents are taken as they are; fit the model again to have it keep its settings",
@@ -47,7 +52,7 @@ def comparable_descents(
         stacklevel=2,
     )
     lowest = Cleaning(bottom_fl=int(representation.decoder.levels_fl[0]))
-    return open_descents(source, rows_cleaning=lowest, progress=progress)
+    return open_descents(source, rows_cleaning=lowest, columns=columns, progress=progress)
 
 
 def tell_other_types(descents: pl.DataFrame, representation: Representation) -> None:

@@ -5,13 +5,13 @@ because it cleans rows.
 """
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 
-from descentflow.core.errors import DataError, DescentflowWarning
+from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.core.tabular import from_pandas, is_pandas
 from descentflow.surveillance.cleaning.kept_settings import differences_in_words, different_settings
 from descentflow.surveillance.cleaning.thresholds import Cleaning
@@ -31,6 +31,7 @@ def open_descents(
     cleaning: Cleaning | None = None,
     *,
     rows_cleaning: Cleaning | None = None,
+    columns: Mapping[str, str] | None = None,
     progress: Say | None = None,
 ) -> Descents:
     """Descents of rows or of what was prepared from them, in memory or as a path.
@@ -42,9 +43,11 @@ def open_descents(
         cleaning: Settings that the descents must have: rows are cleaned with them, and of prepared descents that were
             cleaned with others a warning names every setting that differs. None if any will do.
         rows_cleaning: Settings for rows where ``cleaning`` is None; the defaults if absent.
+        columns: Name in a row -> column of the rows' tables, as `prepare` has it.
         progress: Progress callback, called with each stage and the settings that rows are cleaned with.
 
     Raises:
+        ConfigError: If columns are named of descents that are prepared.
         DataError: If there is nothing there, it cannot be read, or prepared files of different settings are put
             together.
 
@@ -59,7 +62,8 @@ def open_descents(
     """
     descents = prepared_descents(source)
     if descents is None:
-        return cleaned_rows(source, cleaning or rows_cleaning or Cleaning(), progress)
+        return cleaned_rows(source, cleaning or rows_cleaning or Cleaning(), progress, columns)
+    check_no_columns(columns)
     if cleaning is not None:
         _compare(descents, cleaning)
     return descents
@@ -193,13 +197,36 @@ def _in_memory(source: Any) -> Descents | None:
     return Descents(table, known)
 
 
-def cleaned_rows(rows: Any, cleaning: Cleaning, progress: Say | None = None) -> Descents:
+def check_no_columns(columns: Mapping[str, str] | None) -> None:
+    """Refuse names of columns for descents that are prepared.
+
+    Raises:
+        ConfigError: If there are any.
+
+    Example:
+        >>> check_no_columns({"altitude": "alt_ft"})
+        Traceback (most recent call last):
+        descentflow.core.errors.ConfigError: columns of prepared descents (altitude=alt_ft); expected columns of ...
+    """
+    if columns:
+        words = ", ".join(f"{name}={column}" for name, column in columns.items())
+        raise ConfigError(
+            f"columns of prepared descents ({words})",
+            expected="columns of rows",
+            mend="leave them out, for prepared descents have names of their own",
+        )
+
+
+def cleaned_rows(
+    rows: Any, cleaning: Cleaning, progress: Say | None = None, columns: Mapping[str, str] | None = None
+) -> Descents:
     """Rows cleaned to descents; the settings are said where they are not the default ones.
 
     Args:
         rows: As :func:`~descentflow.surveillance.prepare.prepare` takes them.
         cleaning: Settings.
         progress: Progress callback, called with each stage and the settings.
+        columns: Name in a row -> column of the rows' tables.
 
     Raises:
         DataError: As :func:`~descentflow.surveillance.prepare.prepare`.
@@ -214,7 +241,7 @@ def cleaned_rows(rows: Any, cleaning: Cleaning, progress: Say | None = None) -> 
     differences = different_settings(Cleaning(), cleaning)
     changed = ", ".join(f"{name} {value}" for name, (_, value) in differences.items())
     say(f"cleaning rows with {changed or 'the default settings'}")
-    return prepare(rows, cleaning=cleaning, progress=say)
+    return prepare(rows, cleaning=cleaning, columns=columns, progress=say)
 
 
 def _compare(descents: Descents, cleaning: Cleaning) -> None:

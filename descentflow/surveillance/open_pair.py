@@ -1,7 +1,7 @@
 """Two sets of descents that are compared: both cleaned with one set of settings."""
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -9,13 +9,20 @@ from descentflow.core.errors import DescentflowWarning
 from descentflow.surveillance.cleaning.kept_settings import differences_in_words, different_settings
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents
-from descentflow.surveillance.open_descents import cleaned_rows, prepared_descents
+from descentflow.surveillance.open_descents import check_no_columns, cleaned_rows, prepared_descents
 
 SIDES = ("the real descents", "the simulator's descents")
 """Names of the two sides in warnings."""
 
 
-def open_pair(real: Any, simulator: Any, *, progress: Callable[[str], None] | None = None) -> tuple[Descents, Descents]:
+def open_pair(
+    real: Any,
+    simulator: Any,
+    *,
+    columns: Mapping[str, str] | None = None,
+    simulator_columns: Mapping[str, str] | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> tuple[Descents, Descents]:
     """Open real descents and those of a simulator, through the same cleaning.
 
     Rows of either side are cleaned with the settings of the other side's prepared descents; with the default settings
@@ -24,9 +31,12 @@ def open_pair(real: Any, simulator: Any, *, progress: Callable[[str], None] | No
     Args:
         real: As :func:`~descentflow.surveillance.open_descents.open_descents` takes it.
         simulator: The same, of the simulator.
+        columns: Name in a row -> column of the real rows' tables.
+        simulator_columns: The same of the simulator's rows.
         progress: Called with what is being done.
 
     Raises:
+        ConfigError: If columns are named of descents that are prepared.
         DataError: If either cannot be read or used.
 
     Warns:
@@ -41,11 +51,12 @@ def open_pair(real: Any, simulator: Any, *, progress: Callable[[str], None] | No
     found = [prepared_descents(real), prepared_descents(simulator)]
     settings = _settings(found)
     _compare(found)
-    first, second = (
-        descents if descents is not None else cleaned_rows(source, settings, progress)
-        for source, descents in zip((real, simulator), found, strict=True)
-    )
-    return first, second
+    opened = []
+    for source, named, descents in zip((real, simulator), (columns, simulator_columns), found, strict=True):
+        if descents is not None:
+            check_no_columns(named)
+        opened.append(cleaned_rows(source, settings, progress, named) if descents is None else descents)
+    return opened[0], opened[1]
 
 
 def _settings(found: list[Descents | None]) -> Cleaning:

@@ -6,9 +6,9 @@ import pytest
 import torch
 
 from descentflow.core.errors import ConfigError
-from descentflow.effects import EFFECTS
+from descentflow.effects import EFFECTS, checked_catalogue
 from descentflow.effects.example_flights import example_flights
-from descentflow.effects.user_catalogue import effects_of_file
+from descentflow.effects.user_catalogue import effects_of_file, lines_named
 
 GUSTS = '''
 from dataclasses import dataclass
@@ -76,3 +76,29 @@ def test_files_that_are_not_there_or_no_python_are_refused(tmp_path: Path) -> No
     (tmp_path / "own.txt").write_text(GUSTS)
     with pytest.raises(ConfigError, match="no Python file"):
         effects_of_file(tmp_path / "own.txt")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ("{'noise': 0}", r"own.py, line 12: shift of effect 'gusts' gives the quantity 'noise'; expected some of rate"),
+        (
+            "{'rate': theta[0]}",
+            r"own.py, line 12: shift of effect 'gusts' gives \(\) for rate; expected a tensor \(6, 11\)",
+        ),
+        ("{'noise_rate': 0.1}", r"line 12: .* gives float for noise_rate; expected a tensor \(6,\): flights;"),
+        ("{'rate': float('nan') * state.cas_mps}", r"line 12: .* gives NaN or infinity for rate; expected numbers"),
+        ("theta", r"line 12: .* gives a Tensor; expected a dictionary"),
+        ("state.no_such_thing", r"own.py, line 13: AttributeError: .*no_such_thing"),
+    ],
+)
+def test_a_shift_that_cannot_be_used_is_refused_with_its_line(tmp_path: Path, wrong: str, message: str) -> None:
+    right = '{"noise_rate": theta[0].expand(len(state.cas_mps))}'
+    path = file(tmp_path, GUSTS.replace(right, wrong))
+    with pytest.raises(ConfigError, match=message), lines_named(path):
+        checked_catalogue(effects_of_file(path))
+
+
+def test_an_error_of_the_package_keeps_its_own_lines(tmp_path: Path) -> None:
+    with pytest.raises(ZeroDivisionError), lines_named(file(tmp_path, GUSTS)):
+        1 / 0  # noqa: B018

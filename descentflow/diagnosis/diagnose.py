@@ -94,10 +94,10 @@ def diagnose(
 
     Example:
         >>> print(diagnose("rows.parquet", "best.ckpt"))
-        best.ckpt and the 120 real A320 flights differ by no more than chance would (p = ...).
-        From FL... down to FL150 both take, fly and descend alike, to within ... s, ... NM and ... ft/min.
-        No effect is named, and nothing need be changed.
-        96 of the 120 real flights are some that best.ckpt was trained or validated on, and are no test of it...
+        No difference beyond chance between the simulator and the 120 real A320 flights (p = ...).
+        ...
+        96 of the 120 real flights are some that the simulator was trained or validated on. They are no test of it.
+        ...
         >>> diagnose("descents.parquet", "A320").causes[0].parameters["relative_change"].unit  # lighter than nominal
         '1'
         >>> diagnose("rows.parquet", "descents.parquet").verdict  # flights of a simulator, here the same ones

@@ -70,9 +70,9 @@ class Crossovers:
         """Those of the flights at these positions."""
         return Crossovers(self.mach_share[index], self.altitude_m)
 
-    def up_to(self, n_levels: int) -> "Crossovers":
-        """The same on the lowest levels."""
-        return Crossovers(self.mach_share[:, :n_levels], self.altitude_m[:n_levels])
+    def levels(self, low: int, high: int) -> "Crossovers":
+        """The same on the levels from an index up to another."""
+        return Crossovers(self.mach_share[:, low:high], self.altitude_m[low:high])
 
     def quantile_m(self, share: float) -> Tensor:
         """Altitude (n,) below which the crossover lies with this probability; infinite where that is off the grid."""

@@ -5,11 +5,14 @@ from typing import Literal
 
 import torch
 
+from descentflow.core.errors import DataError
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Split
 
 Part = Literal["train", "validation", "test"]
 PARTS: tuple[Part, ...] = ("train", "validation", "test")
+FEWEST_ON_A_LEVEL = 2
+"""Training flights that must show a level: of one there is no variance."""
 REACHED_BY = 0.25
 """The grid ends at the highest level that this share of the training flights reach (paper, appendix A)."""
 
@@ -33,6 +36,40 @@ def top_level(train: Profiles, among: list[int] | None = None) -> int:
     entries = train.levels_fl[entry].sort(descending=True).values
     needed = -(-len(entries) * int(REACHED_BY * 100) // 100)
     return int(entries[needed - 1])
+
+
+def levels_shown(train: Profiles) -> tuple[float, float]:
+    """Ends (flight levels) of the part of the grid of which two training flights or more show every level.
+
+    Of several such parts, with gaps between them, it is the one that shows most.
+
+    Args:
+        train: Training flights.
+
+    Raises:
+        DataError: If no two of them show any level, or one level alone.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.representation.profiles import profiles_from_frame
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> levels_shown(profiles_from_frame(read_descents("descents.parquet").frame, aircraft("A320"), 150))
+        (150.0, 380.0)
+    """
+    counts = train.mask.sum(0)
+    shown = counts >= FEWEST_ON_A_LEVEL
+    # Levels of one part have as many levels below them that are not shown.
+    part = torch.where(shown, (~shown).cumsum(0), -1)
+    parts = [part == number for number in sorted(set(part[shown].tolist()))]
+    best = max(parts, key=lambda one: int(counts[one].sum()), default=shown)
+    levels = train.levels_fl[best]
+    if len(levels) < 2:
+        raise DataError(
+            f"{len(train)} training flights, of which no two show the same levels",
+            expected="levels, one after the other, that two training flights or more show",
+            mend="prepare more descents",
+        )
+    return float(levels[0]), float(levels[-1])
 
 
 def rest_is_test(flight_ids: tuple[str, ...], split: Split, known_as: Mapping[str, str] | None = None) -> Split:
@@ -66,7 +103,7 @@ def with_levels(profiles: Profiles, say: Callable[[str], None]) -> Profiles:
         >>> from descentflow.representation.profiles import profiles_from_frame
         >>> from descentflow.surveillance.descents.prepared_descents import read_descents
         >>> flights = profiles_from_frame(read_descents("descents.parquet").frame, aircraft("A320"), 150)
-        >>> len(flights), len(with_levels(flights.up_to(150), print))  # one level is left
+        >>> len(flights), len(with_levels(flights.between(150, 150), print))  # one level is left
         left out 120 flight(s) with fewer than two levels on the grid
         (120, 0)
     """

@@ -80,19 +80,19 @@ class Profiles:
             air=None if self.air is None else self.air.rows(chosen),
         )
 
-    def up_to(self, top_fl: int) -> "Profiles":
-        """The same flights, on the levels up to and including ``top_fl`` only."""
-        n = int((self.levels_fl <= top_fl).sum())
+    def between(self, bottom_fl: float, top_fl: float) -> "Profiles":
+        """The same flights, on the levels from ``bottom_fl`` up to and including ``top_fl`` only."""
+        low, high = int((self.levels_fl < bottom_fl).sum()), int((self.levels_fl <= top_fl).sum())
         return Profiles(
             self.flight_ids,
-            self.levels_fl[:n],
-            self.time_s[:, :n],
-            self.cas_mps[:, :n],
-            self.rate_mps[:, :n],
-            self.drag_n[:, :n],
-            self.mask[:, :n],
-            None if self.crossovers is None else self.crossovers.up_to(n),
-            None if self.air is None else self.air.levels(0, n),
+            self.levels_fl[low:high],
+            self.time_s[:, low:high],
+            self.cas_mps[:, low:high],
+            self.rate_mps[:, low:high],
+            self.drag_n[:, low:high],
+            self.mask[:, low:high],
+            None if self.crossovers is None else self.crossovers.levels(low, high),
+            None if self.air is None else self.air.levels(low, high),
         )
 
 

@@ -1,6 +1,7 @@
 """The one DataModule: splits by flight, fits the representation on the train part, serves what flights show."""
 
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,7 @@ from descentflow.representation.encode_flights import (
 )
 from descentflow.representation.evidence import Evidence
 from descentflow.representation.flight_contexts import without_missing
-from descentflow.representation.flight_parts import Part, one_part, places, top_level, with_levels
+from descentflow.representation.flight_parts import Part, levels_shown, one_part, places, top_level, with_levels
 from descentflow.representation.fpca.gappy import Method
 from descentflow.representation.held_speed import HeldSpeed, as_held
 from descentflow.representation.linear_curves import Gaps, evidence_of, has_noise_model
@@ -75,7 +76,7 @@ class DescentDataModule(LightningDataModule):
         typecodes: str | list[str] | None = None,
         bottom_fl: int | None = None,
         mass_kg: PositiveFloat | None = None,
-        test_fraction: OpenUnitInterval = 0.2,
+        test_fraction: ClosedUnitInterval = 0.2,
         validation_fraction: ClosedUnitInterval = 0.1,
         split_by: SplitBy = "flight",
         seed: NotNegativeInt = 0,
@@ -106,7 +107,7 @@ class DescentDataModule(LightningDataModule):
             typecodes: Keep these types of the descents (A320, or A320,A20N); all if absent.
             bottom_fl: Lowest level of the grid; the one that the descents were prepared with if absent.
             mass_kg: Mass that infers and flies the drag; the type's reference mass if absent.
-            test_fraction: Share of the flights held out for test.
+            test_fraction: Share of the flights held out for test; with zero, none are.
             validation_fraction: Share of the other flights held out for validation; with zero, the training flights
                 serve for it.
             split_by: What the split never tears apart: a flight, or an aircraft with all its flights.
@@ -154,6 +155,7 @@ class DescentDataModule(LightningDataModule):
         self.air, self.drag_scale = air, drag_scale
         self._evidence: dict[Part, Evidence] = {}
         self._representation: Representation | None = None
+        self._grid: list[float] = []
         self._parts: dict[Part, EncodedFlights] = {}
 
     def setup(self, stage: str | None = None) -> None:
@@ -182,6 +184,14 @@ class DescentDataModule(LightningDataModule):
                 self._parts = encode_parts(read.profiles, read.split, decoder, read.table, encoder, rank_zero_info)
         self._representation = representation
         rank_zero_info(summary_of(self._parts, representation))
+
+    def of_all_flights(self) -> "DescentDataModule":
+        """The same descents, options and levels, with no flight held out; not set up yet."""
+        other = copy(self)
+        other._grid = self.representation.decoder.levels_fl[[0, -1]].tolist()
+        other.test_fraction = other.validation_fraction = 0.0
+        other._evidence, other._representation, other._parts = {}, None, {}
+        return other
 
     @property
     def representation(self) -> Representation:
@@ -258,11 +268,16 @@ class DescentDataModule(LightningDataModule):
         flown_by = at_mass(own_type, self.mass_kg)
         profiles, kept_air, airs = in_air_asked(profiles, frame, flown_by, split, self.air, rank_zero_info)
         levels, seen = profiles.levels_fl, [*split.train, *split.validation]
+        profiles = _on_levels_shown(profiles.between(*self._grid) if self._grid else profiles, split)
+        low, high = profiles.levels_fl[[0, -1]].tolist()
         shown = frame.drop(source.computed, strict=False)
         if kept_air is not None and airs is not None:
             # By reports, those that were computed from others say nothing.
             own = airs if kept_air.source == "field" else airs_as_kept(shown, levels, kept_air)
             shown = in_standard_air(shown, flown_by, own, levels)
+            of_training = one_part(profiles, split, "train").air
+            assert of_training is not None
+            kept_air = replace(kept_air, training=of_training)
         return _Read(
             profiles,
             split,
@@ -270,7 +285,7 @@ class DescentDataModule(LightningDataModule):
             own_type,
             provenance,
             air=kept_air,
-            reference=reference_state(shown, float(levels[0]), float(levels[-1]), seen),
+            reference=reference_state(shown, low, high, seen),
             context=self._encoder(table, split),
             cleaning=cleaning_told(source),
             seen=SeenFlights.of(frame, split.train, split.validation),
@@ -297,7 +312,8 @@ class DescentDataModule(LightningDataModule):
                 validation_fraction=self.validation_fraction,
                 seed=self.seed,
             )
-            return profiles.up_to(top_level(profiles, places(profiles, split, "train"))), split
+            top = max([top_level(profiles, places(profiles, split, "train")), *self._grid[1:]])
+            return profiles.between(bottom, top), split
 
         asked: HeldSpeed = "cas" if self.speed == "auto" and self.fpca == "iterative" else self.speed
         profiles, split = as_held(asked, made, lambda made: one_part(*made, "train"), rank_zero_info)
@@ -322,6 +338,22 @@ class DescentDataModule(LightningDataModule):
         fitted.reference, fitted.cleaning, fitted.seen = read.reference, read.cleaning, read.seen
         fitted.gaps = self.gaps if has_noise_model(fitted.decoder) else "filled"
         return fitted
+
+
+def _on_levels_shown(profiles: Profiles, split: Split) -> Profiles:
+    """The flights on the levels that two training flights or more show."""
+    whole = profiles.levels_fl
+    ends = levels_shown(one_part(profiles, split, "train"))
+    while ends != (float(profiles.levels_fl[0]), float(profiles.levels_fl[-1])):
+        profiles = with_levels(profiles.between(*ends), rank_zero_info)
+        # Flights that had one level left are gone, and with them maybe the second flight of a level.
+        ends = levels_shown(one_part(profiles, split, "train"))
+    if len(profiles.levels_fl) < len(whole):
+        rank_zero_info(
+            f"grid FL{ends[0]:.0f}-{ends[1]:.0f}, not FL{whole[0]:.0f}-{whole[-1]:.0f}: beyond it a level is shown by "
+            "fewer than two training flights; more descents widen it"
+        )
+    return profiles
 
 
 def data_of(trainer: Trainer) -> DescentDataModule:

@@ -24,7 +24,7 @@ def split_flights(
     Args:
         flight_ids: One identifier per flight.
         groups: The group of each flight, whose flights stay in one part: the flight itself, or its aircraft.
-        test_fraction: Share of the groups for test.
+        test_fraction: Share of the groups for test; zero for none.
         validation_fraction: Share of the remaining groups for validation; zero for none.
         seed: The same identifiers, in any order, and the same seed give the same split.
 
@@ -39,14 +39,15 @@ def split_flights(
     """
     names = sorted(set(groups))
     order = np.random.default_rng(seed).permutation(len(names))
-    n_test = max(round(test_fraction * len(names)), 1)
+    n_test = max(round(test_fraction * len(names)), 1) if test_fraction > 0 else 0
     n_validation = max(round(validation_fraction * (len(names) - n_test)), 1) if validation_fraction > 0 else 0
     part_of = {names[i]: 0 if k < n_test else 1 if k < n_test + n_validation else 2 for k, i in enumerate(order)}
     parts: tuple[list[str], list[str], list[str]] = ([], [], [])
     for flight, group in zip(flight_ids, groups, strict=True):
         parts[part_of[group]].append(flight)
     test, validation, train = (tuple(sorted(part)) for part in parts)
-    if len(train) < 2 or not test or (validation_fraction > 0 and not validation):
+    wanted = (test, test_fraction), (validation, validation_fraction)
+    if len(train) < 2 or any(share > 0 and not part for part, share in wanted):
         raise DataError(
             f"{len(flight_ids)} flight(s) in {len(names)} group(s), too few to split",
             expected="at least two flights to train on and one each to validate and to test",

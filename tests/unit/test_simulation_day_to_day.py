@@ -186,7 +186,7 @@ def test_about_as_many_components_explain_a_large_types_flights_as_the_papers(
     config = replace(config, low_top_share=0.0, top_range=(high - 0.03, high), gap_share=0.0, level_off_share=0.0)
     world = simulate(aircraft, 1000, 2, replace(config, managed_share=0.0, interval_s=2, step_s=2.0))
     profiles = profiles_from_frame(prepare(world.rows, typecode=typecode).frame, aircraft, 150)
-    profiles = profiles.up_to(top_level(profiles))
+    profiles = profiles.between(150, top_level(profiles))
     whole = profiles.mask.all(1)
     assert whole.sum() > 200
     assert abs(components(profiles.drag_n[whole]) - drag) <= 4  # the E190 has 10

@@ -86,6 +86,23 @@ def test_the_grid_ends_where_a_quarter_of_the_training_flights_still_reach(desce
     assert top == reached.max() or (reached >= top + 1).mean() < 0.25
 
 
+@pytest.mark.parametrize(
+    ("hidden", "grid"), [((360, 369), (150, 359)), ((100, 160), (161, 370)), ((180, 200), (201, 370))]
+)
+def test_the_grid_ends_where_two_training_flights_are_left(
+    descents: Path, tmp_path: Path, hidden: tuple[int, int], grid: tuple[int, int], caplog: pytest.LogCaptureFixture
+) -> None:
+    """At both ends, and at a gap, beyond which the part is taken that shows most."""
+    one = pl.col("flight_id") == module(descents).representation.split.train[0]
+    data = module(rewritten(descents, tmp_path / "some.parquet", keep=one | ~pl.col("level_fl").is_between(*hidden)))
+    assert data.representation.decoder.levels_fl[[0, -1]].tolist() == list(grid)
+    assert (data.profiles("train").mask.sum(0) >= 2).all()
+    assert f"grid FL{grid[0]}-{grid[1]}, not FL150-" in caplog.text
+    every = data.of_all_flights()
+    every.setup()
+    assert torch.equal(every.representation.decoder.levels_fl, data.representation.decoder.levels_fl)
+
+
 def test_top_level_of_four_flights_is_the_highest() -> None:
     profiles = toys.flights(4, gappy=True)
     assert top_level(profiles) == int(profiles.levels_fl[profiles.entry_level.max()])

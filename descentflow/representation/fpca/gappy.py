@@ -240,7 +240,7 @@ def _check_counts(values: Tensor, mask: Tensor, whole: bool) -> None:
         raise DataError(
             f"{len(thin)} level(s) observed by fewer than two training flights, the first at index {int(thin[0])}",
             expected="at least two flights on every level of the grid",
-            mend="prepare more descents, or choose a higher lowest level (--data.bottom_fl)",
+            mend="prepare more descents, or leave these levels out",
         )
 
 

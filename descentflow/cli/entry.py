@@ -45,7 +45,7 @@ commands, in the order of the data's path:
   descentflow simulate --typecode A320 --flights 2000 --out rows.parquet
   descentflow prepare rows.parquet --out descents.parquet
   descentflow fit --model Gaussian --data.descents descents.parquet
-  descentflow sample runs/Gaussian/version_0/checkpoints/best.ckpt -n 1000 --out samples.parquet
+  descentflow sample runs/Gaussian/version_0/checkpoints/final.ckpt -n 1000 --out samples.parquet
 """
 
 

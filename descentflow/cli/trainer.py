@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import CheckpointError, ConfigError
 from descentflow.core.settings_file import read_settings
 from descentflow.core.threads import one_thread_unless_told
-from descentflow.representation.read_checkpoint import SECTION, read_checkpoint
+from descentflow.representation.read_checkpoint import HELD_OUT, SECTION, read_checkpoint
 from descentflow.training import models
 from descentflow.training.callbacks.failed_run import RemoveFailedRun, WholeConfig
 from descentflow.training.callbacks.kept_epochs import KeptEpochs, WholeCheckpoints
@@ -25,6 +26,7 @@ from descentflow.training.callbacks.log_prob_writer import WriteLogProb
 from descentflow.training.callbacks.score_callback import ScoreCallback
 from descentflow.training.callbacks.show_progress import ShowProgress
 from descentflow.training.datamodule import DescentDataModule
+from descentflow.training.final_fit import fit_to_all
 from descentflow.training.models import LatentModel
 from descentflow.training.models.latent_model import check_precision
 from descentflow.training.quiet import quiet
@@ -64,6 +66,8 @@ class DescentCLI(LightningCLI):
         """Add the callbacks that every run has, each with its own section in the config."""
         parser.add_lightning_class_args(KeptEpochs, "checkpoint")
         parser.add_lightning_class_args(ScoreCallback, "scores")
+        if self.command == "fit":
+            parser.add_argument("--final", type=bool, default=True, help="Fit again to all flights: final.ckpt.")
         parser.set_defaults(
             {
                 **{f"checkpoint.{name}": value for name, value in CHECKPOINT_DEFAULTS.items()},
@@ -114,15 +118,29 @@ class DescentCLI(LightningCLI):
                 callback.note(trainer)
         return trainer
 
+    def before_fit(self) -> None:
+        """Keep the model as it is, for the final fit."""
+        self.again = deepcopy(self.model)
+
     def after_fit(self) -> None:
-        """Say where the best epoch was written, how good it was, and what to do with it."""
+        """Fit again to all flights; say where both fits were written, how good, and what to do with them."""
         for kept in self.trainer.checkpoint_callbacks:
             if self.trainer.is_global_zero and isinstance(kept, ModelCheckpoint) and kept.monitor:
                 if kept.best_model_path:
                     log_settings(self.trainer, self.config["fit"], float(kept.best_model_score or "nan"), kept.monitor)
-                    print(_next_steps(kept))
+                    final = Path(kept.best_model_path).with_name("final.ckpt")
+                    if self.config["fit"].final:
+                        self._write_final(Path(kept.best_model_path), final)
+                    print(_next_steps(kept, final))
                 else:
                     print(NOTHING_KEPT)
+
+    def _write_final(self, best: Path, final: Path) -> None:
+        content = read_checkpoint(best)
+        self.model.restore(content)
+        fit_to_all(self.model, self.again, self.datamodule, self.trainer, content["global_step"])
+        if self.model.final is not None:
+            self.model.save(final)
 
     def after_test(self) -> None:
         """Print the likelihood; the scores are in a table."""
@@ -138,14 +156,21 @@ def _run_of(checkpoint: Path) -> Path:
         return checkpoint.parent
 
 
-def _next_steps(best: ModelCheckpoint) -> str:
-    path, here = Path(best.best_model_path), Path.cwd()
-    path = path.relative_to(here) if path.is_relative_to(here) else path
+def _next_steps(best: ModelCheckpoint, final: Path) -> str:
+    here = Path.cwd()
+    path, all_flights = (
+        one.relative_to(here) if one.is_relative_to(here) else one for one in (Path(best.best_model_path), final)
+    )
     score = "" if best.best_model_score is None else f" ({best.monitor} {float(best.best_model_score):.4g})"
-    return (
-        f"wrote {path}{score}\n"
-        f"  descentflow test --ckpt_path {path}   # scores against its held-out flights, figures\n"
-        f"  descentflow sample {path} -n 1000 --out samples.parquet"
+    lines = [f"wrote {path}{score}"]
+    if final.is_file():
+        lines.append(f"wrote {all_flights}, the same fitted to all flights")
+    return "\n".join(
+        [
+            *lines,
+            f"  descentflow test --ckpt_path {path}   # scores against its held-out flights, figures",
+            f"  descentflow sample {all_flights if final.is_file() else path} -n 1000 --out samples.parquet",
+        ]
     )
 
 
@@ -240,7 +265,14 @@ def _with_checkpoint(command: str, words: list[str]) -> list[str]:
             mend="pass the run's checkpoints/best.ckpt"
             + ("; the rest of descents, df.predict, is `descentflow predict-descent`" if command == "predict" else ""),
         )
-    model = str(read_checkpoint(checkpoint)[SECTION].get("model", "")).removesuffix("Density")
+    content = read_checkpoint(checkpoint)
+    if HELD_OUT in content:
+        raise CheckpointError(
+            f"{checkpoint}, a final fit, to all flights",
+            expected="the fit that held flights out",
+            mend=f"pass the run's best.ckpt; `descentflow evaluate {checkpoint} --real FILE` scores the fit inside",
+        )
+    model = str(content[SECTION].get("model", "")).removesuffix("Density")
     if model not in MODELS:
         raise CheckpointError(f"{checkpoint}: no model named", expected="a whole checkpoint", mend="fit again")
     named = {name for name in ("--config", "--data", "--data.descents") if _option(words, name) is not None}

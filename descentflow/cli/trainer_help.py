@@ -3,8 +3,9 @@
 FIT = """usage: descentflow fit [--config FILE ...] [--model NAME] --data.descents FILE [options]
 
 Train a generator of descents. Options come from YAML files (--config, several are layered in order), then from
-the command line. Everything is written under runs/NAME/version_N: checkpoints/best.ckpt, checkpoints/last.ckpt,
-config.yaml and TensorBoard's events (tensorboard --logdir runs).
+the command line. Everything is written under runs/NAME/version_N: checkpoints/best.ckpt (of the best epoch, with
+flights held out, to score), checkpoints/final.ckpt (the same fitted again to all flights, to sample),
+checkpoints/last.ckpt, config.yaml and TensorBoard's events (tensorboard --logdir runs).
 
 what to train
   --model NAME                   Gaussian, GaussianMixture, MaskedAffineFlow or SplineFlow
@@ -23,6 +24,7 @@ on what
   --data.explained_variance 0.8  share of variance that the fPCA components of drag explain
   --data.cas_explained_variance 0.95
                                  the same of CAS; if absent 0.95 of 150 training flights and more
+  --final false                  no final.ckpt; halves the time
 how long
   --trainer.max_epochs N
   --trainer.logger.name NAME     folder under runs/

@@ -20,7 +20,7 @@ from descentflow.training.models import MODULES
 
 TOP = (
     *("config", "model", "data", "trainer", "scores", "checkpoint", "optimizer", "lr_scheduler", "ckpt_path"),
-    *("seed_everything", "weights_only", "print_config", "verbose", "help", "help_all"),
+    *("seed_everything", "weights_only", "print_config", "verbose", "final", "help", "help_all"),
 )
 MODELS = tuple(sorted(set(MODULES) - {"LatentModel"}))
 IN_PYTHON = ("gaussian", "mixture", "flow", "spline")

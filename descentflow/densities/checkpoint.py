@@ -15,13 +15,15 @@ from descentflow.core.version import __version__
 from descentflow.densities import MODULES
 from descentflow.densities.density import Density
 from descentflow.representation.check_checkpoint import check_flies
-from descentflow.representation.read_checkpoint import FORMAT, SECTION, read_checkpoint, usable
+from descentflow.representation.read_checkpoint import FORMAT, HELD_OUT, SECTION, read_checkpoint, usable
 from descentflow.representation.representation import Representation
 
 PREFIX = "_density."
 """Prefix of the names of the density's parameters in a checkpoint."""
 UNFINISHED = "unfinished"
 """Key of a checkpoint, true if its fit was still to learn what is learnt with the density held."""
+OUTCOME = "outcome"
+"""Key of a checkpoint that is written after a fit: how good its best epoch was."""
 _BUILDING = Lock()
 
 
@@ -51,10 +53,9 @@ def load_model(path: str | Path) -> Density:
     """
     content = read_checkpoint(path)
     with usable(path):
-        density = density_of(content[SECTION])
-        saved = {k.removeprefix(PREFIX): v for k, v in content["state_dict"].items() if k.startswith(PREFIX)}
-        density.load_state_dict(saved)
-        check_flies(density.representation.decoder, density.representation.plausibility)
+        density = _built(content)
+        if HELD_OUT in content:
+            density.refitted_from(_built(content[HELD_OUT]))
         with Path(path).open("rb") as file:
             density.file = {"checkpoint": Path(path).name, "checkpoint_sha256": file_digest(file, "sha256").hexdigest()}
     if content.get(UNFINISHED):
@@ -68,11 +69,23 @@ def load_model(path: str | Path) -> Density:
     return density.eval()
 
 
+def _built(content: dict[str, Any]) -> Density:
+    density = density_of(content[SECTION])
+    saved = {k.removeprefix(PREFIX): v for k, v in content["state_dict"].items() if k.startswith(PREFIX)}
+    density.load_state_dict(saved)
+    check_flies(density.representation.decoder, density.representation.plausibility)
+    return density.eval()
+
+
 def as_density(model: object) -> Density:
     """The density that a caller means by a path, a density, or a fitted model of :mod:`descentflow.training.models`.
 
+    Of a model that was fitted again to all flights it is the final one; that knows the held-out fit
+    (:attr:`.Density.held_out_fit`).
+
     Args:
-        model: Path of a checkpoint; a density; or anything with a public attribute ``density`` that is one.
+        model: Path of a checkpoint; a density; or anything with a public attribute ``density`` that is one, and maybe
+            another, ``final``.
 
     Returns:
         The density with its representation: loaded from the path in evaluation mode on the CPU, or the very object
@@ -89,7 +102,7 @@ def as_density(model: object) -> Density:
     """
     if isinstance(model, str | Path):
         return load_model(model)
-    density = model if isinstance(model, Density) else getattr(model, "density", None)
+    density = model if isinstance(model, Density) else getattr(model, "final", None) or getattr(model, "density", None)
     if not isinstance(density, Density):
         raise ConfigError(
             f"a model of type {type(model).__name__}",
@@ -98,6 +111,20 @@ def as_density(model: object) -> Density:
         )
     density.representation  # noqa: B018 - raises where there is none
     return density
+
+
+def outcome_of(content: dict[str, Any]) -> str:
+    """How good the best epoch was; empty where the checkpoint does not say.
+
+    Example:
+        >>> from descentflow.representation.read_checkpoint import read_checkpoint
+        >>> print(outcome_of(read_checkpoint("best.ckpt")))
+        val/nll ... in epoch 1
+    """
+    for state in content.get("callbacks", {}).values():
+        if isinstance(state, dict) and state.get("monitor") and state.get("current_score") is not None:
+            return f"{state['monitor']} {float(state['current_score']):.4g} in epoch {content['epoch'] + 1}"
+    return str(content.get(OUTCOME, ""))
 
 
 def section_of(density: Density) -> dict[str, Any]:
@@ -118,17 +145,19 @@ def section_of(density: Density) -> dict[str, Any]:
 
 
 def content_of(density: Density) -> dict[str, Any]:
-    """A checkpoint of a density alone, from which :func:`load_model` rebuilds it.
+    """A checkpoint of a density and of its held-out fit, from which :func:`load_model` rebuilds both.
 
     Example:
         >>> torch.save(content_of(load_model("best.ckpt")), "copy.ckpt")
         >>> load_model("copy.ckpt").dimension == load_model("best.ckpt").dimension
         True
     """
-    return {
+    content = {
         "state_dict": {f"{PREFIX}{name}": value for name, value in density.state_dict().items()},
         SECTION: section_of(density),
     }
+    before = density.held_out_fit
+    return content if before is density else {**content, HELD_OUT: content_of(before)}
 
 
 def density_of(section: dict[str, Any]) -> Density:

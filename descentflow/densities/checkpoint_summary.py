@@ -2,9 +2,8 @@
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
-from descentflow.densities.checkpoint import load_model
+from descentflow.densities.checkpoint import load_model, outcome_of
 from descentflow.densities.density import Density
 from descentflow.representation.read_checkpoint import SECTION, read_checkpoint
 from descentflow.surveillance.cleaning.thresholds import Cleaning
@@ -18,13 +17,12 @@ class CheckpointSummary:
         path: The file.
         density: The model.
         version: Version of descentflow that wrote the file.
-        score: Name of what decided which epoch was the best, and its value there; None if the file does not say.
-        epoch: The epoch, beginning at 1; None if the file does not say.
+        outcome: What decided which epoch was the best, its value, and the epoch; empty if the file does not say.
 
     Example:
         >>> found = checkpoint_summary("best.ckpt")
-        >>> found.score[0], found.epoch
-        ('val/nll', 1)
+        >>> print(found.outcome)
+        val/nll ... in epoch 1
         >>> print(found)
         GaussianDensity of ... weights (... of drag, ... of CAS)
         aircraft: A320, ...
@@ -34,8 +32,7 @@ class CheckpointSummary:
     path: Path
     density: Density
     version: str
-    score: tuple[str, float] | None
-    epoch: int | None
+    outcome: str
 
     def __str__(self) -> str:
         """One line for each thing that a user of the model asks first."""
@@ -44,15 +41,18 @@ class CheckpointSummary:
         levels, made = decoder.levels_fl, parts.provenance
         types = ", ".join(made.get("typecodes", [])) or "types unknown"
         added = parts.correction
+        before = self.density.held_out_fit
+        scored = {} if before is self.density else {"scored": f"the fit to {before.representation.split.describe()}"}
         lines = {
             "aircraft": f"{decoder.aircraft.typecode}, {decoder.aircraft.source}",
             "levels": f"FL{levels[0]:.0f} to FL{levels[-1]:.0f}, {len(levels)} of them",
-            "flights": f"{len(split.train):,} train, {len(split.validation):,} validation, {len(split.test):,} test",
+            "flights": f"fitted to {split.describe()}",
             "descents": f"{made.get('descents', 'unknown')} ({types})",
             "context": "none" if parts.context is None else parts.context.describe(),
             "air": "standard" if parts.air is None else parts.air.describe(),
             "effects added": ", ".join(added.effects) if added is not None else "none",
             "cleaning": _cleaning(parts.cleaning),
+            **scored,
             "score": self._score(),
             "written by": f"descentflow {self.version}",
         }
@@ -63,11 +63,8 @@ class CheckpointSummary:
     __repr__ = __str__
 
     def _score(self) -> str:
-        if self.score is None:
-            return "not in this file; `descentflow evaluate` scores it against any descents"
-        name, value = self.score
-        when = "" if self.epoch is None else f" in epoch {self.epoch}"
-        return f"{name} {value:.4g}{when}; `descentflow test --ckpt_path {self.path}` scores its held-out flights"
+        known = self.outcome or "not in this file"
+        return f"{known}; `descentflow evaluate {self.path} --real FILE` scores it against flights that it has not seen"
 
 
 def checkpoint_summary(path: str | Path) -> CheckpointSummary:
@@ -84,22 +81,12 @@ def checkpoint_summary(path: str | Path) -> CheckpointSummary:
         'A320'
     """
     content = read_checkpoint(path)
-    epoch = content.get("epoch")
     return CheckpointSummary(
         Path(path),
         load_model(path),
         str(content[SECTION].get("version", "unknown")),
-        _score(content),
-        epoch + 1 if isinstance(epoch, int) else None,
+        outcome_of(content),
     )
-
-
-def _score(content: dict[str, Any]) -> tuple[str, float] | None:
-    """Best score that Lightning's ModelCheckpoint kept beside the weights."""
-    for state in content.get("callbacks", {}).values():
-        if isinstance(state, dict) and state.get("monitor") and state.get("current_score") is not None:
-            return str(state["monitor"]), float(state["current_score"])
-    return None
 
 
 def _cleaning(kept: Cleaning | None) -> str:

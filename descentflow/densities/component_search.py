@@ -79,6 +79,7 @@ def select_mixture(
     extend: bool = True,
     criterion: Criterion = "bic",
     prior_flights: float = 0.0,
+    only: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Selection:
     """Choose the number of mixture components by an information criterion (paper, appendix C).
@@ -93,6 +94,7 @@ def select_mixture(
         extend: Go on beyond 15 flights per parameter where the criterion decides for the cap, see :func:`best_number`.
         criterion: ``bic``, as in the paper, or ``aic``.
         prior_flights: Flights by which covariances are shrunk, see :mod:`descentflow.densities.shrunk_covariances`.
+        only: Number of components that is taken whatever the criterion says of it.
         progress: Progress callback: called after each number of components with how many will be tried.
 
     Returns:
@@ -118,14 +120,17 @@ def select_mixture(
     def count(k: int) -> int:
         return n_parameters(k, dimension, n_context)
 
-    price = log(n) if criterion == "bic" else 2.0
+    price = 0.0 if only is not None else log(n) if criterion == "bic" else 2.0
     if not evidence.known and n > STARTING_FLIGHTS:
-        furthest = min(furthest, max(most, MOST_OF_MANY)) if extend else most
+        furthest = only or (min(furthest, max(most, MOST_OF_MANY)) if extend else most)
 
         def value(k: int, likelihood: float) -> float:
             return price * count(k) - 2 * n * likelihood
 
         found, values = grow_mixture(steps, furthest, value, seed=seed, n_restarts=n_restarts, progress=progress)
+    elif only is not None:
+        found, likelihood = fit(only)
+        values = {only: -2 * n * likelihood}
     else:
         found, values = best_number(fit, count, n, price, most, furthest if extend else most, progress)
     return Selection(found, values, cap_binds=min(values, key=values.__getitem__) == max(values))

@@ -56,6 +56,7 @@ def select_crossed(
     tolerance: float = 1e-4,
     criterion: Criterion = "aic",
     prior_flights: float = 0.0,
+    only: CrossedClusters | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> CrossedSelection:
     """Choose the numbers of clusters of speed and of drag.
@@ -68,6 +69,7 @@ def select_crossed(
         tolerance: Gain of the mean log-likelihood (nats per flight) at which EM ends.
         criterion: ``aic`` or ``bic``.
         prior_flights: Flights by which covariances are shrunk.
+        only: Numbers to which the search goes straight, whatever the criterion says of them.
         progress: Called after each pair of numbers with how many will be tried at least.
 
     Example:
@@ -85,12 +87,14 @@ def select_crossed(
     values: dict[CrossedClusters, float] = {}
 
     def allowed(clusters: CrossedClusters) -> bool:
+        if only is not None:
+            return clusters.n_speed <= only.n_speed and clusters.n_drag <= only.n_drag
         few = clusters.n_components <= MOST_PAIRS
         return few and MIN_FLIGHTS_PER_PARAMETER * clusters.n_parameters(dimension) <= n
 
     at = CrossedClusters(1, 1, n_drag_weights)
     since_best, ahead = 0, [at]
-    while ahead and since_best <= PATIENCE:
+    while ahead and (only is not None or since_best <= PATIENCE):
         for clusters in ahead:
             mine = steps.crossed(clusters)
             stand_in = mine.stand_in(seed)
@@ -116,7 +120,7 @@ def select_crossed(
             CrossedClusters(at.n_speed, at.n_drag + 1, n_drag_weights),
         )
         ahead = [one for one in more if allowed(one)]
-    best = min(values, key=values.__getitem__)
+    best = min(values, key=values.__getitem__) if only is None else at
     return CrossedSelection(tried[best], best, values)
 
 

@@ -67,6 +67,8 @@ class Density(nn.Module, ABC):
         """Dependence of the residual on the weights; None where it is standard normal."""
         self.file: dict[str, str] = {}
         """Name and digest of the checkpoint that it was loaded from."""
+        # In a tuple, for it is no part of this module: its parameters are not among these.
+        self._held_out: tuple[Density, ...] = ()
 
     @abstractmethod
     def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
@@ -275,6 +277,15 @@ class Density(nn.Module, ABC):
                 mend="fit it, or load it with descentflow.densities.checkpoint.load_model",
             )
         return self._representation
+
+    @property
+    def held_out_fit(self) -> "Density":
+        """The fit that has held-out flights: this one, or that before it where this one is of all flights."""
+        return self._held_out[0] if self._held_out else self
+
+    def refitted_from(self, before: "Density") -> None:
+        """Keep the held-out fit that this one, of all flights, was made from."""
+        self._held_out = (before,)
 
     def attach(self, representation: Representation) -> None:
         """Attach a copy of the representation that gives the weights their meaning.

@@ -76,9 +76,12 @@ def evaluate(
         500 samples from ... draws (...)
         quantity ...
     """
-    density = as_density(model)
+    sampled = as_density(model)
+    density = sampled.held_out_fit
     representation = density.representation
     notes: list[str] = []
+    if density is not sampled:
+        notes.append(f"scored: the fit to {density.representation.split.describe()}, not the final one to all flights")
     frame = comparable_descents(real, representation).frame
     tell_other_types(frame, representation)
     parts = encode_flights(frame, representation, context_table, air=air, say=notes.append)

@@ -14,13 +14,15 @@ def origin_of(density: Density, seed: int) -> dict[str, str]:
     Example:
         >>> from descentflow.densities.checkpoint import load_model
         >>> origin_of(load_model("best.ckpt"), seed=3)
-        {'source': 'descentflow ..., torch ...', 'model': 'GaussianDensity', 'typecode': 'A320', 'seed': '3', \
-'date_created': '...Z', 'checkpoint': 'best.ckpt', 'checkpoint_sha256': '...'}
+        {'source': 'descentflow ..., torch ...', 'model': 'GaussianDensity', 'typecode': 'A320', \
+'fitted_to': '86 of 120 flights (...)', 'seed': '3', 'date_created': '...Z', 'checkpoint': 'best.ckpt', \
+'checkpoint_sha256': '...'}
     """
     return {
         "source": f"descentflow {__version__}, torch {torch.__version__}",
         "model": type(density).__name__,
         "typecode": density.representation.decoder.aircraft.typecode,
+        "fitted_to": density.representation.split.describe(),
         "seed": str(seed),
         "date_created": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
         **density.file,

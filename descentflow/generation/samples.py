@@ -199,13 +199,15 @@ class Samples:
         """The account of the draws, the grid, and how long the descents take."""
         flown = self.trajectories
         levels = f"FL{flown.levels_fl[0]:.0f} to FL{flown.levels_fl[-1]:.0f}"
+        fitted = f"\ndrawn from the fit to {self.origin['fitted_to']}" if "fitted_to" in self.origin else ""
         if not len(self):
-            return f"{self.report}\nlevels {levels}"
+            return f"{self.report}\nlevels {levels}{fitted}"
         entered = flown.levels_fl[flown.entry.cpu()].double().quantile(_ENDS)
         minutes = (flown.time_s[:, 0].detach().cpu() / 60).double().quantile(_ENDS)
         return (
             f"{self.report}\nlevels {levels}; entry FL{entered[1]:.0f} (FL{entered[0]:.0f} to FL{entered[2]:.0f}); "
             f"time to the lowest level {minutes[1]:.1f} min ({minutes[0]:.1f} to {minutes[2]:.1f}; median, 5 to 95 %)"
+            f"{fitted}"
         )
 
     def __repr__(self) -> str:

@@ -22,7 +22,12 @@ def check_is_there(path: str | Path) -> None:
     given = Path(path)
     if given.is_file():
         return
-    inside = [*given.glob("checkpoints/best.ckpt"), *sorted(given.glob("*/checkpoints/best.ckpt"))]
+    inside = [
+        path
+        for run in (given, *sorted(given.glob("*/")))
+        for name in ("best", "final")
+        if (path := run / "checkpoints" / f"{name}.ckpt").is_file()
+    ]
     raise CheckpointError(
         f"{given} is a folder" if given.is_dir() else f"no file {given}",
         expected="a checkpoint",

@@ -18,6 +18,8 @@ from descentflow.representation.representation import Representation
 
 SECTION = "descentflow"
 """Key of a checkpoint under which everything is kept that Lightning does not save itself."""
+HELD_OUT = "held_out"
+"""Key of a final checkpoint that has the whole content of the held-out fit's."""
 FORMAT = 2
 """Version of that section."""
 ZIP = b"PK\x03\x04"
@@ -55,6 +57,8 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
         )
     with usable(path):
         check_section(section, content.get("state_dict"))
+        if (scored := content.get(HELD_OUT)) is not None:
+            check_section(scored[SECTION], scored["state_dict"])
     return content
 
 

@@ -46,6 +46,21 @@ class Split:
     validation: tuple[str, ...]
     test: tuple[str, ...]
 
+    def describe(self) -> str:
+        """Which flights a model of this split was fitted to.
+
+        Example:
+            >>> print(Split(("a",), ("b",), ("c",)).describe())
+            1 of 3 flights (1 for validation and 1 for test held out)
+            >>> print(Split(("a", "b", "c"), (), ()).describe())
+            all 3 flights, none held out
+        """
+        trained, of_validation, of_test = map(len, (self.train, self.validation, self.test))
+        held = [f"{n:,} for {name}" for n, name in ((of_validation, "validation"), (of_test, "test")) if n]
+        if not held:
+            return f"all {trained:,} flights, none held out"
+        return f"{trained:,} of {trained + of_validation + of_test:,} flights ({' and '.join(held)} held out)"
+
     def to_state(self) -> dict[str, list[str]]:
         """Lists of identifiers, for a checkpoint."""
         return {"train": list(self.train), "validation": list(self.validation), "test": list(self.test)}

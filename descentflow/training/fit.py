@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from copy import deepcopy
 from inspect import signature
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,12 +20,14 @@ from descentflow.core.files import check_output
 from descentflow.core.threads import one_thread_unless_told
 from descentflow.representation.read_checkpoint import read_checkpoint
 from descentflow.surveillance.descents.prepared_descents import Descents
+from descentflow.training.callbacks.show_progress import ShowProgress
 from descentflow.training.datamodule import DescentDataModule
+from descentflow.training.final_fit import fit_to_all
 from descentflow.training.models.latent_model import LatentModel
 from descentflow.training.quiet import quiet
 from descentflow.training.training_settings import TrainingSettings, settings_of, training_settings
 
-OWN_OPTIONS = {"out", "seed", "max_epochs", "aircraft", "context", "progress_bar", "device"}
+OWN_OPTIONS = {"out", "seed", "max_epochs", "aircraft", "context", "final", "device"}
 """Options of :func:`fit` that are not the DataModule's."""
 
 _ONE_AT_A_TIME = RLock()
@@ -34,18 +37,22 @@ _ONE_AT_A_TIME = RLock()
 @checked_arguments
 def fit(
     descents: str | Path | Sequence[str | Path] | Descents | DescentDataModule,
-    model: str | LatentModel[Any] = "flow",
+    model: str | LatentModel[Any] = "mixture",
     *,
     out: str | Path | None = None,
     seed: int = 0,
     max_epochs: Count | None = None,
     aircraft: str | None = None,
     context: Sequence[str] | None = None,
-    progress_bar: bool = False,
+    final: bool = True,
     device: Literal["cpu", "cuda"] = "cpu",
     **data_options: Any,
 ) -> LatentModel[Any]:
-    """Train a model on prepared descents and return it as it was in its best epoch (paper, sections 2.2 and 2.3).
+    """Train a model on prepared descents, score it on held-out ones, and fit it to all (paper, sections 2.2 and 2.3).
+
+    The model returned knows two densities. ``density`` is the one of the best epoch, which never saw the held-out
+    flights: :func:`~descentflow.evaluation.evaluate.evaluate` scores it. ``final`` is fitted again to all flights, with
+    the same settings and choices: it is what is sampled, predicted with and exported.
 
     With a name, the model is what ``descentflow fit --config configs/model/...`` trains with the same seed: both take
     their settings from the same file. Torch's global random numbers are the same before and after. Fits that
@@ -54,7 +61,7 @@ def fit(
     Args:
         descents: What :func:`~descentflow.surveillance.prepare.prepare` returned, the path of what it wrote (several
             that were prepared alike are taken together), or a DataModule with options of its own.
-        model: ``gaussian``, ``mixture``, ``flow`` (masked affine) or ``spline``; a model that is not trained yet, with
+        model: ``mixture``, ``gaussian``, ``flow`` (masked affine) or ``spline``; a model that is not trained yet, with
             hyperparameters of its own; or a YAML file as ``descentflow fit --config`` takes it.
         out: Checkpoint to write too, whole or not at all.
         seed: Of initial parameters and the order of batches, ``--seed_everything`` of the command line. What splits the
@@ -62,7 +69,7 @@ def fit(
         max_epochs: Epochs at most; those of the model's settings if absent.
         aircraft: Type whose coefficients infer and fly the drag; the descents' own type if they have only one.
         context: Columns on which the density is conditioned.
-        progress_bar: Whether to show a bar while it trains.
+        final: Whether to fit the model again to all flights; without it, it is sampled as it was scored.
         device: ``cpu`` or ``cuda``, which is no faster with a few weights a flight.
         **data_options: Other options of :class:`~descentflow.training.datamodule.DescentDataModule`, for instance
             ``split_by="aircraft"``; those of the model's settings if absent.
@@ -79,6 +86,7 @@ def fit(
         >>> print(model)
         Gaussian of ... weights (... of drag, ... of CAS) on FL150-..., A320
         86 flights trained it, 10 validated it: val/nll ... in epoch 1
+        sampled: the final fit, to all 120 flights, none held out
     """
     if device == "cuda" and not torch.cuda.is_available():
         raise ConfigError("device 'cuda'", expected="a GPU that torch can use", mend="leave the device out")
@@ -90,7 +98,7 @@ def fit(
     data = _data_module(descents, settings.data, {name: value for name, value in options.items() if value is not None})
     with _ONE_AT_A_TIME, _own_random_numbers(seed), _own_threads():
         trained = model if isinstance(model, LatentModel) else settings.new_model()
-        _train(trained, data, settings, max_epochs, progress_bar, device)
+        _train(trained, data, settings, max_epochs, device, final=final)
     if out is not None:
         trained.save(out)
     return trained
@@ -127,24 +135,27 @@ def _train(
     data: DescentDataModule,
     settings: TrainingSettings,
     max_epochs: int | None,
-    progress_bar: bool,
     device: str,
+    *,
+    final: bool,
 ) -> None:
-    """Train a model and put it back to its best epoch."""
+    """Train a model, put it back to its best epoch, and fit it again to all flights."""
+    again = deepcopy(model)
     options = settings.trainer | {"accelerator": device} | ({} if max_epochs is None else {"max_epochs": max_epochs})
     with TemporaryDirectory() as folder:
         best = ModelCheckpoint(folder, **settings.checkpoint)
         trainer = Trainer(
             logger=False,
-            callbacks=[*settings.new_callbacks(), best],
-            enable_progress_bar=progress_bar,
+            callbacks=[*settings.new_callbacks(), best, ShowProgress()],
+            enable_progress_bar=False,
             enable_model_summary=False,
             **options,
         )
         trainer.fit(model, datamodule=data)
         content = read_checkpoint(best.best_model_path)
     model.restore(content)
-    model.outcome = f"{best.monitor} {float(best.best_model_score or torch.nan):.4g} in epoch {content['epoch'] + 1}"
+    if final:
+        fit_to_all(model, again, data, trainer, content["global_step"])
 
 
 @contextmanager

@@ -6,6 +6,8 @@ import warnings
 
 from descentflow.core.progress import clear_line
 
+NO_ADVICE = ("TPU available", "GPU available: False", "`Trainer.fit` stopped", "\U0001f4a1 Tip")
+
 
 def quiet() -> None:
     """Silence advice that does not apply here; other messages of Lightning still appear.
@@ -31,4 +33,4 @@ def quiet() -> None:
 def _is_no_advice(record: logging.LogRecord) -> bool:
     # What is said goes where the progress is shown.
     clear_line()
-    return not record.getMessage().startswith(("TPU available", "\U0001f4a1 Tip"))
+    return not record.getMessage().startswith(NO_ADVICE)

@@ -68,7 +68,8 @@ figure = cleaning_figure(shown)
 # Fit
 # ---
 # The Gaussian is fitted in closed form. ``"mixture"``, ``"flow"`` and ``"spline"`` are the other densities
-# (:doc:`/how-to/densities`); with few flights, begin here. A fifth of the flights is held out.
+# (:doc:`/how-to/densities`); with few flights, begin here. A fifth of the flights is held out
+# to score it, then the model is fitted again to all.
 
 model = df.fit(descents, model="gaussian", out=folder / "a320.ckpt")
 print(model)
@@ -101,7 +102,7 @@ figure = scores.figures()["profiles"]
 #
 #    descentflow prepare traces/ --typecode A320 --figures look --out descents.parquet
 #    descentflow fit --model Gaussian --data.descents descents.parquet
-#    descentflow sample runs/Gaussian/version_0/checkpoints/best.ckpt -n 1000 --seed 0 --out samples.parquet
-#    descentflow evaluate runs/Gaussian/version_0/checkpoints/best.ckpt --real descents.parquet --out evaluation
+#    descentflow sample runs/Gaussian/version_0/checkpoints/final.ckpt -n 1000 --seed 0 --out samples.parquet
+#    descentflow evaluate runs/Gaussian/version_0/checkpoints/final.ckpt --real descents.parquet --out evaluation
 
 kept.cleanup()

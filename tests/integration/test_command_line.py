@@ -74,12 +74,16 @@ def test_a_fit_ends_with_its_checkpoint_and_info_tells_what_it_holds(
     assert main(["fit", "--model", "Gaussian", "--data.descents", str(descents), *QUICK]) == 0
     said = capsys.readouterr().out
     path = "runs/Gaussian/version_0/checkpoints/best.ckpt"
-    score = re.search(rf"wrote {path} \((val/nll \S+)\)\n  descentflow test --ckpt_path {path} ", said)
+    final = path.replace("best", "final")
+    score = re.search(
+        rf"wrote {path} \((val/nll \S+)\)\nwrote {final}, .*\n  descentflow test --ckpt_path {path} ", said
+    )
     assert score is not None, said
+    assert f"descentflow sample {final} " in said
     assert main(["info", path]) == 0
     told = dict(line.split(": ", 1) for line in capsys.readouterr().out.splitlines()[1:])
     parts = load_model(path).representation
-    assert told["flights"].startswith(f"{len(parts.split.train)} train, {len(parts.split.validation)} validation")
+    assert told["flights"] == f"fitted to {parts.split.describe()}"
     assert told["aircraft"].startswith(parts.decoder.aircraft.typecode)
     assert told["score"].startswith(f"{score[1]} in epoch 1;")
     assert (told["context"], told["effects added"], told["cleaning"]) == ("none", "none", "the default thresholds")

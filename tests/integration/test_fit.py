@@ -116,22 +116,25 @@ def test_descents_on_fewer_levels_than_a_stencil_of_noise_are_fitted(descents: P
 def test_the_checkpoint_written_is_the_model(descents: Path, tmp_path: Path) -> None:
     model = fit(descents, GaussianMixture(n_clusters=2), out=tmp_path / "fitted.ckpt", context=["entry_fl"])
     loaded = load_model(tmp_path / "fitted.ckpt")
-    assert_equal(loaded, model.density)
+    assert model.final is not None
+    assert_equal(loaded, model.final)
+    assert_equal(loaded.held_out_fit, model.density)
     model.save(tmp_path / "again.ckpt")
-    assert_equal(load_model(tmp_path / "again.ckpt"), model.density)
+    assert_equal(load_model(tmp_path / "again.ckpt"), model.final)
     assert read_checkpoint(tmp_path / "again.ckpt")["hyper_parameters"]["n_clusters"] == 2
     # Lightning itself reads it too.
-    assert_equal(GaussianMixture.load_from_checkpoint(tmp_path / "again.ckpt").density, model.density)
+    assert_equal(GaussianMixture.load_from_checkpoint(tmp_path / "again.ckpt").density, model.final)
     context = torch.zeros(1, loaded.n_context, dtype=torch.float64)
-    assert torch.equal(model.sample(5, 0, context), loaded.sample(5, 0, context))
+    assert torch.equal(model.sample(5, 0, context), loaded.held_out_fit.sample(5, 0, context))
 
 
 def test_a_model_says_what_it_is(descents: Path) -> None:
     assert str(Gaussian()) == "Gaussian, not fitted yet"
     model = fit(descents, "gaussian", context=["entry_fl"])
-    head, trained, given = str(model).splitlines()
+    head, trained, sampled, given = str(model).splitlines()
     assert re.fullmatch(r"Gaussian of \d+ weights \(\d+ of drag, \d+ of CAS\) on FL150-\d{3}, A320", head)
     assert re.fullmatch(r"216 flights trained it, 24 validated it: val/nll -?[\d.]+ in epoch 1", trained)
+    assert sampled == "sampled: the final fit, to all 300 flights, none held out"
     assert "entry_fl" in given
 
 

@@ -15,11 +15,9 @@ from descentflow.effects.effect import NONE
 from descentflow.measurements.quantities import Quantities
 from descentflow.representation.correction import Correction
 from descentflow.representation.plausibility import Plausibility
+from descentflow.representation.read_checkpoint import HELD_OUT, SECTION
 from descentflow.representation.representation import Representation
 from descentflow.surveillance.cleaning.thresholds import Cleaning
-
-SECTION = "descentflow"
-"""Key of a checkpoint under which the representation stands."""
 
 
 def corrected(
@@ -57,6 +55,8 @@ def corrected(
 
     def write(path: Path) -> None:
         content = read()
+        # The correction is of the fit that samples are drawn from.
+        content.pop(HELD_OUT, None)
         sizes = {name: value.tolist() for name, value in theta.items()}
         air = {} if inherited else air_of_training(parts)
         correction = Correction(sizes, mass_kg, inherited, parts.cleaning or Cleaning(), of_training=air)

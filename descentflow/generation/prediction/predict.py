@@ -44,6 +44,7 @@ class Prediction:
         from_fl: Last flight level that counted as observed.
         calibration: What the intervals were calibrated on, or why they were not.
         reasons: Why each of the other flights could not be predicted.
+        fitted_to: Which flights the density was fitted to that predicted them.
         plan: Where they are flown; in still air and at no place unless :meth:`placed`.
         n_seen: Flights that were left out because the model was trained or validated on them.
 
@@ -60,6 +61,7 @@ class Prediction:
     from_fl: float
     calibration: str
     reasons: tuple[str, ...]
+    fitted_to: str
     plan: GroundPlan = NOWHERE
     n_seen: int = 0
 
@@ -161,7 +163,7 @@ class Prediction:
 
     def __str__(self) -> str:
         """Calibration, counts, the first reasons, and how often the intervals held the time observed."""
-        lines = [self.calibration]
+        lines = [f"predicted by the fit to {self.fitted_to}", self.calibration]
         lines += [
             f"{len(self)} flights predicted from FL{self.from_fl:.0f}, {len(self.reasons)} not"
             + f"; {self.n_seen} left out: the checkpoint was trained or validated on them" * bool(self.n_seen)
@@ -199,7 +201,9 @@ def predict(
 ) -> Prediction:
     """Predict the rest of descents from their part at and above a flight level.
 
-    Intervals are calibrated on the model's validation flights where the descents hold at least ten of them.
+    Flights that are new to the model are predicted by its final fit, if it has one. If there are none, its held-out
+    fit predicts those that it held out for test. The intervals of either are calibrated on the validation flights of
+    the held-out fit, where the descents hold at least ten of them.
 
     Args:
         model: A checkpoint's path, a density, or a fitted model.
@@ -221,6 +225,7 @@ def predict(
     Example:
         >>> ahead = predict("best.ckpt", "descents.parquet", from_fl=290, n=100)
         >>> print(ahead)
+        predicted by the fit to 86 of 120 flights (10 for validation and 24 for test held out)
         not calibrated, ...
         21 flights predicted from FL290, 3 not; 96 left out: the checkpoint was trained or validated on them
         intervals rest on ... continuations or more
@@ -232,7 +237,7 @@ def predict(
             expected=f"{MIN_CONTINUATIONS} at least: a 90 % interval of fewer has its ends between the last few",
             mend="ask for more, for instance 500; each is as probable as the others, so any few of them will do",
         )
-    density = as_density(model)
+    density = as_density(model).held_out_fit
     representation = density.representation
     bottom, top = (float(representation.decoder.levels_fl[place]) for place in (0, -1))
     if not bottom < from_fl <= top:
@@ -245,6 +250,10 @@ def predict(
     tell_other_types(frame, representation)
     parts = encode_flights(frame, representation, context_table)
     predictor, calibration = _calibrated(DescentPredictor(density, seed), parts["validation"], from_fl, seed)
+    if (final := as_density(model)) is not density:
+        new = encode_flights(frame, final.representation, context_table)
+        if any(not flights or name in flights for name in new["test"].profiles.flight_ids):
+            parts, predictor = new, DescentPredictor(final, seed, predictor.spread)
     chosen = _chosen(parts["test"], flights)
     if total is not None:
         total(len(chosen))
@@ -264,7 +273,8 @@ def predict(
             mend="predict from another level, or other flights",
         )
     seen = 0 if chosen is not parts["test"] else len(parts["train"]) + len(parts["validation"])
-    return Prediction(tuple(predicted), chosen.profiles, from_fl, calibration, tuple(reasons), n_seen=seen)
+    fitted_to = predictor.representation.split.describe()
+    return Prediction(tuple(predicted), chosen.profiles, from_fl, calibration, tuple(reasons), fitted_to, n_seen=seen)
 
 
 def _calibrated(

@@ -15,6 +15,7 @@ from descentflow.generation.given_temperature import given_deviation_k, in_given
 from descentflow.generation.prediction.interval_spread import (
     AS_DRAWN,
     FEWEST_BY_LEVEL,
+    TimeSpread,
     depths,
     holding_spread,
     misses,
@@ -78,12 +79,13 @@ class DescentPredictor:
         True
     """
 
-    def __init__(self, density: Density, seed: int = 0) -> None:
+    def __init__(self, density: Density, seed: int = 0, spread: TimeSpread = AS_DRAWN) -> None:
         """Prepare what all flights share.
 
         Args:
             density: A density with its representation.
             seed: Of the proposal mixture for a density without a closed form.
+            spread: Of the times.
         """
         check_standard_air(density.representation, "a prediction of the rest of a descent")
         self.representation = density.representation
@@ -92,7 +94,7 @@ class DescentPredictor:
         self._priors: dict[tuple[float, ...], Prior] = {}
         if density.n_context == 0:
             self._prior(None)
-        self.spread = AS_DRAWN
+        self.spread = spread
 
     def _prior(self, context: Tensor | None) -> Prior:
         """The prior given a context (1, c), made once for each context: a flow's proposal takes part of a second."""

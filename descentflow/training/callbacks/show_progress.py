@@ -19,7 +19,13 @@ class ShowProgress(Callback):
         >>> found = trainer.validate(fit(data, "gaussian"), data, verbose=False)
     """
 
-    def __init__(self) -> None:
+    def __init__(self, doing: str = "training") -> None:
+        """Begin without a stage.
+
+        Args:
+            doing: What a fit is called.
+        """
+        self.doing = doing
         self._open = ExitStack()
         self._stage: Stage | None = None
 
@@ -35,7 +41,7 @@ class ShowProgress(Callback):
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Epochs are counted from here, those of a resumed run too."""
         epochs = trainer.max_epochs if trainer.max_epochs and trainer.max_epochs > 0 else None
-        self._begin(trainer, "training", epochs, "epochs")
+        self._begin(trainer, self.doing, epochs, "epochs")
         if self._stage is not None:
             self._stage.advance(trainer.current_epoch)
 
@@ -45,7 +51,7 @@ class ShowProgress(Callback):
             self._stage.advance()
             score = trainer.callback_metrics.get("val/nll")
             if score is not None:
-                self._stage.text = f"training, val/nll {float(score):.4g}"
+                self._stage.text = f"{self.doing}, val/nll {float(score):.4g}"
 
     def on_validation_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Of `validate`; in `fit` it is a part of the epoch."""

@@ -17,7 +17,7 @@ from descentflow.core.arguments import checked_arguments
 from descentflow.core.counter_random import seed_of
 from descentflow.core.errors import CheckpointError, ConfigError, DescentflowWarning
 from descentflow.core.files import whole_file
-from descentflow.densities.checkpoint import content_of, density_of, section_of
+from descentflow.densities.checkpoint import OUTCOME, content_of, density_of, outcome_of, section_of
 from descentflow.densities.density import Density
 from descentflow.densities.entry_law import EntryLaw
 from descentflow.densities.learn_entry_law import learn_entry_law
@@ -62,6 +62,8 @@ class LatentModel(LightningModule, ABC, Generic[D]):
         self.outcome = ""
         """Description of the fit's end; empty before it."""
         self._seed, self._had_stopped = 0, False
+        # In a tuple, for it is no part of this module: its parameters are not among these.
+        self._final: tuple[D, ...] = ()
 
     @abstractmethod
     def make(self, dimension: int, n_context: int = 0) -> D:
@@ -81,6 +83,19 @@ class LatentModel(LightningModule, ABC, Generic[D]):
                 mend="fit it, or load what it wrote with descentflow.densities.checkpoint.load_model",
             )
         return self._density
+
+    @property
+    def final(self) -> D | None:
+        """The density fitted again to all flights, which is sampled; None where flights stay held out."""
+        return self._final[0] if self._final else None
+
+    def keep_final(self, density: D) -> None:
+        """Take the density that was fitted to all flights."""
+        density.refitted_from(self.density)
+        self._final = (density,)
+
+    def choose_as(self, fitted: "LatentModel[D]") -> None:
+        """Take over what a fit of the same settings has chosen, so that this one need not; nothing in most models."""
 
     @property
     def representation(self) -> Representation:
@@ -133,6 +148,8 @@ class LatentModel(LightningModule, ABC, Generic[D]):
     def save(self, path: str | Path) -> None:
         """Write a checkpoint, whole or not at all; :func:`descentflow.densities.checkpoint.load_model` reads it.
 
+        Where there is a final fit it is that one's, with the held-out fit inside.
+
         Raises:
             ConfigError: If the model has not been fitted.
 
@@ -143,9 +160,10 @@ class LatentModel(LightningModule, ABC, Generic[D]):
             >>> type(load_model("fitted.ckpt")).__name__
             'GaussianDensity'
         """
-        content = content_of(self.density.cpu())
+        content = content_of((self.final or self.density).cpu())
         content["hyper_parameters"] = {name: _primitive(value) for name, value in self.hparams.items()}
         content["pytorch-lightning_version"] = lightning.__version__
+        content[OUTCOME] = self.outcome
         with whole_file(Path(path)) as temporary:
             torch.save(content, temporary)
 
@@ -154,6 +172,7 @@ class LatentModel(LightningModule, ABC, Generic[D]):
         self.cpu()
         self.on_load_checkpoint(content)
         self.load_state_dict(content["state_dict"])
+        self.outcome = outcome_of(content)
         self.eval()
 
     def __repr__(self) -> str:
@@ -167,6 +186,8 @@ class LatentModel(LightningModule, ABC, Generic[D]):
             f"{len(parts.split.train)} flights trained it, {len(parts.split.validation)} validated it"
             + (f": {self.outcome}" if self.outcome else ""),
         ]
+        if self.final is not None:
+            lines.append(f"sampled: the final fit, to {self.final.representation.split.describe()}")
         if parts.context is not None:
             lines.append(f"conditioned on {parts.context.describe()}")
         return "\n".join(lines)
@@ -193,8 +214,16 @@ class LatentModel(LightningModule, ABC, Generic[D]):
         Raises:
             ConfigError: If training has diverged.
         """
-        trained = self.automatic_optimization and self.trainer.state.fn == "fit"
-        if trained and not all(bool(one.isfinite().all()) for one in self.parameters()):
+        if self.automatic_optimization and self.trainer.state.fn == "fit":
+            self.check_finite()
+
+    def check_finite(self) -> None:
+        """Refuse parameters that are no longer finite.
+
+        Raises:
+            ConfigError: If training has diverged.
+        """
+        if not all(bool(one.isfinite().all()) for one in self.parameters()):
             raise self._diverged()
 
     def _diverged(self) -> ConfigError:

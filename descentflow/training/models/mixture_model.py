@@ -13,6 +13,7 @@ from descentflow.core.arguments import checked_arguments
 from descentflow.core.progress import stage
 from descentflow.densities.checkpoint import UNFINISHED
 from descentflow.densities.component_search import FLIGHTS_PER_PARAMETER, Criterion, select_mixture
+from descentflow.densities.crossed_clusters import CrossedClusters
 from descentflow.densities.crossed_search import MOST_FLIGHTS as MOST_PAIRED
 from descentflow.densities.crossed_search import select_crossed
 from descentflow.densities.em import best_start, fit_mixture, steps_of
@@ -95,6 +96,11 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         self.criterion, self.prior_flights, self.crossed = criterion, float(prior_flights), crossed
         self._restored = self._unfinished = False
         self._steps: Steps | None = None
+        self._chosen: CrossedClusters | int | None = None
+
+    def choose_as(self, fitted: LatentModel[GaussianMixtureDensity]) -> None:
+        """Take as many components, or clusters of speed and of drag, as the other fit."""
+        self._chosen = fitted.density.clusters or fitted.density.mixture.n_components
 
     def make(self, dimension: int, n_context: int = 0) -> GaussianMixtureDensity:
         """A mixture of the number of components that was set, or of one until the criterion has chosen."""
@@ -105,17 +111,19 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         flights, context = training_flights(self)
         starts = {"seed": self.seed, "n_restarts": self.n_restarts}
         options: dict[str, Any] = {"context": context, "prior_flights": self.prior_flights, **starts}
+        chosen = self._chosen
         if self.n_clusters is not None:
             best = fit_mixture(flights, self.n_clusters, **options)[0]
-        elif self._pairs(flights, context):
-            return self._cross(flights)
+        elif isinstance(chosen, CrossedClusters) or (chosen is None and self._pairs(flights, context)):
+            return self._cross(flights, chosen)
         else:
             with self._progress("number of components") as show:
                 selection = select_mixture(
-                    flights, progress=show, extend=self.extend, criterion=self.criterion, **options
+                    flights, progress=show, extend=self.extend, criterion=self.criterion, only=chosen, **options
                 )
             best = selection.mixture
-            self._say(selection.values, best.n_components, selection.cap_binds)
+            if chosen is None:
+                self._say(selection.values, best.n_components, selection.cap_binds)
         if self.training_method == "svi":
             best = best_start(flights, best.n_components, **options)
         self.density.mixture = best
@@ -130,8 +138,8 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
     def _n_drag(self) -> int:
         return self.representation.decoder.drag_basis.n_components
 
-    def _cross(self, flights: Evidence) -> None:
-        """Choose the numbers of clusters of speed and of drag."""
+    def _cross(self, flights: Evidence, chosen: CrossedClusters | None) -> None:
+        """Choose the numbers of clusters of speed and of drag, unless they are."""
         with self._progress("numbers of clusters") as show:
             found = select_crossed(
                 flights,
@@ -140,11 +148,13 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
                 n_restarts=max(self.n_restarts // 4, 1),
                 criterion=self.criterion,
                 prior_flights=self.prior_flights,
+                only=chosen,
                 progress=show,
             )
         self.density.mixture, self.density.clusters = found.mixture, found.clusters
         numbers = f"{found.clusters.n_speed} clusters of speed and {found.clusters.n_drag} of drag"
-        self.print(f"{self.criterion.upper()} chooses {numbers}, of {len(found.values)} pairs of numbers tried")
+        if chosen is None:
+            self.print(f"{self.criterion.upper()} chooses {numbers}, of {len(found.values)} pairs of numbers tried")
 
     @contextmanager
     def _progress(self, what: str) -> Iterator[Callable[[int], None]]:

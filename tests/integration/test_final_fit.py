@@ -1,0 +1,120 @@
+"""After a fit with held-out flights the same settings are fitted to all; each function takes the fit that it should."""
+
+from pathlib import Path
+
+import polars as pl
+import pytest
+import torch
+import toys
+from command_line_toys import fit as fit_by_command
+
+import descentflow as df
+from descentflow.cli.entry import main
+from descentflow.densities.checkpoint import load_model
+from descentflow.densities.density import Density
+from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
+from descentflow.training.datamodule import DescentDataModule
+from descentflow.training.models import GaussianMixture
+
+pytestmark = pytest.mark.usefixtures("components_once", "plain_figures")
+
+
+@pytest.fixture(scope="module")
+def descents(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return toys.write_descents_file(tmp_path_factory.mktemp("data") / "a320.parquet", 300)
+
+
+@pytest.fixture(scope="module")
+def final(tmp_path_factory: pytest.TempPathFactory, descents: Path) -> Path:
+    path = tmp_path_factory.mktemp("final") / "a320.ckpt"
+    df.fit(descents, "gaussian", out=path)
+    return path
+
+
+def others(descents: Path) -> Descents:
+    """The same flights on other days."""
+    known = read_descents(descents)
+    later = known.frame.with_columns(pl.col("timestamp").dt.offset_by("30d"), flight_id="later-" + pl.col("flight_id"))
+    return Descents(later, known.metadata)
+
+
+def assert_equal(first: Density, second: Density) -> None:
+    ours, theirs = first.state_dict(), second.state_dict()
+    assert all(torch.equal(ours[name], theirs[name]) for name in ours.keys() | theirs.keys())
+    assert first.representation.split == second.representation.split
+
+
+@pytest.mark.parametrize(("model", "config"), [("gaussian", "gaussian"), ("mixture", "gmm"), ("flow", "flow")])
+def test_python_and_the_command_line_leave_the_same_two_fits(
+    model: str, config: str, tmp_path: Path, descents: Path
+) -> None:
+    run = fit_by_command(tmp_path, descents, config, "--trainer.max_epochs", "3")
+    written = load_model(run / "checkpoints" / "final.ckpt")
+    fitted = df.fit(descents, model, max_epochs=3)
+    assert_equal(written, fitted.final)
+    assert_equal(written.held_out_fit, fitted.density)
+    assert_equal(load_model(run / "checkpoints" / "best.ckpt"), fitted.density)
+    split, every = fitted.representation.split, fitted.final.representation.split
+    assert set(every.train) == {*split.train, *split.validation, *split.test}
+    assert not every.validation
+    assert torch.equal(fitted.final.representation.decoder.levels_fl, fitted.representation.decoder.levels_fl)
+
+
+def test_what_a_mixture_has_chosen_is_kept(descents: Path) -> None:
+    fitted = df.fit(descents, max_epochs=2)
+    assert isinstance(fitted, GaussianMixture)
+    chosen, again = fitted.density.clusters, fitted.final.clusters
+    assert (chosen.n_speed, chosen.n_drag) == (again.n_speed, again.n_drag)
+
+
+def test_free_components_that_were_chosen_are_kept(descents: Path) -> None:
+    fitted = df.fit(descents, GaussianMixture(crossed=False), max_epochs=2)
+    assert fitted.density.mixture.n_components == fitted.final.mixture.n_components
+
+
+def test_a_final_fit_may_be_left_out(descents: Path, tmp_path: Path) -> None:
+    assert df.fit(descents, "gaussian", final=False).final is None
+    assert df.fit(descents, "gaussian", test_fraction=0, validation_fraction=0).final is None
+    run = fit_by_command(tmp_path, descents, "gaussian", "--final", "false")
+    assert not (run / "checkpoints" / "final.ckpt").exists()
+
+
+def test_samples_are_of_the_final_fit_and_scores_of_the_other(final: Path, descents: Path) -> None:
+    density = df.load(final)
+    samples = df.sample(final, 50)
+    assert samples.origin["fitted_to"] == "all 300 flights, none held out"
+    assert "drawn from the fit to all 300 flights" in str(samples)
+    found = df.evaluate(final, descents, n=200, n_splits=2)
+    assert found.scores.frame().equals(df.evaluate(density.held_out_fit, descents, n=200, n_splits=2).scores.frame())
+    assert len(found.real) + found.n_seen == 300
+    assert "not the final one" in str(found)
+
+
+def test_new_flights_are_predicted_by_the_final_fit_and_held_out_ones_by_the_other(final: Path, descents: Path) -> None:
+    held_out = df.predict(final, descents, from_fl=290, n=50)
+    assert "predicted by the fit to 216 of 300 flights" in str(held_out)
+    test = df.load(final).held_out_fit.representation.split.test
+    assert {one.flight_id for one in held_out.flights} <= set(test)
+    new = df.predict(final, others(descents), from_fl=290, n=50, flights=["later-" + test[0], "later-" + test[1]])
+    assert "predicted by the fit to all 300 flights" in str(new)
+
+
+def test_a_final_checkpoint_is_not_scored_by_the_trainer(
+    final: Path, descents: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["test", "--ckpt_path", str(final), "--data.descents", str(descents)]) == 2
+    assert "final fit, to all flights" in capsys.readouterr().err
+
+
+def test_info_says_which_fit_it_is(final: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["info", str(final)]) == 0
+    said = capsys.readouterr().out
+    assert "fitted to all 300 flights, none held out" in said
+    assert "scored: the fit to 216 of 300 flights (24 for validation and 60 for test held out)" in said
+    assert "score: val/nll" in said
+
+
+def test_all_flights_train_where_none_are_held_out(descents: Path) -> None:
+    data = DescentDataModule(descents, test_fraction=0.0, validation_fraction=0.0)
+    data.setup()
+    assert len(data.profiles("train")) == 300

@@ -18,7 +18,7 @@ from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import CheckpointError, ConfigError
 from descentflow.core.settings_file import read_settings
 from descentflow.core.threads import one_thread_unless_told
-from descentflow.representation.read_checkpoint import HELD_OUT, SECTION, read_checkpoint
+from descentflow.representation.read_checkpoint import SECTION, read_checkpoint
 from descentflow.training import models
 from descentflow.training.callbacks.failed_run import RemoveFailedRun, WholeConfig
 from descentflow.training.callbacks.kept_epochs import KeptEpochs, WholeCheckpoints
@@ -66,8 +66,8 @@ class DescentCLI(LightningCLI):
         """Add the callbacks that every run has, each with its own section in the config."""
         parser.add_lightning_class_args(KeptEpochs, "checkpoint")
         parser.add_lightning_class_args(ScoreCallback, "scores")
-        if self.command == "fit":
-            parser.add_argument("--final", type=bool, default=True, help="Fit again to all flights: final.ckpt.")
+        # The other commands know it too, for they take the settings of a run.
+        parser.add_argument("--final", type=bool, default=True, help="Of fit: fit again to all flights, final.ckpt.")
         parser.set_defaults(
             {
                 **{f"checkpoint.{name}": value for name, value in CHECKPOINT_DEFAULTS.items()},
@@ -265,14 +265,7 @@ def _with_checkpoint(command: str, words: list[str]) -> list[str]:
             mend="pass the run's checkpoints/best.ckpt"
             + ("; the rest of descents, df.predict, is `descentflow predict-descent`" if command == "predict" else ""),
         )
-    content = read_checkpoint(checkpoint)
-    if HELD_OUT in content:
-        raise CheckpointError(
-            f"{checkpoint}, a final fit, to all flights",
-            expected="the fit that held flights out",
-            mend=f"pass the run's best.ckpt; `descentflow evaluate {checkpoint} --real FILE` scores the fit inside",
-        )
-    model = str(content[SECTION].get("model", "")).removesuffix("Density")
+    model = str(read_checkpoint(checkpoint)[SECTION].get("model", "")).removesuffix("Density")
     if model not in MODELS:
         raise CheckpointError(f"{checkpoint}: no model named", expected="a whole checkpoint", mend="fit again")
     named = {name for name in ("--config", "--data", "--data.descents") if _option(words, name) is not None}

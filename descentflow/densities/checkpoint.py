@@ -53,9 +53,9 @@ def load_model(path: str | Path) -> Density:
     """
     content = read_checkpoint(path)
     with usable(path):
-        density = _built(content)
+        density = density_in(content)
         if HELD_OUT in content:
-            density.refitted_from(_built(content[HELD_OUT]))
+            density.refitted_from(density_in(content[HELD_OUT]))
         with Path(path).open("rb") as file:
             density.file = {"checkpoint": Path(path).name, "checkpoint_sha256": file_digest(file, "sha256").hexdigest()}
     if content.get(UNFINISHED):
@@ -69,7 +69,14 @@ def load_model(path: str | Path) -> Density:
     return density.eval()
 
 
-def _built(content: dict[str, Any]) -> Density:
+def density_in(content: dict[str, Any]) -> Density:
+    """The density of a checkpoint's content with its parameters, without the one inside.
+
+    Example:
+        >>> from descentflow.representation.read_checkpoint import read_checkpoint
+        >>> density_in(read_checkpoint("best.ckpt")).dimension
+        4
+    """
     density = density_of(content[SECTION])
     saved = {k.removeprefix(PREFIX): v for k, v in content["state_dict"].items() if k.startswith(PREFIX)}
     density.load_state_dict(saved)
@@ -114,7 +121,7 @@ def as_density(model: object) -> Density:
 
 
 def outcome_of(content: dict[str, Any]) -> str:
-    """How good the best epoch was; empty where the checkpoint does not say.
+    """Score of the best epoch; empty where the checkpoint has none.
 
     Example:
         >>> from descentflow.representation.read_checkpoint import read_checkpoint

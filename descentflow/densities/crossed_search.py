@@ -69,7 +69,7 @@ def select_crossed(
         tolerance: Gain of the mean log-likelihood (nats per flight) at which EM ends.
         criterion: ``aic`` or ``bic``.
         prior_flights: Flights by which covariances are shrunk.
-        only: Numbers to which the search goes straight, whatever the criterion says of them.
+        only: Numbers to which the search goes straight, whatever their criterion is.
         progress: Called after each pair of numbers with how many will be tried at least.
 
     Example:

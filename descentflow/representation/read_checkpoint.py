@@ -109,7 +109,7 @@ def _check_sums(path: str | Path) -> None:
 
 
 def load_representation(path: str | Path) -> Representation:
-    """Load bases, scaler, bounds and split of a checkpoint without its density.
+    """Load bases, scaler, bounds and split of a checkpoint without its density; of a final one the held-out fit's.
 
     Raises:
         CheckpointError: As :func:`read_checkpoint`.
@@ -119,6 +119,7 @@ def load_representation(path: str | Path) -> Representation:
         'A320'
     """
     content = read_checkpoint(path)
+    content = content.get(HELD_OUT, content)
     with usable(path):
         found = Representation.from_state(content[SECTION]["representation"])
         check_flies(found.decoder, found.plausibility)

@@ -47,7 +47,7 @@ class Split:
     test: tuple[str, ...]
 
     def describe(self) -> str:
-        """Which flights a model of this split was fitted to.
+        """Flights that a model of this split was fitted to, in words.
 
         Example:
             >>> print(Split(("a",), ("b",), ("c",)).describe())

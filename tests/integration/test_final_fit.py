@@ -87,7 +87,7 @@ def test_samples_are_of_the_final_fit_and_scores_of_the_other(final: Path, desce
     found = df.evaluate(final, descents, n=200, n_splits=2)
     assert found.scores.frame().equals(df.evaluate(density.held_out_fit, descents, n=200, n_splits=2).scores.frame())
     assert len(found.real) + found.n_seen == 300
-    assert "not the final one" in str(found)
+    assert "scored: the fit to 216 of 300 flights" in str(found)
 
 
 def test_new_flights_are_predicted_by_the_final_fit_and_held_out_ones_by_the_other(final: Path, descents: Path) -> None:
@@ -99,11 +99,16 @@ def test_new_flights_are_predicted_by_the_final_fit_and_held_out_ones_by_the_oth
     assert "predicted by the fit to all 300 flights" in str(new)
 
 
-def test_a_final_checkpoint_is_not_scored_by_the_trainer(
-    final: Path, descents: Path, capsys: pytest.CaptureFixture[str]
+def test_the_trainer_scores_the_held_out_fit_of_a_final_checkpoint(
+    descents: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["test", "--ckpt_path", str(final), "--data.descents", str(descents)]) == 2
-    assert "final fit, to all flights" in capsys.readouterr().err
+    run = fit_by_command(tmp_path, descents, "gaussian")
+    said = {}
+    for name in ("best", "final"):
+        capsys.readouterr()
+        assert main(["validate", "--ckpt_path", str(run / "checkpoints" / f"{name}.ckpt")]) == 0
+        said[name] = capsys.readouterr().out
+    assert said["best"] == said["final"] != ""
 
 
 def test_info_says_which_fit_it_is(final: Path, capsys: pytest.CaptureFixture[str]) -> None:

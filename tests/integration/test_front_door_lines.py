@@ -74,7 +74,7 @@ def test_each_takes_what_the_last_returns_or_a_path_of_it(folder: Path, monkeypa
     df.fit("descents.parquet", df.Gaussian(), out="gaussian.ckpt")
     loaded = df.load("gaussian.ckpt")
     says_something(loaded)
-    assert df.load(Path("gaussian.ckpt")).representation.split == fitted.representation.split
+    assert df.load(Path("gaussian.ckpt")).representation.split == fitted.final.representation.split
 
     drawn = [df.sample(model, 50, seed=3).to_polars() for model in (fitted, loaded, "gaussian.ckpt")]
     assert drawn[0].equals(drawn[1])

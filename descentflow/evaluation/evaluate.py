@@ -81,7 +81,7 @@ def evaluate(
     representation = density.representation
     notes: list[str] = []
     if density is not sampled:
-        notes.append(f"scored: the fit to {density.representation.split.describe()}, not the final one to all flights")
+        notes.append(f"scored: the fit to {density.representation.split.describe()}")
     frame = comparable_descents(real, representation).frame
     tell_other_types(frame, representation)
     parts = encode_flights(frame, representation, context_table, air=air, say=notes.append)

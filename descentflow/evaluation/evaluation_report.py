@@ -23,17 +23,21 @@ from descentflow.evaluation.metrics.bootstrap import score_intervals
 from descentflow.evaluation.metrics.classifier import Detection, detect
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.score_table import ScoreTable
+from descentflow.evaluation.verdict import verdict
 from descentflow.generation.samples import RejectionReport
+from descentflow.reporting.in_notebook import InNotebook
 from descentflow.representation.representation import Representation
 
 FILES = ("scores.csv", "classifier.csv", "rejections.json")
 """Files that are written besides figures."""
+FEW = 100
+"""Held-out flights with fewer of which the words come first."""
 DPI = 110
 """Of the figures as files, and in TensorBoard."""
 
 
 @dataclass(frozen=True, repr=False)
-class Evaluation:
+class Evaluation(InNotebook):
     """Samples beside held-out flights: their scores, and what was rejected on the way.
 
     Attributes:
@@ -81,9 +85,8 @@ class Evaluation:
         """
         decoder = self.representation.decoder
         told = {"classifier": classifier_figure(self.classifier)} if self.classifier.importance else {}
-        profiles = profiles_figure(self.real, {self.name: self.samples}, self.nominal, title=decoder.aircraft.typecode)
         return {
-            "profiles": profiles,
+            "profiles": self.notebook_figure(),
             "cuts": cuts_figure(self.real, {self.name: self.samples}, self.nominal, self._cut_fl()),
             "distance_by_level": level_scores_figure(self.scores, decoder.transition_fl),
             "rejections": acceptance_figure(self.rejections),
@@ -92,6 +95,11 @@ class Evaluation:
             ),
             **told,
         }
+
+    def notebook_figure(self) -> Figure:
+        """Samples against flights (paper, figures 4-6)."""
+        title = self.representation.decoder.aircraft.typecode
+        return profiles_figure(self.real, {self.name: self.samples}, self.nominal, title=title)
 
     @cached_property
     def pictures(self) -> dict[str, bytes]:
@@ -151,12 +159,20 @@ class Evaluation:
                 temporary.write_bytes(picture)
 
     def __str__(self) -> str:
-        """Flights, what was left out, rejections, the table of scores, and what the classifier looks at."""
+        """Flights, what was left out, rejections, scores, what the classifier looks at, and a verdict in words."""
         seen = self.n_seen
         left_out = "" if seen is None else f" ({seen} left out: the checkpoint was trained or validated on them)"
-        lines = [f"{len(self.real)} held-out flights{left_out}", *self.notes, str(self.rejections), str(self.scores)]
+        head = [f"{len(self.real)} held-out flights{left_out}", *self.notes]
+        lines = [str(self.rejections), str(self.scores)]
         lines += [str(self.classifier)] if self.classifier.importance else []
-        return "\n".join(lines)
+        words = self.in_words
+        # Of few flights most of the table is absent, so that the words come first.
+        return "\n".join([*head, words, *lines] if len(self.real) < FEW else [*head, *lines, words])
+
+    @property
+    def in_words(self) -> str:
+        """Verdict in words, with the reasons."""
+        return f"In words: {verdict(self.scores, self.classifier)}."
 
     def __repr__(self) -> str:
         """As printed."""

@@ -20,6 +20,7 @@ from descentflow.positions.ground_path import Point
 from descentflow.positions.ground_plan import NOWHERE, GroundPlan, ground_plan
 from descentflow.positions.placing import Positions
 from descentflow.positions.wind_by_level import Wind
+from descentflow.reporting.in_notebook import InNotebook
 from descentflow.representation.decoder.trajectories import Trajectories
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def _counted(number: int, word: str) -> str:
 
 
 @dataclass(frozen=True, repr=False)
-class Samples:
+class Samples(InNotebook):
     """n plausible descents, and the account of every draw behind them.
 
     Attributes:
@@ -194,6 +195,10 @@ class Samples:
         from descentflow.generation.figures.sampled_profiles import samples_figure
 
         return samples_figure(self.trajectories, title=title)
+
+    def notebook_figure(self) -> "Figure | None":
+        """:meth:`figure`; nothing without a sample."""
+        return self.figure() if len(self) else None
 
     def __str__(self) -> str:
         """The account of the draws, the grid, and how long the descents take."""

@@ -54,7 +54,7 @@ def levels_shown(train: Profiles) -> tuple[float, float]:
         >>> from descentflow.representation.profiles import profiles_from_frame
         >>> from descentflow.surveillance.descents.prepared_descents import read_descents
         >>> levels_shown(profiles_from_frame(read_descents("descents.parquet").frame, aircraft("A320"), 150))
-        (150.0, 380.0)
+        (150.0, 383.0)
     """
     counts = train.mask.sum(0)
     shown = counts >= FEWEST_ON_A_LEVEL

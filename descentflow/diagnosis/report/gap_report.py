@@ -12,9 +12,11 @@ from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.findings.plain_values import NOT_WRITTEN, primitives
 from descentflow.diagnosis.findings.read_gap import SCHEMA_VERSION
 from descentflow.diagnosis.report.page import page, summary
+from descentflow.reporting.in_notebook import InNotebook
 
 if TYPE_CHECKING:
     import polars as pl
+    from matplotlib.figure import Figure
 
 FLIGHTS = "corrected.parquet"
 """Name of the flights with the causes in them."""
@@ -25,7 +27,7 @@ KEYS = ("schema_version", *(one.name for one in fields(Findings) if one.name != 
 
 
 @dataclass(frozen=True, repr=False)
-class GapReport(Findings):
+class GapReport(Findings, InNotebook):
     """Report of a diagnosis, see :class:`~descentflow.diagnosis.findings.findings.Findings` for its parts.
 
     Attributes:
@@ -47,6 +49,12 @@ class GapReport(Findings):
 
     write_corrected: Callable[[Path], None] | None = field(default=None, compare=False, metadata=NOT_WRITTEN)
     write_flights: Callable[[Path], None] | None = field(default=None, compare=False, metadata=NOT_WRITTEN)
+
+    def notebook_figure(self) -> "Figure | None":
+        """The first cost; nothing where none is known."""
+        from descentflow.diagnosis.report.figures import cost_figure
+
+        return cost_figure(self.costs, self.costs[0].name) if self.costs else None
 
     def __str__(self) -> str:
         """The answer in a few lines."""

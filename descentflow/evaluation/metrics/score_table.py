@@ -156,11 +156,15 @@ class ScoreTable:
         return {name: value for name, value in named.items() if not isnan(value)}
 
     def __str__(self) -> str:
-        """The table for a terminal, with the reasons of what is absent below it."""
+        """The scores that have a noise floor, as a table for a terminal; then what has none, and why."""
         heading = _line((*_HEADINGS, *_NUMBERS))
         lines = [heading, "-" * len(heading)]
         notes: dict[str, int] = {}
+        without: dict[str, list[str]] = {}
         for row in self.rows:
+            if row.note and isnan(row.floor):
+                without.setdefault(row.note, []).append(f"{row.quantity} {row.statistic}")
+                continue
             numbers = (_number(getattr(row, field)) for field in _NUMBERS.values())
             mark = f" [{notes.setdefault(row.note, len(notes) + 1)}]" if row.note else ""
             lines.append(_line((row.quantity, row.statistic, row.unit, *numbers)) + mark)
@@ -170,7 +174,10 @@ class ScoreTable:
         )
         lines += wrap(told, len(heading), subsequent_indent="  ")
         lines.append("ratio: matched size over noise floor; excess: above the noise floor, in spreads of the flights")
-        return "\n".join([*lines, *(f"[{number}] {note}" for note, number in notes.items())])
+        lines += [f"[{number}] {note}" for note, number in notes.items()]
+        for note, names in without.items():
+            lines += wrap(f"not compared, {note}: {', '.join(names)}", len(heading), subsequent_indent="  ")
+        return "\n".join(lines)
 
     def sizes(self) -> dict[int, list[str]]:
         """Flights on each side of a matched comparison -> the quantities that were compared at that size.

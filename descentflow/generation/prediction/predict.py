@@ -26,6 +26,7 @@ from descentflow.generation.sample_tables import UNITS
 from descentflow.positions.ground_path import Point
 from descentflow.positions.ground_plan import NOWHERE, GroundPlan, ground_plan
 from descentflow.positions.wind_by_level import Wind
+from descentflow.reporting.in_notebook import InNotebook
 from descentflow.representation.comparable_descents import comparable_descents, tell_other_types
 from descentflow.representation.encode_flights import EncodedFlights, encode_flights
 from descentflow.representation.profiles import Profiles
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False)
-class Prediction:
+class Prediction(InNotebook):
     """Predicted descents: intervals of the time to each level, and what was left out.
 
     Attributes:
@@ -160,6 +161,8 @@ class Prediction:
         from descentflow.generation.prediction.predicted_profiles import prediction_figure
 
         return prediction_figure(self.flights, self.observed, self.from_fl)
+
+    notebook_figure = figure
 
     def __str__(self) -> str:
         """Calibration, counts, the first reasons, and how often the intervals held the time observed."""

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
@@ -12,6 +12,7 @@ from descentflow.core.errors import DataError
 from descentflow.core.files import whole_file
 from descentflow.core.parquet_pages import check_pages
 from descentflow.core.tabular import to_dataset, to_pandas
+from descentflow.reporting.in_notebook import InNotebook
 from descentflow.surveillance.cleaning.kept_settings import kept_cleaning
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.check_descents import checked_descents
@@ -22,6 +23,9 @@ from descentflow.surveillance.rows.named_columns import IAS_COMPUTED, MACH_COMPU
 from descentflow.surveillance.rows.schema import CHANNELS
 from descentflow.surveillance.unpacking.unreadable import whole_input
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 __all__ = ["REQUIRED", "SCHEMA_VERSION", "Descents", "read_descents", "top_levels", "write_descents"]
 
 REQUIRED = ("flight_id", "icao24", "typecode", "level_fl", "timestamp", "time_s", "IAS", "Mach", "vertical_rate")
@@ -29,7 +33,7 @@ REACHED_BY = 0.25
 """The grid ends at the highest level that this share of the flights reach (paper, appendix A)."""
 
 
-class Descents:
+class Descents(InNotebook):
     """Prepared descents: one row per flight and level, and how they were made.
 
     Attributes:
@@ -169,6 +173,12 @@ class Descents:
         dataset = to_dataset(self.frame, ("flight_id", "level_fl"), names, UNITS)
         types = self.frame.unique("flight_id", keep="first").sort("flight_id")["typecode"]
         return dataset.assign_coords(typecode=("flight_id", types.to_list()))
+
+    def notebook_figure(self) -> "Figure":
+        """Airspeed and rate of some flights, see :func:`~descentflow.surveillance.figures.descents_figure`."""
+        from descentflow.surveillance.figures.descents_figure import descents_figure
+
+        return descents_figure(self.frame)
 
     def __repr__(self) -> str:
         """One line."""

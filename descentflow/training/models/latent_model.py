@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import lightning
 import torch
@@ -17,14 +17,18 @@ from descentflow.core.arguments import checked_arguments
 from descentflow.core.counter_random import seed_of
 from descentflow.core.errors import CheckpointError, ConfigError, DescentflowWarning
 from descentflow.core.files import whole_file
-from descentflow.densities.checkpoint import OUTCOME, content_of, density_of, outcome_of, section_of
+from descentflow.densities.checkpoint import OUTCOME, content_of, density_in, density_of, outcome_of, section_of
 from descentflow.densities.density import Density
 from descentflow.densities.entry_law import EntryLaw
 from descentflow.densities.learn_entry_law import learn_entry_law
+from descentflow.reporting.in_notebook import InNotebook
 from descentflow.representation.evidence import Evidence
-from descentflow.representation.read_checkpoint import SECTION
+from descentflow.representation.read_checkpoint import HELD_OUT, SECTION
 from descentflow.representation.representation import Representation
 from descentflow.training.datamodule import DescentDataModule, data_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 D = TypeVar("D", bound=Density)
 TRAINING = "training"
@@ -35,7 +39,7 @@ Batch = tuple[Evidence] | tuple[Evidence, Tensor]
 """Observed part of some flights, and their encoded context (n, c) where the density takes one."""
 
 
-class LatentModel(LightningModule, ABC, Generic[D]):
+class LatentModel(LightningModule, InNotebook, ABC, Generic[D]):
     """Trains one kind of :class:`descentflow.densities.Density` (paper, section 2.3).
 
     A subclass defines how the density is made for d weights (:meth:`make`) and how one training step improves it.
@@ -175,6 +179,17 @@ class LatentModel(LightningModule, ABC, Generic[D]):
         self.outcome = outcome_of(content)
         self.eval()
 
+    def notebook_figure(self) -> "Figure | None":
+        """The components of drag and speed; nothing before the fit."""
+        if self._density is None:
+            return None
+        from descentflow.evaluation.figures.components import components_figure  # matplotlib loads where it draws
+
+        decoder = (self.final or self.density).representation.decoder
+        return components_figure(
+            decoder.drag_basis, decoder.cas_basis, decoder.levels_fl, decoder.mach_basis, decoder.drag_scale
+        )
+
     def __repr__(self) -> str:
         """Model and data in two lines; not the tree of modules."""
         if self._density is None or self._density._representation is None:
@@ -260,12 +275,17 @@ class LatentModel(LightningModule, ABC, Generic[D]):
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Restore density and representation; refuse one of another model or other flights when a fit resumes."""
+        final = density_in(checkpoint) if HELD_OUT in checkpoint else None
+        # What is trained on and scored is the held-out fit; Lightning loads its parameters from the same dictionary.
+        checkpoint.update(checkpoint.get(HELD_OUT, {}))
         saved: D = density_of(checkpoint[SECTION])  # type: ignore[assignment]
         if self._density is not None:
             self._check_same_model(saved, checkpoint.get("hyper_parameters") or {})
             _check_same_weights(saved.representation, self.representation)
             self._resume(checkpoint.get(TRAINING, {}))
         self._density = saved.to(self.device)
+        if final is not None:
+            self.keep_final(final)  # type: ignore[arg-type]
 
     @property
     def _fits(self) -> bool:

@@ -1,0 +1,42 @@
+"""Show a result in a notebook: a figure, then the lines that it prints."""
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING
+
+from markupsafe import escape
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DPI = 70
+"""Of the figure: a column of a notebook is some 900 pixels wide."""
+
+
+class InNotebook(ABC):
+    """A result that a notebook shows as a figure with the printed lines below.
+
+    Example:
+        >>> from matplotlib.figure import Figure
+        >>> class Answer(InNotebook):
+        ...     def notebook_figure(self):
+        ...         return Figure(figsize=(2, 1))
+        ...
+        ...     def __str__(self):
+        ...         return "42 < 43"
+        >>> shown = Answer()._repr_html_()
+        >>> shown.startswith("<figure>"), shown.endswith("<pre>42 &lt; 43</pre>")
+        (True, True)
+    """
+
+    @abstractmethod
+    def notebook_figure(self) -> "Figure | None":
+        """The figure; None where there is nothing to draw."""
+
+    def _repr_html_(self) -> str:
+        """Figure and printed lines."""
+        # Templates and matplotlib are imported when something is shown, not when something is computed.
+        from descentflow.reporting.pages import figure
+
+        picture = self.notebook_figure()
+        drawn = "" if picture is None else figure(picture, f"Figure of the {type(self).__name__}", dpi=DPI)
+        return f"{drawn}<pre>{escape(str(self))}</pre>"

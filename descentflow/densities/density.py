@@ -13,6 +13,7 @@ from descentflow.densities.importance import Estimate, estimate, propose, widene
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.observed import log_observed
 from descentflow.densities.residual_law import ResidualLaw
+from descentflow.densities.weight_draws import MixtureDraw, WeightDraw
 from descentflow.representation.evidence import Evidence
 from descentflow.representation.representation import Representation
 
@@ -77,6 +78,28 @@ class Density(nn.Module, ABC):
     @abstractmethod
     def draw(self, n: int, generator: torch.Generator, context: Tensor | None = None) -> Tensor:
         """Draw (n, d) standardised weights with this generator alone; :meth:`sample` has one for every call."""
+
+    def weight_draw(self, dtype: torch.dtype) -> WeightDraw:
+        """Map from standard normals to weights as one expression, for export; of a mixture by its parameters.
+
+        Args:
+            dtype: Precision of a network's arithmetic.
+
+        Raises:
+            ConfigError: If the density has none.
+
+        Example:
+            >>> from descentflow.densities.checkpoint import load_model
+            >>> type(load_model("best.ckpt").weight_draw(torch.float64)).__name__  # a Gaussian by the entry level
+            'DrawByEntry'
+        """
+        if self.mixture is None:
+            raise ConfigError(
+                f"a {type(self).__name__}, whose draws cannot be written as a graph",
+                expected="a density with `weight_draw`: a Gaussian, a mixture or a masked affine flow",
+                mend="fit one of those, or export samples (--to parquet)",
+            )
+        return MixtureDraw(self.mixture, None, self.residual_law)
 
     def settings(self) -> dict[str, Any]:
         """Primitive arguments that, after the dimension, make the constructor give parameters of the same shapes."""

@@ -7,6 +7,7 @@ import torch
 from torch import Tensor, nn
 
 from descentflow.densities.affine_pass import AffinePass
+from descentflow.densities.flow_draw import FlowDraw
 from descentflow.densities.importance import widened
 from descentflow.densities.layers import (
     Bounded,
@@ -23,6 +24,7 @@ from descentflow.densities.observed import log_observed
 from descentflow.densities.row_parts import in_parts
 from descentflow.densities.splines import Spline
 from descentflow.densities.transformed import TransformedDensity, standard_normal
+from descentflow.densities.weight_draws import WeightDraw
 from descentflow.representation.evidence import Evidence
 
 
@@ -241,6 +243,11 @@ class MaskedAffineFlowDensity(FlowDensity):
 
     def _pass(self, z: Tensor, context: Tensor | None) -> tuple[Tensor, Tensor]:
         return super()._pass(z, context) if self._at_once is None else self._at_once(z, context)
+
+    def white_draw(self, dtype: torch.dtype) -> WeightDraw:
+        """The flow as one expression, with arithmetic in a precision."""
+        names = ("loc", "slope", "scale", "correlation_tril") if self.whitened else ()
+        return FlowDraw(self.flow.flows, self.dimension, dtype, {name: getattr(self, name) for name in names})
 
     def settings(self) -> dict[str, Any]:
         """Number, width and kind of the flows."""

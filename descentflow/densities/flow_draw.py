@@ -5,19 +5,20 @@ from copy import deepcopy
 import torch
 from torch import Tensor, nn
 
-from descentflow.densities.flow import MaskedAffineFlowDensity
 from descentflow.densities.layers import TurnedRound, made
+from descentflow.densities.weight_draws import WeightDraw
 
 
-class FlowDraw(nn.Module):
-    """Map of normals to weights in ``TransformedDensity.draw``, without densities.
+class FlowDraw(WeightDraw):
+    """Map of normals to weights of a masked affine flow, without densities.
 
     Linear maps become one matrix each, and networks have their masks multiplied in.
 
     Example:
+        >>> from descentflow.densities.flow import MaskedAffineFlowDensity
         >>> flow = MaskedAffineFlowDensity(dimension=3, n_flows=2, whitened=True)
         >>> noise = torch.randn(4, 3)
-        >>> FlowDraw(flow, torch.float64)(noise).shape
+        >>> flow.weight_draw(torch.float64)(noise).shape
         torch.Size([4, 3])
     """
 
@@ -26,21 +27,29 @@ class FlowDraw(nn.Module):
     scale: Tensor
     correlation_tril: Tensor
 
-    def __init__(self, density: MaskedAffineFlowDensity, dtype: torch.dtype) -> None:
+    def __init__(self, flows: nn.ModuleList, dimension: int, dtype: torch.dtype, whitening: dict[str, Tensor]) -> None:
         """Copy a flow.
 
         Args:
-            density: The flow.
+            flows: Its steps.
+            dimension: Number of weights d.
             dtype: Precision of its arithmetic; its parameters are float32.
+            whitening: ``loc``, ``slope``, ``scale`` and ``correlation_tril`` of a whitened flow; empty for another.
         """
         super().__init__()
-        self.dtype, self.whitened = dtype, density.whitened
-        flows = deepcopy(density.flow.flows).to("cpu", dtype).eval()
-        self.steps = nn.ModuleList(_step(flow, density.dimension) for flow in flows)
-        for name in ("loc", "slope", "scale", "correlation_tril") if density.whitened else ():
-            self.register_buffer(name, getattr(density, name).detach().cpu().clone())
+        self.dtype, self.whitened = dtype, bool(whitening)
+        copied = deepcopy(flows).to("cpu", dtype).eval()
+        self.steps = nn.ModuleList(_step(flow, dimension) for flow in copied)
+        for name, value in whitening.items():
+            self.register_buffer(name, value.detach().cpu().clone())
 
-    def forward(self, noise: Tensor, context: Tensor | None = None) -> Tensor:
+    def forward(
+        self,
+        noise: Tensor,
+        entry: Tensor | None = None,
+        uniform: Tensor | None = None,
+        context: Tensor | None = None,
+    ) -> Tensor:
         """Weights (n, d), float64, of standard normals (n, d) at contexts (n, c) if there are any."""
         z = noise.to(self.dtype)
         if self.whitened:

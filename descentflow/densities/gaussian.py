@@ -8,6 +8,7 @@ from torch import Tensor, nn
 from descentflow.densities.importance import widened
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.transformed import TransformedDensity
+from descentflow.densities.weight_draws import MixtureDraw, WeightDraw
 
 
 class GaussianDensity(TransformedDensity):
@@ -66,6 +67,10 @@ class GaussianDensity(TransformedDensity):
     def wide_gaussian(self, context: Tensor | None = None) -> Mixture:
         """The Gaussian of all levels of entry, widened."""
         return widened(self.overall)
+
+    def white_draw(self, dtype: torch.dtype) -> WeightDraw:
+        """The one Gaussian, in double precision whatever is asked for."""
+        return MixtureDraw(self.overall)
 
     @property
     def white_dtype(self) -> torch.dtype:

@@ -18,6 +18,7 @@ from descentflow.densities.entry_gate import EntryGate
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.observed import log_proportions, posteriors
 from descentflow.densities.residual_law import ResidualLaw, components_given
+from descentflow.densities.weight_draws import MixtureDraw, WeightDraw
 from descentflow.representation.evidence import Evidence
 
 # Without this two mixtures in one process share their parameters by name.
@@ -132,6 +133,10 @@ class GaussianMixtureDensity(Density):
         if self.entry_gate is not None:
             self.entry_gate.check(n_clusters)
         self.program = MixtureProgram(n_clusters, dimension, n_context)
+
+    def weight_draw(self, dtype: torch.dtype) -> WeightDraw:
+        """The mixture with its gate, in double precision whatever is asked for."""
+        return MixtureDraw(self.mixture, self.entry_gate, self.residual_law)
 
     def settings(self) -> dict[str, Any]:
         """Number of mixture components; numbers of context, gate, residual law and clusters if there are any."""

@@ -10,6 +10,7 @@ from torch import Tensor
 from descentflow.densities.density import Density
 from descentflow.densities.entry_gate import EntryGate
 from descentflow.densities.entry_law import EntryLaw
+from descentflow.densities.weight_draws import DrawByEntry, WeightDraw
 
 
 class TransformedDensity(Density):
@@ -55,6 +56,15 @@ class TransformedDensity(Density):
     def entry_gate(self) -> EntryGate | None:
         """The bins of the entry level as components, see :class:`~descentflow.generation.samplers.GatedSampler`."""
         return None if self.entry_law is None else self.entry_law.gate
+
+    def weight_draw(self, dtype: torch.dtype) -> WeightDraw:
+        """The map, with the law of the normals by the entry level before it."""
+        plain = self.white_draw(dtype)
+        return plain if self.entry_law is None else DrawByEntry(plain, self.entry_law)
+
+    def white_draw(self, dtype: torch.dtype) -> WeightDraw:
+        """The map of standard normals alone as one expression, see :meth:`weight_draw`."""
+        return super().weight_draw(dtype)
 
     def settings(self) -> dict[str, Any]:
         """Numbers of context and the law of the normals, if there are any."""

@@ -10,7 +10,6 @@ from torch.overrides import TorchFunctionMode
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import FPM_MPS, KT_MPS, NM_M
 from descentflow.densities.density import Density
-from descentflow.exports.weight_draws import MixtureDraw, weight_draw
 from descentflow.representation.decoder.trajectories import Trajectories, fly
 from descentflow.representation.own_air import check_standard_air
 from descentflow.representation.plausibility import RULES, Plausibility
@@ -166,13 +165,8 @@ class SamplerGraph(nn.Module):
         """
         super().__init__()
         self.dimension, self.n_context = density.dimension, density.n_context
-        self.draw = weight_draw(density, PRECISIONS[precision])
+        self.draw = density.weight_draw(PRECISIONS[precision])
         self.descents = DescentGraph(density.representation, precision)
-
-    @property
-    def picks(self) -> bool:
-        """True where a uniform number picks each descent's component."""
-        return isinstance(self.draw, MixtureDraw) and self.draw.n_components > 1
 
     def forward(
         self,
@@ -213,7 +207,7 @@ class SamplerGraph(nn.Module):
         inputs = {"noise": normal(self.dimension), "entry_fl": levels_fl[bounds.draw_entry(n, generator)].to(dtype)}
         if self.descents.n_residual:
             inputs["residual_noise"] = normal(self.descents.n_residual)
-        if self.picks:
+        if self.draw.picks:
             inputs["uniform"] = torch.rand(n, generator=generator, dtype=torch.float64).to(dtype)
         if self.n_context:
             inputs["context"] = torch.zeros(n, self.n_context, dtype=dtype)

@@ -11,7 +11,6 @@ from descentflow.core.version import __version__
 from descentflow.densities.density import Density
 from descentflow.exports.columns import COLUMNS
 from descentflow.exports.descent_graph import ALL_RULES, PROFILES, Precision, SamplerGraph
-from descentflow.exports.weight_draws import DrawByEntry, MixtureDraw
 from descentflow.representation.context import Column
 
 FORMAT = "descentflow-sampler"
@@ -79,19 +78,11 @@ def describe(density: Density, sampler: SamplerGraph, precision: Precision) -> d
             for name, buffers in BOUNDS.items()
         },
         "entry_share": _numbers(counts / counts.sum()),
-        "redraw": _redraw(sampler),
+        "redraw": sampler.draw.redraw,
     }
     if parts.context is not None:
         described["context"] = [_context(column) for column in parts.context.columns]
     return described
-
-
-def _redraw(sampler: SamplerGraph) -> str:
-    """Parts of a draw that are drawn again where it is not accepted."""
-    if isinstance(sampler.draw, DrawByEntry):
-        return "noise, with the same entry_fl"
-    gated = isinstance(sampler.draw, MixtureDraw) and sampler.draw.edges is not None
-    return "noise, with the same entry_fl and uniform" if gated else "everything"
 
 
 def decoder_inputs(sampler: SamplerGraph, n: int) -> dict[str, Tensor]:

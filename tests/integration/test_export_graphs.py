@@ -11,9 +11,9 @@ from torch import Tensor
 from torch.export import ExportedProgram
 
 from descentflow.densities.density import Density
+from descentflow.densities.weight_draws import DrawByEntry, MixtureDraw
 from descentflow.exports.descent_graph import OFF_GRID, PROFILES, Precision, SamplerGraph
 from descentflow.exports.onnx_export import TRACED_WITH, to_onnx, trace
-from descentflow.exports.weight_draws import DrawByEntry, MixtureDraw
 from descentflow.representation.plausibility import RULES
 
 ort = pytest.importorskip("onnxruntime", reason="onnxruntime is in the extra onnx of descentflow")
@@ -45,7 +45,7 @@ def ours(model: Density, sampler: SamplerGraph, inputs: dict[str, Tensor]) -> tu
     component, residual_noise = None, inputs["residual_noise"].double()
     if isinstance(sampler.draw, DrawByEntry):
         component = model.entry_law.bins(entry)  # type: ignore[union-attr, operator]
-    elif sampler.picks:
+    elif sampler.draw.picks:
         assert isinstance(sampler.draw, MixtureDraw)
         of_both = sampler.draw.component(entry, inputs["uniform"])
         component, scale = of_both // N_SCALES, of_both % N_SCALES

@@ -15,7 +15,7 @@ from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.residual_law import ResidualLaw
 from descentflow.densities.residual_posteriors import given_component
-from descentflow.exports.weight_draws import MixtureDraw
+from descentflow.densities.weight_draws import MixtureDraw
 from descentflow.generation.prediction.posterior import posterior_of, prior_of
 
 SCALES = torch.tensor([[0.5, 0.5, 0.8], [2.5, 2.5, 1.5]]).double()

@@ -7,9 +7,9 @@ from scipy.stats import chisquare
 
 from descentflow.core.errors import ConfigError
 from descentflow.densities.flow import MaskedAffineFlowDensity, SplineFlowDensity
+from descentflow.densities.weight_draws import MixtureDraw
 from descentflow.exports.descent_graph import OFF_GRID, DescentGraph, SamplerGraph
 from descentflow.exports.graph_description import describe
-from descentflow.exports.weight_draws import MixtureDraw
 from descentflow.physics.level_table import level_rate
 from descentflow.representation.correction import Correction
 from descentflow.representation.representation import Representation

@@ -3,18 +3,39 @@
 import torch
 from torch import Tensor, nn
 
-from descentflow.core.errors import ConfigError
-from descentflow.densities.density import Density
 from descentflow.densities.entry_gate import EntryGate
 from descentflow.densities.entry_law import EntryLaw
-from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.residual_law import ResidualLaw
-from descentflow.densities.transformed import TransformedDensity
-from descentflow.generation.samplers import GatedSampler
 
 
-class MixtureDraw(nn.Module):
+class WeightDraw(nn.Module):
+    """Map from standard normals, and uniform numbers where it picks, to weights; called as :class:`MixtureDraw` is.
+
+    Example:
+        >>> normals = torch.zeros(1, 2)
+        >>> WeightDraw().residual(torch.zeros(1, 1), normals, torch.tensor([0])) is normals
+        True
+    """
+
+    picks = False
+    """Whether a uniform number picks each flight's component."""
+    redraw = "everything"
+    """Parts of a draw that are drawn again where it is not accepted."""
+
+    def residual(
+        self,
+        weights: Tensor,
+        noise: Tensor,
+        entry: Tensor,
+        uniform: Tensor | None = None,
+        context: Tensor | None = None,
+    ) -> Tensor:
+        """Residual numbers (n, r) of standard normals (n, r): these, where they do not go with the weights."""
+        return noise
+
+
+class MixtureDraw(WeightDraw):
     """Weights of a Gaussian mixture, with or without a context and an entry gate; of one Gaussian as well.
 
     Example:
@@ -46,6 +67,7 @@ class MixtureDraw(nn.Module):
             shares = (shares[:, :, None] * residual_law.scale_probs.to(shares)).flatten(1)
             mixture, residual_law = residual_law.by_scale(mixture)
         self.n_components = mixture.n_components
+        self.picks = mixture.n_components > 1
         # Absent and not empty where there is none: empty tensors cannot be saved with a program.
         kept = {
             # Normalised: a gate's shares, like probabilities of torch's multinomial, may be any weights.
@@ -62,6 +84,7 @@ class MixtureDraw(nn.Module):
         }
         for name, value in kept.items():
             self.register_buffer(name, None if value is None else _constant(value))
+        self.redraw = WeightDraw.redraw if self.edges is None else "noise, with the same entry_fl and uniform"
 
     def component(self, entry: Tensor, uniform: Tensor, context: Tensor | None = None) -> Tensor:
         """Components (n,) of flights by uniform numbers (n,): the inverse of the cumulative proportions."""
@@ -111,22 +134,7 @@ def _constant(value: Tensor) -> Tensor:
     return kept.double() if kept.is_floating_point() else kept
 
 
-class _NormalDraw(nn.Module):
-    """Map of normals, beyond whose components lie standard normals that do not go with the weights."""
-
-    def residual(
-        self,
-        weights: Tensor,
-        noise: Tensor,
-        entry: Tensor,
-        uniform: Tensor | None = None,
-        context: Tensor | None = None,
-    ) -> Tensor:
-        """Residual numbers (n, r) as they come."""
-        return noise
-
-
-class DrawByEntry(_NormalDraw):
+class DrawByEntry(WeightDraw):
     """Map of standard normals, with their law by bins of the entry level before it.
 
     Example:
@@ -139,11 +147,12 @@ class DrawByEntry(_NormalDraw):
                 [90.]], dtype=torch.float64)
     """
 
+    redraw = "noise, with the same entry_fl"
     edges: Tensor
     shift: Tensor
     root: Tensor
 
-    def __init__(self, draw: nn.Module, law: EntryLaw) -> None:
+    def __init__(self, draw: WeightDraw, law: EntryLaw) -> None:
         """Copy the law."""
         super().__init__()
         self.draw = draw
@@ -157,64 +166,4 @@ class DrawByEntry(_NormalDraw):
         bins = (entry[:, None] > self.edges).sum(1)
         normals = self.shift[bins] + (self.root[bins] @ noise.double()[:, :, None])[:, :, 0]
         weights: Tensor = self.draw(normals, entry, uniform, context)
-        return weights
-
-
-def weight_draw(density: Density, dtype: torch.dtype) -> "MixtureDraw | DrawByEntry | _Flow":
-    """The module that draws a density's weights.
-
-    Args:
-        density: A Gaussian, a mixture or a masked affine flow.
-        dtype: Precision of a flow's arithmetic.
-
-    Raises:
-        ConfigError: If it is another density.
-
-    Example:
-        >>> from descentflow.densities.checkpoint import load_model
-        >>> type(weight_draw(load_model("best.ckpt"), torch.float64)).__name__  # a Gaussian in each bin of the entry
-        'DrawByEntry'
-    """
-    if isinstance(density, TransformedDensity):
-        plain = _plain_draw(density, dtype)
-        return plain if density.entry_law is None else DrawByEntry(plain, density.entry_law)
-    mixture = density.mixture
-    if mixture is None:
-        raise _no_graph(density)
-    gate = density.entry_gate if isinstance(density, GatedSampler) else None
-    return MixtureDraw(mixture, gate, density.residual_law)
-
-
-def _plain_draw(density: TransformedDensity, dtype: torch.dtype) -> "MixtureDraw | _Flow":
-    """The map of normals alone."""
-    if isinstance(density, GaussianDensity):
-        return MixtureDraw(density.overall)
-    # Here and not above: whoever exports a Gaussian need not have imported normflows.
-    from descentflow.densities.flow import MaskedAffineFlowDensity
-    from descentflow.densities.flow_draw import FlowDraw
-
-    if not isinstance(density, MaskedAffineFlowDensity):
-        raise _no_graph(density)
-    return _Flow(FlowDraw(density, dtype))
-
-
-def _no_graph(density: Density) -> ConfigError:
-    return ConfigError(
-        f"a {type(density).__name__}, whose draws cannot be written as a graph",
-        expected="a Gaussian, a mixture or a masked affine flow",
-        mend="fit one of those, or export samples (--to parquet)",
-    )
-
-
-class _Flow(_NormalDraw):
-    """A flow, called as a mixture is."""
-
-    def __init__(self, draw: nn.Module) -> None:
-        super().__init__()
-        self.draw = draw
-
-    def forward(
-        self, noise: Tensor, entry: Tensor, uniform: Tensor | None = None, context: Tensor | None = None
-    ) -> Tensor:
-        weights: Tensor = self.draw(noise, context)
         return weights

@@ -19,7 +19,7 @@ class WeightDraw(nn.Module):
     """
 
     picks = False
-    """Whether a uniform number picks each flight's component."""
+    """True if a uniform number picks each flight's component."""
     redraw = "everything"
     """Parts of a draw that are drawn again where it is not accepted."""
 

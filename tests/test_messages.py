@@ -1,14 +1,17 @@
 """Messages name only options that there are."""
 
 import ast
+import inspect
 import re
 from importlib import import_module
 from pathlib import Path
 
 import descentflow
-from descentflow.cli.entry import COMMANDS, TRAINER
+from descentflow.cli import trainer_commands
+from descentflow.cli.entry import COMMANDS
 from descentflow.cli.options import CommandParser
-from descentflow.cli.trainer_words import OWN, TOP, _arguments
+from descentflow.training.callbacks.score_callback import ScoreCallback
+from descentflow.training.datamodule import DescentDataModule
 
 OPTION = re.compile(r"(?<![\w-])--[a-z][\w.-]*[a-z]")
 MESSAGES = re.compile("MEND|REASON|EXPECTED")
@@ -17,9 +20,10 @@ SOURCES = sorted(Path(descentflow.__file__).parent.rglob("*.py"))
 
 def options() -> set[str]:
     """Every option of every command, as the parsers have them."""
-    found = {f"--{name}" for name in TOP}
-    found |= {f"--{section}.{name}" for section, place in OWN.items() for name in _arguments(*place)}
-    for command in set(COMMANDS) - set(TRAINER):
+    own = {"data": DescentDataModule, "scores": ScoreCallback}
+    found = {f"--{section}.{name}" for section, kind in own.items() for name in inspect.signature(kind).parameters}
+    found |= {"--config", "--model", "--data", "--ckpt_path", "--weights_only", "--help_all", "--checkpoint", "--final"}
+    for command in set(COMMANDS) - set(trainer_commands.COMMANDS):
         module = import_module(f"descentflow.cli.{command.replace('-', '_')}_command")
         parser = CommandParser(command, module.run)
         getattr(module, "extend", lambda _: None)(parser)

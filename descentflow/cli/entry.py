@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
+from descentflow.cli import trainer_commands
 from descentflow.cli.ending import ended_in_order, print_whatever_comes
 from descentflow.core.errors import ConfigError, DescentflowError, DescentflowWarning, nearest
 from descentflow.core.progress import clear_line, display
@@ -29,8 +30,6 @@ COMMANDS = {
     "evaluate": "scores of a checkpoint against the descents of any prepared file",
     "diagnose": "where a simulator and real descents differ, and which unmodelled effect causes it",
 }
-TRAINER = ("fit", "validate", "test", "predict")
-"""Commands of the LightningCLI, which know every option of trainer, model and data."""
 QUIET = "--quiet"
 """Option of every command: no progress on stderr."""
 
@@ -123,19 +122,11 @@ def _warnings_in_a_line(name: str) -> Iterator[None]:
 
 
 def _run(name: str, rest: list[str]) -> int:
-    if name in TRAINER:
-        trainer_help = import_module("descentflow.cli.trainer_help")
+    if name in trainer_commands.COMMANDS:
         if rest in (["-h"], ["--help"]):
-            print(trainer_help.text(name), end="")
-            return 0
-        words = [word for word in rest if word != QUIET]
-        options = import_module("descentflow.cli.trainer_words").check_words(name, words)
-        if name == "fit":
-            # It imports torch for the type's coefficients.
-            import_module("descentflow.cli.trainer_inputs").check_descents_to_fit(options)
-        elif options.get("ckpt_path"):
-            _check_checkpoint(options["ckpt_path"])
-        import_module("descentflow.cli.trainer").run(name, words)
+            print(trainer_commands.text(name))
+        else:
+            trainer_commands.COMMANDS[name]([word for word in rest if word != QUIET])
         return 0
     module = import_module(f"descentflow.cli.{name.replace('-', '_')}_command")
     parser = import_module("descentflow.cli.options").CommandParser(name, module.run)

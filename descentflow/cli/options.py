@@ -75,7 +75,11 @@ class CommandParser(argparse.ArgumentParser):
         settings, names = _kind(hint)
         default, required = parameter.default, parameter.default is Parameter.empty
         described = " ".join((text.description or "").split())
-        if type(default) in (int, float, str) and default != argparse.SUPPRESS and "(default" not in described:
+        if (
+            type(default) in (int, float, str)
+            and default not in ("", argparse.SUPPRESS)
+            and "(default" not in described
+        ):
             described += f" (default: {default})"
         settings["help"] = described.replace("%", "%%")
         if not required:

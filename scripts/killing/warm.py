@@ -31,8 +31,7 @@ LOADED = (
     "sklearn.linear_model",
     "sklearn.mixture",
     "sklearn.model_selection",
-    "descentflow.cli.trainer",
-    "descentflow.cli.trainer_words",
+    "descentflow.cli.lightning_cli",
     "descentflow.diagnosis.diagnose",
     "descentflow.surveillance.prepare",
 )

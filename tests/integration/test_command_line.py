@@ -167,6 +167,8 @@ def test_resuming_executes_nothing_of_what_a_checkpoint_holds(
     assert main(words) == 2
     assert "could execute code" in capsys.readouterr().err
     assert main([*words, "--weights_only=false"]) == 2
+    assert "could execute code" in capsys.readouterr().err
+    assert main([*words[:-1], str(run / "checkpoints" / "last.ckpt"), "--weights_only=false"]) == 2
     assert "never executes code" in capsys.readouterr().err
     assert not (tmp_path / "owned").exists()
 
@@ -211,7 +213,7 @@ def test_resuming_with_speed_held_in_another_way_is_refused(run: Path, tmp_path:
 @pytest.mark.parametrize(
     ("word", "said"),
     [
-        ("--model.init_args.n_flowz=3", "did you mean --model.n_flows?"),
+        ("--model.init_args.n_flowz=3", "n_flowz"),
         ("--model.init_args.n_flows=-3", "n_flows"),
         ("--data.test_fraction=1.5", "data.test_fraction"),
         ("--trainer.max_epoks=3", "--trainer.max_epoks"),

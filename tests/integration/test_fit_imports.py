@@ -7,8 +7,6 @@ from pathlib import Path
 import pytest
 from toys import write_descents_file
 
-from descentflow.cli.trainer_words import MODELS, models_named
-
 OPTIONAL = ("sklearn", "pyro", "normflows")
 """Large packages that only some of the models need."""
 NEVER = ("pandas", "xarray", "distributed", "jsbsim", "onnx", "openap", "traffic")
@@ -54,20 +52,3 @@ def test_a_fit_loads_the_libraries_of_its_model_alone(
     loaded = set(said[0][1:])
     # scikit-learn takes pandas where it is installed.
     assert loaded - ({"pandas"} if "sklearn" in needed else set()) == needed
-
-
-def test_models_are_named_by_words_and_files(tmp_path: Path) -> None:
-    file = tmp_path / "model.yaml"
-    file.write_text("model: SplineFlow\n")
-    assert models_named(["--model=Gaussian"]) == ("Gaussian",)
-    assert models_named(["--model.class_path", "descentflow.training.models.SplineFlow"]) == ("SplineFlow",)
-    assert models_named(["--config", str(file)]) == ("SplineFlow",)
-    assert models_named([f"--config={file}", "--config", "gmm"]) == ("GaussianMixture", "SplineFlow")
-
-
-@pytest.mark.parametrize(
-    "words",
-    [["--help"], ["--model", "mine.Gaussian"], ["--model", "model.yaml"], ["--model.help", "Gaussian"], []],
-)
-def test_every_model_is_known_where_another_may_be_meant(words: list[str]) -> None:
-    assert models_named(words) == MODELS

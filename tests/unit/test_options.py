@@ -5,12 +5,13 @@ from typing import Literal
 
 import pytest
 
-from descentflow.cli.entry import COMMANDS, TRAINER, main
+from descentflow.cli import trainer_commands
+from descentflow.cli.entry import COMMANDS, main
 from descentflow.cli.options import CommandParser
 from descentflow.cli.sample_command import run
 
 
-@pytest.mark.parametrize("command", sorted(set(COMMANDS) - set(TRAINER)))
+@pytest.mark.parametrize("command", sorted(set(COMMANDS) - set(trainer_commands.COMMANDS)))
 @pytest.mark.parametrize("words", [["a.parquet", "--zzzz"], ["a.parquet", "--quiet=3"]])
 def test_a_mistake_is_told_in_a_line(command: str, words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:

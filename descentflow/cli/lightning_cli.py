@@ -1,7 +1,9 @@
 """The trainer's commands: LightningCLI with this project's defaults and without its traps."""
 
 import json
-from collections.abc import Sequence
+import re
+from argparse import ArgumentParser
+from collections.abc import Callable, Sequence
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
@@ -12,14 +14,11 @@ from lightning.pytorch import Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.cli import LightningArgumentParser, LightningCLI
 
-from descentflow.cli.parser_errors import config_error
-from descentflow.cli.trainer_words import MODELS, models_named
 from descentflow.configs.packaged_config import config_file
-from descentflow.core.errors import CheckpointError, ConfigError
+from descentflow.core.errors import CheckpointError, ConfigError, nearest
 from descentflow.core.settings_file import read_settings
 from descentflow.core.threads import one_thread_unless_told
 from descentflow.representation.read_checkpoint import SECTION, read_checkpoint
-from descentflow.training import models
 from descentflow.training.callbacks.failed_run import RemoveFailedRun, WholeConfig
 from descentflow.training.callbacks.kept_epochs import KeptEpochs, WholeCheckpoints
 from descentflow.training.callbacks.log_prob_writer import WriteLogProb
@@ -38,8 +37,12 @@ from descentflow.training.run_folders import (
     run_folder,
     write_into_run,
 )
-from descentflow.training.training_settings import CHECKPOINT_DEFAULTS, TRAINER_DEFAULTS
+from descentflow.training.training_settings import CHECKPOINT_DEFAULTS, NAMES, SETTINGS_OF, TRAINER_DEFAULTS
 
+IN_PYTHON = {name: kind for name, file in NAMES.items() for kind, own in SETTINGS_OF.items() if own == file}
+"""Name of a model in :func:`descentflow.training.fit.fit` -> its class."""
+NOISE = re.compile("Does not validate|Subtypes|Errors|Expected a <class 'NoneType'>|Given value type")
+"""Lines of the parser's messages that name nothing of the user's."""
 NOTHING_KEPT = (
     "no checkpoint was written: no epoch was trained and validated to its end (--trainer.max_epochs, fast_dev_run and "
     "limit_train_batches say how much is trained)"
@@ -84,14 +87,29 @@ class DescentCLI(LightningCLI):
     def parse_arguments(self, parser: LightningArgumentParser, args: Any) -> None:
         """Remember which options were given: what is chosen by default steps back behind them."""
         self.words = list(args)
-        super().parse_arguments(parser, args)
+        try:
+            super().parse_arguments(parser, args)
+        except (ArgumentError, UnicodeDecodeError) as error:
+            # The parser's own way is two pages of usage before the line that names what is wrong.
+            raise ConfigError(
+                _in_a_line(str(error), self.command),
+                expected=f"options and values as `descentflow {self.command} --help_all` lists them, files as YAML",
+                mend="correct what is named first, or leave it out",
+            ) from None
 
     def _parse_ckpt_path(self) -> None:
         """Take no class from a checkpoint: Lightning would import whatever module it names."""
 
     def before_instantiate_classes(self) -> None:
-        """Choose the folder that is written to, unless an option of the logger does."""
+        """Load checkpoints safely, and choose the folder that is written to, unless an option of the logger does."""
         config = self.config[self.subcommand]
+        if config.weights_only is False:
+            raise ConfigError(
+                "--weights_only that is not true",
+                expected="checkpoints of tensors and primitives: loading one never executes code",
+                mend="leave it out",
+            )
+        config.weights_only = True  # left to itself, Lightning runs whatever a checkpoint's pickle asks for
         if self.subcommand == "fit":
             name_run(config)
             return
@@ -183,21 +201,16 @@ def run(command: str, rest: Sequence[str]) -> None:
 
     Raises:
         ConfigError: If ``validate``, ``test`` or ``predict`` is given no checkpoint: it would score a model of
-            random parameters; or if checkpoints are to be loaded unsafely.
+            random parameters; if checkpoints are to be loaded unsafely, or the options are wrong.
         CheckpointError: If the checkpoint cannot be used.
     """
-    words = _with_packaged_configs(["--help" if word == "--help_all" else word for word in rest])
+    words = ["--help" if word == "--help_all" else word for word in rest]
+    words = _replaced(_replaced(words, "--config", _settings), "--model", _class_path)
+    words = _replaced(words, "--model.class_path", _class_path)
     if "--help" not in words:
-        words = _with_safe_loading(words)
-        if command != "fit":
-            words = _with_checkpoint(command, words)
-        elif (resumed := _option(words, "--ckpt_path")) is not None and Path(resumed).suffix:
-            read_checkpoint(resumed)
+        words = _with_checkpoint(command, words)
     quiet()
     one_thread_unless_told()
-    # The parser finds by its short name what has been imported; a mixture's library is no matter of a flow.
-    for name in models_named(words):
-        getattr(models, name)
     # The best checkpoint's own `save_last` writes only in epochs that are the best so far; a killed run resumes here.
     every_epoch = KeptEpochs(filename="last", save_top_k=1, enable_version_counter=False)
     try:
@@ -215,9 +228,6 @@ def run(command: str, rest: Sequence[str]) -> None:
             },
             args=[command, *words],
         )
-    except ArgumentError as error:
-        # The parser's own way is two pages of usage before the line that says what is wrong.
-        raise config_error(str(error)) from None
     except MisconfigurationException as error:
         raise ConfigError(
             str(error).splitlines()[0],
@@ -226,30 +236,61 @@ def run(command: str, rest: Sequence[str]) -> None:
         ) from None
 
 
-def _with_packaged_configs(words: list[str]) -> list[str]:
-    """Replace the names of settings files that come with the package by their paths; others are LightningCLI's."""
+def _in_a_line(message: str, command: str) -> str:
+    r"""The parser's message without what is the same in all of them.
 
-    def found(name: str) -> str:
-        try:
-            return str(config_file(name))
-        except ConfigError:
-            return name
+    Example:
+        >>> _in_a_line("Parser key \"data.seed\":\n  Errors:\n    - Expected a <class 'int'>\n  Given value: x", "fit")
+        "--data.seed: Expected a <class 'int'>; Given value: x"
+    """
+    lines = [line.strip(" -") for line in message.splitlines()]
+    text = " ".join(f"{line}{';' * (line[-1] != ':')}" for line in lines if line and not NOISE.match(line))
+    return re.sub(rf'Parser key "([\w.]+)"|\b{command}\.(?=\w)', lambda found: f"--{found[1] or ''}", text).rstrip(";")
 
+
+def _replaced(words: list[str], option: str, new: Callable[[str], str]) -> list[str]:
+    """Words with another value of an option, given as ``--name value`` or ``--name=value``."""
     return [
-        found(word) if before == "--config" else f"--config={found(word[9:])}" if word.startswith("--config=") else word
+        new(word)
+        if before == option
+        else f"{option}={new(word.partition('=')[2])}"
+        if word.startswith(f"{option}=")
+        else word
         for before, word in zip(["", *words], words, strict=False)
     ]
 
 
-def _with_safe_loading(words: list[str]) -> list[str]:
-    """Have Lightning load checkpoints as this package does; left to itself it runs whatever their pickles say."""
-    if _option(words, "--weights_only") not in (None, "true"):
-        raise ConfigError(
-            "--weights_only that is not true",
-            expected="checkpoints of tensors and primitives: loading one never executes code",
-            mend="leave it out",
-        )
-    return ["--weights_only", "true", *words]
+def _settings(name: str) -> str:
+    """The path of a settings file, the user's own or one that comes along, whose sections hold settings."""
+    path = config_file(name)
+    for section, content in read_settings(path).items():
+        if section in ("data", "trainer", "scores", "checkpoint") and not isinstance(content, dict | str):
+            raise ConfigError(
+                f"{path}: {section} is {str(content)[:60]}",
+                expected="settings by name, or the name of a YAML file of them",
+                mend=f"write lines of `NAME: VALUE` indented under `{section}:`, or leave the section out",
+            )
+    return str(path)
+
+
+def _class_path(name: str) -> str:
+    """The class of a model by its name here or in Python; only its module is imported then.
+
+    Example:
+        >>> _class_path("flow"), _class_path("Gaussian"), _class_path("mine.Model")
+        ('descentflow.training.models.MaskedAffineFlow', 'descentflow.training.models.Gaussian', 'mine.Model')
+    """
+    named = IN_PYTHON.get(name, name)
+    if named in SETTINGS_OF:
+        return f"descentflow.training.models.{named}"
+    if not name.isidentifier():  # the path of a class, or a file or a dictionary of settings
+        return name
+    near = nearest(name, [*IN_PYTHON, *SETTINGS_OF])
+    raise ConfigError(
+        f"no model {name}",
+        expected=f"{', '.join(IN_PYTHON)}, or the path of a class",
+        mend=f"did you mean {near}?" if near else "see `descentflow fit --help`",
+    )
 
 
 def _with_checkpoint(command: str, words: list[str]) -> list[str]:
@@ -257,7 +298,15 @@ def _with_checkpoint(command: str, words: list[str]) -> list[str]:
 
     Neither the checkpoint nor the settings beside it choose a class by its path: they may be anybody's.
     """
-    checkpoint = _option(words, "--ckpt_path")
+    parser = ArgumentParser(add_help=False, allow_abbrev=False)
+    for name in ("ckpt_path", "config", "data", "data.descents"):
+        parser.add_argument(f"--{name}")
+    given = vars(parser.parse_known_args(words)[0])
+    checkpoint = given["ckpt_path"]
+    if command == "fit":
+        if checkpoint is not None and Path(checkpoint).suffix:  # else one of Lightning's words, as last
+            read_checkpoint(checkpoint)
+        return words
     if checkpoint is None:
         raise ConfigError(
             f"{command} without a checkpoint",
@@ -266,36 +315,25 @@ def _with_checkpoint(command: str, words: list[str]) -> list[str]:
             + ("; the rest of descents, df.predict, is `descentflow predict-descent`" if command == "predict" else ""),
         )
     model = str(read_checkpoint(checkpoint)[SECTION].get("model", "")).removesuffix("Density")
-    if model not in MODELS:
+    if model not in SETTINGS_OF:
         raise CheckpointError(f"{checkpoint}: no model named", expected="a whole checkpoint", mend="fit again")
-    named = {name for name in ("--config", "--data", "--data.descents") if _option(words, name) is not None}
-    kept = [] if named & {"--config", "--data"} else _settings_beside(Path(checkpoint), needed=not named)
+    kept = [] if given["config"] or given["data"] else _settings_beside(checkpoint, given["data.descents"] is None)
     # Lightning would print a line for each of the hundred scores that are logged, after the table that shows them.
     quiet = ["--verbose", "false"] if command == "test" else []
-    return [*quiet, *kept, "--model", model, *words, "--data.checkpoint", checkpoint]
+    return [*quiet, *kept, "--model", _class_path(model), *words, "--data.checkpoint", checkpoint]
 
 
-def _settings_beside(checkpoint: Path, *, needed: bool) -> list[str]:
+def _settings_beside(checkpoint: str, needed: bool) -> list[str]:
     """Settings of data and scores of the run that wrote a checkpoint, if it lies in a run or they are needed."""
     try:
-        run = read_settings(run_folder(checkpoint) / "config.yaml")
+        run = read_settings(run_folder(Path(checkpoint)) / "config.yaml")
     except ConfigError:
         if needed:
             raise
         return []
     return [
-        f"--{name}.{option}={value if isinstance(value, str) else json.dumps(value)}"
-        for name in ("data", "scores")
-        for option, value in dict(run.get(name) or {}).items()
+        f"--{section}.{name}={value if isinstance(value, str) else json.dumps(value)}"
+        for section in ("data", "scores")
+        for name, value in dict(run.get(section) or {}).items()
         if value is not None
     ]
-
-
-def _option(words: Sequence[str], name: str) -> str | None:
-    """Value of an option given as ``--name value`` or ``--name=value``."""
-    for position, word in enumerate(words):
-        if word == name and position + 1 < len(words):
-            return words[position + 1]
-        if word.startswith(f"{name}="):
-            return word.split("=", 1)[1]
-    return None

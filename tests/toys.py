@@ -16,6 +16,7 @@ from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.densities.residual_law import ResidualLaw
 from descentflow.physics.airspeed import cas_to_mach, mach_to_cas_mps
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
+from descentflow.representation.drag_scale import DragScale
 from descentflow.representation.evidence import Evidence, as_evidence
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.linear_curves import residual_profiles
@@ -80,6 +81,12 @@ def representation(n: int = 300, seed: int = 0) -> Representation:
     return fit_representation(train, AIRCRAFT, Split(train.flight_ids, (), ()))
 
 
+def newtons(levels: Tensor) -> DragScale:
+    """The scale on which drag is what it is."""
+    none = torch.zeros_like(levels)
+    return DragScale(none, none + 1, none, none, 1.0, logarithm=False)
+
+
 def representation_of(dimension: int) -> Representation:
     """A representation of exactly ``dimension`` weights, for densities that are tested on their own."""
     levels = torch.arange(150, 371, dtype=torch.float64)
@@ -91,7 +98,7 @@ def representation_of(dimension: int) -> Representation:
         return FunctionalBasis(torch.full((len(levels),), mean), components, empty, zero, ones[0], share, FL_M)
 
     drag, cas = basis(40_000.0, modes[:-1]), basis(140.0, modes[-1:])
-    decoder = DescentDecoder(AIRCRAFT, levels, drag, cas, 0 * ones, ones)
+    decoder = DescentDecoder(AIRCRAFT, levels, drag, cas, newtons(levels), 0 * ones, ones)
     bound = torch.full((len(levels),), 1e9, dtype=torch.float64)
     plausibility = Plausibility(
         drag_low=-bound,

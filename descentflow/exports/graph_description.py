@@ -34,7 +34,7 @@ BOUNDS = {
     "cas_mps": ("cas_low", "cas_high"),
     "slowest_rate_mps": ("slowest_rate_mps",),
     "fastest_change_mps2": ("fastest_change_mps2",),
-    "largest_step_n": ("largest_step_n",),
+    "fastest_rate_change_mps2": ("fastest_rate_change_mps2",),
 }
 """Bound of the description -> buffers of :class:`~descentflow.representation.plausibility.Plausibility`."""
 

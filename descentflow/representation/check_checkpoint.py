@@ -42,18 +42,18 @@ OF_A_CONTEXT_COLUMN: dict[str, tuple[type, ...]] = {
     "high": (float, int, type(None)),
 }
 """The same of a column of its context; the last two may be absent."""
-DICTIONARIES = ("decoder.aircraft", "decoder.drag_basis", "decoder.cas_basis")
+OF_SCALE = ("thrust_n", "force_n", "cas_mps", "growth_per_mps")
+DICTIONARIES = ("decoder.aircraft", "decoder.drag_scale", "decoder.drag_basis", "decoder.cas_basis")
 TENSORS = (
     "decoder.levels_fl",
     "decoder.weight_mean",
     "decoder.weight_scale",
-    *(f"{basis}.{name}" for basis in DICTIONARIES[1:] for name in ("mean", "components")),
+    *(f"{DICTIONARIES[1]}.{name}" for name in OF_SCALE),
+    *(f"{basis}.{name}" for basis in DICTIONARIES[2:] for name in ("mean", "components")),
 )
-"""Places of the representation that are dictionaries, and tensors."""
+"""Tensors of the scale of drag; places of the representation that are dictionaries, and tensors."""
 OF_MACH = "mach_basis"
 """Further parts of a decoder whose speed is a Mach number and a CAS, together with ``speed_residual``."""
-OF_DRAG = "drag_scale"
-"""Further parts of one whose drag is on the logarithmic scale."""
 MAY_BE_ABSENT = ("reference", "context", "cleaning", "air", "seen_flights", "low", "high")
 MAY_HAVE_GAPS = "reference"
 """Measurements of flights: not a number on unobserved levels."""
@@ -96,11 +96,10 @@ def check_section(section: dict[str, Any], state_dict: Any) -> None:
     bounds = tuple(f"plausibility.{name}" for name in representation["plausibility"])
     dictionaries: tuple[str, ...] = DICTIONARIES
     tensors: tuple[str, ...] = TENSORS
+    _check_scale(representation["decoder"])
     if isinstance(representation["decoder"], dict) and OF_MACH in representation["decoder"]:
         dictionaries = (*DICTIONARIES, f"decoder.{OF_MACH}")
         tensors = (*TENSORS, *(f"decoder.{OF_MACH}.{one}" for one in ("mean", "components")), "decoder.speed_residual")
-    if isinstance(representation["decoder"], dict) and OF_DRAG in representation["decoder"]:
-        dictionaries, tensors = (*dictionaries, f"decoder.{OF_DRAG}"), (*tensors, f"decoder.{OF_DRAG}.thrust_n")
     for places, kind, name in ((dictionaries, dict, "dictionary"), ((*tensors, *bounds), Tensor, "tensor")):
         for place in places:
             found = _at(representation, place)
@@ -135,8 +134,11 @@ def check_flies(decoder: DescentDecoder, plausibility: Plausibility) -> None:
     if decoder.residual.dim() != 2 or decoder.residual.shape[1] != len(levels):
         raise _wrong("decoder.residual is not on the grid", f"(number of parts, {len(levels)}) drag in N")
     scale = decoder.drag_scale
-    if scale is not None and (scale.thrust_n.shape != levels.shape or not scale.force_n > 0):
-        raise _wrong("decoder.drag_scale is not of this grid", f"{len(levels)} thrusts and a positive force, N")
+    of_grid = all(getattr(scale, name).shape == levels.shape for name in OF_SCALE)
+    if not of_grid or not bool((scale.force_n > 0).all()) or not scale.unit_n > 0:
+        raise _wrong(
+            "decoder.drag_scale is not of this grid", f"{len(levels)} thrusts, positive forces, CAS and slopes"
+        )
     of_speed = ", ".join(list(decoder.bases)[1:])
     width = (len(decoder.bases) - 1) * len(levels)
     if decoder.speed_residual.dim() != 2 or decoder.speed_residual.shape[1] != width:
@@ -161,6 +163,13 @@ def _check_types(section: Any, kinds: dict[str, tuple[type, ...]], name: str) ->
         elif not isinstance(section[part], kind) or (isinstance(section[part], bool) and bool not in kind):
             expected = " or ".join(one.__name__ for one in kind)
             raise _wrong(f"{part} of the {name} is of type {type(section[part]).__name__}", expected)
+
+
+def _check_scale(decoder: Any) -> None:
+    """Refuse drag on the scale of earlier versions, whose samples step in their rate where the type's speeds change."""
+    scale = decoder.get("drag_scale") if isinstance(decoder, dict) else None
+    if not isinstance(scale, dict) or "unit_n" not in scale:
+        raise _wrong("a model of an earlier version, on another scale of drag", "decoder.drag_scale with a unit_n")
 
 
 def _check_known(section: dict[str, Any], kinds: dict[str, tuple[type, ...]], name: str) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Literal, TypeVar
 
 from descentflow.representation.fpca.constant_basis import can_be_fitted
-from descentflow.representation.observed_channels import observed_channels
+from descentflow.representation.observed_channels import observed_speeds
 from descentflow.representation.profiles import Profiles, Speed
 
 T = TypeVar("T")
@@ -29,7 +29,7 @@ def shows_both(train: Profiles) -> bool:
         >>> [shows_both(profiles_from_frame(frame, aircraft("A320"), *grid, speed="mach_cas")) for grid in grids]
         [True, False]
     """
-    _, *speeds = zip(*observed_channels(train, "mach_cas"), strict=True)
+    speeds = zip(*observed_speeds(train, "mach_cas"), strict=True)
     return all(can_be_fitted(values, seen) for values, seen in speeds)
 
 

@@ -27,13 +27,13 @@ class Observed(NamedTuple):
     masks: tuple[Tensor, ...]
 
 
-def observed_channels(flights: Profiles, speed: Speed, drag_scale: DragScale | None = None) -> Observed:
+def observed_channels(flights: Profiles, speed: Speed, drag_scale: DragScale) -> Observed:
     """Observed values of each profile, in the order of the weights.
 
     Args:
         flights: With crossovers where speed is held as Mach and CAS, and without where it is one CAS profile.
         speed: How it is held.
-        drag_scale: On which drag is linear in the weights; newtons if absent.
+        drag_scale: On which drag is linear in the weights.
 
     Raises:
         ConfigError: If the flights are of the other way.
@@ -44,19 +44,25 @@ def observed_channels(flights: Profiles, speed: Speed, drag_scale: DragScale | N
         >>> import polars as pl
         >>> frame = pl.read_parquet("descents.parquet")
         >>> flights = profiles_from_frame(frame, aircraft("A320"), 150, 330, speed="mach_cas")
-        >>> drag, mach, cas = observed_channels(flights, "mach_cas").masks
+        >>> from descentflow.representation.drag_scale import fit_drag_scale
+        >>> drag, mach, cas = observed_channels(flights, "mach_cas", fit_drag_scale(flights, aircraft("A320"))).masks
         >>> bool((mach & cas).any()), bool(mach.any()), bool((drag == flights.mask).all())
         (False, True, True)
     """
+    speeds = observed_speeds(flights, speed)
+    return Observed((drag_scale.scaled(flights.drag_n, flights.cas_mps), *speeds.values), (flights.mask, *speeds.masks))
+
+
+def observed_speeds(flights: Profiles, speed: Speed) -> Observed:
+    """Observed values of the speeds alone, see :func:`observed_channels`."""
     if (flights.crossovers is None) is (speed == "mach_cas"):
         raise ConfigError(
             f"flights whose speed is {'one CAS profile' if speed == 'mach_cas' else 'a Mach number and a CAS'}",
             expected=f"flights of speed={speed!r}, as the model has it",
             mend=f"make their profiles with speed={speed!r}",
         )
-    drag = flights.drag_n if drag_scale is None else drag_scale.scaled(flights.drag_n)
     if flights.crossovers is None:
-        return Observed((drag, flights.cas_mps), (flights.mask, flights.mask))
+        return Observed((flights.cas_mps,), (flights.mask,))
     seen, at_mach = flights.mask & flights.crossovers.sure, flights.crossovers.holds_mach
     mach = cas_to_mach(flights.cas_mps, flights.altitude_m)
-    return Observed((drag, mach, flights.cas_mps), (flights.mask, seen & at_mach, seen & ~at_mach))
+    return Observed((mach, flights.cas_mps), (seen & at_mach, seen & ~at_mach))

@@ -18,6 +18,8 @@ MARGIN = 0.05
 
 CHANGE_QUANTILE, CHANGE_MARGIN = 0.999, 0.4
 """Of the changes between neighbouring levels that training flights show, and how far beyond it a sample may go."""
+LEAST_CHANGE_MPS2 = 0.1
+"""Changes that samples may have in any case: a hundredth of g, 40 ft/min in two seconds, is what reports resolve."""
 
 RULES = (
     "not_finite",
@@ -27,7 +29,7 @@ RULES = (
     "cas_above_bound",
     "descends_too_slowly",
     "speed_changes_too_fast",
-    "drag_changes_too_fast",
+    "rate_changes_too_fast",
 )
 """Reasons to reject a draw, in the order in which reports list them."""
 MANY = 3000
@@ -39,9 +41,10 @@ class Plausibility(nn.Module):
 
     To change the bounds, fit with another ``data.margin``.
 
-    Shapes: bounds (L,), ``slowest_rate_mps`` () negative, ``fastest_change_mps2`` () and ``largest_step_n`` () greatest
-    magnitude of the acceleration along the path, and of the step of drag, between neighbouring levels (infinite
-    without these rules), ``entry_counts`` (L,) number of training flights whose highest level it is.
+    Shapes: bounds (L,), ``slowest_rate_mps`` () negative, ``fastest_change_mps2`` () and
+    ``fastest_rate_change_mps2`` () greatest magnitude of the acceleration along the path, and of the vertical one,
+    between neighbouring levels (infinite without these rules), ``entry_counts`` (L,) number of training flights whose
+    highest level it is.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
@@ -57,7 +60,7 @@ class Plausibility(nn.Module):
     cas_high: Tensor
     slowest_rate_mps: Tensor
     fastest_change_mps2: Tensor
-    largest_step_n: Tensor
+    fastest_rate_change_mps2: Tensor
     entry_counts: Tensor
 
     def __init__(self, **buffers: Tensor) -> None:
@@ -67,7 +70,8 @@ class Plausibility(nn.Module):
         """
         super().__init__()
         unbounded = torch.tensor(torch.inf, dtype=torch.float64)
-        for name, value in {"fastest_change_mps2": unbounded, "largest_step_n": unbounded, **buffers}.items():
+        changes = {"fastest_change_mps2": unbounded, "fastest_rate_change_mps2": unbounded}
+        for name, value in {**changes, **buffers}.items():
             # Not persistent: the checkpoint holds them once, as this module's own state.
             self.register_buffer(name, value, persistent=False)
 
@@ -96,7 +100,7 @@ class Plausibility(nn.Module):
             drag_low, drag_high = expected_bounds(profiles.drag_n, profiles.mask, margin, drag_scale)
             cas_low, cas_high = expected_bounds(profiles.cas_mps, profiles.mask, margin)
         slowest = profiles.rate_mps[profiles.mask].max() * (1 - margin)
-        if bounds == "paper":
+        if bounds == "paper" or profiles.crossovers is not None:
             changes = (slowest.new_tensor(torch.inf),) * 2
         else:
             slowest, changes = slowest / outward(torch.tensor(len(profiles))), _largest_changes(profiles)
@@ -108,7 +112,7 @@ class Plausibility(nn.Module):
             # Cleaning keeps descending rows only; should one slip through, a sample must still descend.
             slowest_rate_mps=slowest.clamp(max=-1e-3),
             fastest_change_mps2=changes[0],
-            largest_step_n=changes[1],
+            fastest_rate_change_mps2=changes[1],
             entry_counts=torch.bincount(profiles.entry_level, minlength=len(profiles.levels_fl)),
         )
 
@@ -129,7 +133,7 @@ class Plausibility(nn.Module):
 
     def _broken(self, flown: Trajectories) -> tuple[tuple[Tensor, ...], tuple[Tensor, ...]]:
         """Rules of levels (n, L) and of changes between neighbours (n, L - 1), in the order of :data:`RULES`."""
-        change = acceleration_mps2(flown.tas_mps, flown.rate_mps, flown.levels_fl * FL_M)
+        altitude_m = flown.levels_fl * FL_M
         rows = (
             ~(flown.drag_n.isfinite() & flown.cas_mps.isfinite() & flown.rate_mps.isfinite()),
             flown.drag_n < self.drag_low,
@@ -139,8 +143,8 @@ class Plausibility(nn.Module):
             ~(flown.rate_mps <= self.slowest_rate_mps),
         )
         steps = (
-            change.abs() > self.fastest_change_mps2,
-            flown.drag_n.diff(dim=1).abs() > self.largest_step_n,
+            acceleration_mps2(flown.tas_mps, flown.rate_mps, altitude_m).abs() > self.fastest_change_mps2,
+            acceleration_mps2(flown.rate_mps, flown.rate_mps, altitude_m).abs() > self.fastest_rate_change_mps2,
         )
         return rows, steps
 
@@ -158,11 +162,11 @@ class Plausibility(nn.Module):
         return cls(**state)
 
 
-def acceleration_mps2(tas_mps: Tensor, rate_mps: Tensor, altitude_m: Tensor) -> Tensor:
-    """Change of true airspeed between neighbouring levels (n, L - 1) by the time between them, positive where it grows.
+def acceleration_mps2(speed_mps: Tensor, rate_mps: Tensor, altitude_m: Tensor) -> Tensor:
+    """Change of a speed between neighbouring levels (n, L - 1) by the time between them, positive where it grows.
 
     Args:
-        tas_mps: (n, L).
+        speed_mps: (n, L), for instance the true airspeed, or the rate itself.
         rate_mps: (n, L) of pressure altitude, negative in descent.
         altitude_m: (L,) ascending.
 
@@ -172,7 +176,7 @@ def acceleration_mps2(tas_mps: Tensor, rate_mps: Tensor, altitude_m: Tensor) -> 
         tensor([[-2.]])
     """
     seconds = altitude_m.diff() * 0.5 * (-1 / rate_mps[:, 1:] - 1 / rate_mps[:, :-1])
-    return -tas_mps.diff(dim=1) / seconds
+    return -speed_mps.diff(dim=1) / seconds
 
 
 def expected_bounds(
@@ -192,11 +196,13 @@ def expected_bounds(
         >>> bool(low < values.min()), bool(high > values.max())
         (True, True)
     """
-    count, on_scale = mask.sum(0), values if drag_scale is None else drag_scale.scaled(values)
+    count, on_scale = mask.sum(0), values
+    if drag_scale is not None:
+        on_scale = drag_scale.scaled(values, drag_scale.cas_mps)
     mean = torch.where(mask, on_scale, 0.0).sum(0) / count
     low, high = (moved_outward(one, mean, count) for one in level_bounds(on_scale, mask, margin=0.0))
     if drag_scale is not None:
-        low, high = drag_scale.drag_n(low), drag_scale.drag_n(high)
+        low, high = (drag_scale.drag_n(one, drag_scale.cas_mps) for one in (low, high))
     return low - margin * low.abs(), high + margin * high.abs()
 
 
@@ -220,16 +226,17 @@ def level_bounds(values: Tensor, mask: Tensor, margin: float = MARGIN) -> tuple[
 
 
 def _largest_changes(profiles: Profiles) -> tuple[Tensor, Tensor]:
-    """Bounds () of acceleration and of the step of drag; infinite where no flight shows two neighbouring levels."""
+    """Bounds () of both accelerations; infinite where no flight shows two neighbouring levels."""
     both = profiles.mask[:, 1:] & profiles.mask[:, :-1]
     if not bool(both.any()):
         infinite = profiles.drag_n.new_tensor(torch.inf)
         return infinite, infinite
     rank = min(int(CHANGE_QUANTILE * int(both.sum())) + 1, int(both.sum()))
-    tas_mps = cas_to_tas_mps(profiles.cas_mps, profiles.altitude_m)
-    change = acceleration_mps2(tas_mps, profiles.rate_mps, profiles.altitude_m)
+    speeds = cas_to_tas_mps(profiles.cas_mps, profiles.altitude_m), profiles.rate_mps
+    changes = [acceleration_mps2(speed, profiles.rate_mps, profiles.altitude_m) for speed in speeds]
     first, second = (
-        (1 + CHANGE_MARGIN) * one[both].abs().kthvalue(rank).values for one in (change, profiles.drag_n.diff(dim=1))
+        ((1 + CHANGE_MARGIN) * change[both].abs().kthvalue(rank).values).clamp(min=LEAST_CHANGE_MPS2)
+        for change in changes
     )
     return first, second
 

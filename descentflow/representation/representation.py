@@ -222,8 +222,8 @@ def fit_representation(
         margin: Share by which the plausibility bounds lie outside the extremes of the training flights.
         residual: Whether samples have the drag and the speed that the components leave out, with their own variance;
             never with ``iterative``, which does not know it.
-        drag_scale: Scale on which drag is linear in the weights: ``log``, the logarithm of drag minus idle thrust, or
-            ``newton``.
+        drag_scale: Scale on which drag is linear in the weights, see
+            :class:`~descentflow.representation.drag_scale.DragScale`: ``log`` or ``newton``.
         bounds: Which extremes, see :meth:`~descentflow.representation.plausibility.Plausibility.from_profiles`.
         mass_kg: Mass that inferred the drag, if not the reference mass.
         provenance: Recorded in the checkpoint.
@@ -240,12 +240,12 @@ def fit_representation(
         >>> parts.decoder.encode(train).std(0).round(decimals=6).unique()  # standardised
         tensor([1.], dtype=torch.float64)
     """
-    scale = None if drag_scale == "newton" else fit_drag_scale(train, aircraft)
+    scale = fit_drag_scale(train, aircraft, drag_scale)
     of_cas = cas_explained_variance
     if of_cas is None:
         of_cas = CAS_SHARE if len(train.mask) >= FLIGHTS_OF_CAS_SHARE else explained_variance
     bases = _fitted_bases(train, (explained_variance, of_cas), method, scale)
-    decoder = standardised_decoder(train, aircraft, bases, mass_kg, scale)
+    decoder = standardised_decoder(train, aircraft, bases, scale, mass_kg)
     if residual and method == "ppca":
         decoder.keep_residual(residual_drag(decoder, train), residual_speed(decoder, train))
     plausibility = Plausibility.from_profiles(train, margin, bounds, scale)
@@ -256,8 +256,8 @@ def standardised_decoder(
     train: Profiles,
     aircraft: PerformanceModel,
     bases: list[FunctionalBasis],
+    drag_scale: DragScale,
     mass_kg: float | None = None,
-    drag_scale: DragScale | None = None,
 ) -> DescentDecoder:
     """The decoder of which every weight has mean zero and variance one over the training flights.
 
@@ -265,8 +265,8 @@ def standardised_decoder(
         train: Training flights on their grid.
         aircraft: Coefficients that inferred their drag.
         bases: Of drag, of the Mach number where speed is held as Mach and CAS, and of CAS.
+        drag_scale: Of the basis of drag.
         mass_kg: Mass that inferred the drag, if not the reference mass.
-        drag_scale: Of the basis of drag; newtons if absent.
 
     Raises:
         DataError: If a weight is the same for every flight.
@@ -278,7 +278,7 @@ def standardised_decoder(
         >>> known = load_representation("best.ckpt")
         >>> train = encode_flights(pl.read_parquet("descents.parquet"), known)["train"].profiles
         >>> bases, scale = list(known.decoder.bases.values()), known.decoder.drag_scale
-        >>> again = standardised_decoder(train, known.decoder.aircraft, bases, drag_scale=scale)
+        >>> again = standardised_decoder(train, known.decoder.aircraft, bases, scale)
         >>> bool(torch.allclose(again.weight_scale, known.decoder.weight_scale))
         True
     """
@@ -297,11 +297,11 @@ def standardised_decoder(
         train.levels_fl,
         drag,
         cas,
+        drag_scale,
         raw.mean(0),
         scale,
         mass_kg,
         mach_basis=of_mach[0] if of_mach else None,
-        drag_scale=drag_scale,
     )
 
 
@@ -319,7 +319,7 @@ def held_speed(flights: Profiles) -> Speed:
 
 
 def _fitted_bases(
-    train: Profiles, explained_variance: tuple[float, float], method: Method, drag_scale: DragScale | None
+    train: Profiles, explained_variance: tuple[float, float], method: Method, drag_scale: DragScale
 ) -> list[FunctionalBasis]:
     """Bases of drag and of speed, in the order of the weights, that explain these shares of variance."""
     drag, *speeds = zip(*observed_channels(train, held_speed(train), drag_scale), strict=True)

@@ -1,4 +1,4 @@
-"""The logarithm of drag minus idle thrust: its inverse, what it makes of any weights, and what it does for samples."""
+"""The scale of drag: its inverse, rates without steps, what it makes of any weights, and what it does for samples."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -8,47 +8,117 @@ import torch
 import toys
 from scipy.stats import ks_2samp
 
+from descentflow.air.energy_in_air import drag_in_air
+from descentflow.air.level_air import LevelAir
 from descentflow.core.errors import CheckpointError
-from descentflow.core.units import FL_M
+from descentflow.core.units import FL_M, KT_MPS
 from descentflow.densities.checkpoint import load_model
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.evaluation.figures.components import components_figure
-from descentflow.physics.nominal_descent import nominal_state
+from descentflow.physics.airspeed import cas_to_mach, cas_to_tas_mps, mach_to_cas_mps
+from descentflow.representation.decoder.flown_air import flown_in
+from descentflow.representation.decoder.trajectories import integrate
 from descentflow.representation.drag_scale import LEAST_FORCE, DragScale, fit_drag_scale
-from descentflow.representation.profiles import Profiles
+from descentflow.representation.profiles import Profiles, observed_profiles
 from descentflow.representation.representation import Representation, Split, fit_representation
 from descentflow.training.fit import fit
 from descentflow.training.models import Gaussian
 
-SCALE = DragScale(torch.tensor([900.0, 1100.0]).double(), 30_000.0)
+SCALE = DragScale(
+    torch.tensor([900.0, 1100.0]).double(),
+    torch.tensor([36_000.0, 24_000.0]).double(),
+    torch.tensor([140.0, 130.0]).double(),
+    torch.tensor([0.002, 0.001]).double(),
+    30_000.0,
+)
 
 
 def parts(flights: Profiles, **options: object) -> Representation:
     return fit_representation(flights, toys.AIRCRAFT, Split(flights.flight_ids, (), ()), **options)  # type: ignore[arg-type]
 
 
-def test_drag_comes_back_and_a_newton_is_a_newton_about_the_typical_force() -> None:
+@pytest.mark.parametrize("scale", [SCALE, replace(SCALE, logarithm=False)], ids=["log", "newton"])
+def test_drag_comes_back_and_its_slope_is_the_derivative(scale: DragScale) -> None:
     drag_n = torch.linspace(5_000, 200_000, 50).double()[:, None].expand(-1, 2)
-    torch.testing.assert_close(SCALE.drag_n(SCALE.scaled(drag_n)), drag_n, rtol=1e-14, atol=0)
-    typical = (SCALE.thrust_n + SCALE.force_n)[None].requires_grad_()
-    (slope,) = torch.autograd.grad(SCALE.scaled(typical).sum(), typical)
-    torch.testing.assert_close(slope, torch.ones_like(slope))
-    assert float(SCALE.scaled(typical.detach()).abs().max()) < 1e-9
-    scaled = torch.randn(4, 2, dtype=torch.float64, requires_grad=True)
-    assert torch.autograd.gradcheck(lambda z: SCALE.drag_n(1e4 * z) / 1e4, (scaled,))
+    cas_mps = torch.linspace(120, 170, 50).double()[:, None].expand(-1, 2)
+    torch.testing.assert_close(scale.drag_n(scale.scaled(drag_n, cas_mps), cas_mps), drag_n, rtol=1e-14, atol=0)
+    scaled = (1e4 * torch.randn(4, 2, dtype=torch.float64)).requires_grad_()
+    (slope,) = torch.autograd.grad(scale.drag_n(scaled, cas_mps[:4]).sum(), scaled)
+    torch.testing.assert_close(scale.slope(scaled, cas_mps[:4]), slope, rtol=1e-14, atol=0)
+
+
+def test_the_typical_force_is_zero_on_the_logarithm_and_a_unit_without_it() -> None:
+    typical = (SCALE.thrust_n + SCALE.force_n * torch.tensor([1.02, 1.01]))[None]
+    cas_mps = SCALE.cas_mps + 10
+    assert float(SCALE.scaled(typical, cas_mps).abs().max()) < 1e-3
+    unit = replace(SCALE, logarithm=False).scaled(typical, cas_mps)
+    torch.testing.assert_close(unit, torch.full((1, 2), 3e4).double())
 
 
 def test_what_hardly_descends_has_the_least_force() -> None:
     climbing = torch.tensor([[-5_000.0, 1_000.0]]).double()
-    assert torch.allclose(SCALE.drag_n(SCALE.scaled(climbing)), SCALE.thrust_n + LEAST_FORCE * SCALE.force_n)
+    least = SCALE.thrust_n + LEAST_FORCE * SCALE.force_n
+    found = SCALE.drag_n(SCALE.scaled(climbing, SCALE.cas_mps), SCALE.cas_mps)
+    torch.testing.assert_close(found, least[None])
 
 
-def test_the_scale_is_about_the_mean_net_retarding_force() -> None:
-    flights = toys.flights(50)
+def one_angle(speeds: list[float], mach: float) -> Profiles:
+    """Flights at one Mach number and a CAS each (m/s) that descend at an angle of 7.5 % at every level."""
+    levels = torch.arange(150, 391, dtype=torch.float64)
+    cas = torch.minimum(torch.tensor(speeds).double()[:, None], mach_to_cas_mps(mach, levels * FL_M))
+    rate = -0.075 * cas_to_tas_mps(cas, levels * FL_M)
+    flights = tuple(map(str, range(len(speeds))))
+    return observed_profiles(toys.AIRCRAFT, flights, levels, 0 * cas, cas, rate, torch.ones_like(cas) > 0)
+
+
+def test_the_typical_force_is_that_of_one_angle_and_steps_as_the_manuals_factor() -> None:
+    """Weight over factor: user manual 3.2-8 to 3.2-11, written out here; between 260 and 340 kt to 0.2 %."""
+    flights = one_angle([260 * KT_MPS, 300 * KT_MPS, 340 * KT_MPS], 0.78)
     scale = fit_drag_scale(flights, toys.AIRCRAFT)
-    thrust_n = nominal_state(toys.AIRCRAFT, flights.levels_fl * FL_M).thrust_n
-    assert scale.force_n == pytest.approx(float((flights.drag_n - thrust_n)[flights.mask].mean()))
-    assert torch.equal(scale.thrust_n, thrust_n)
+    below = flights.altitude_m < float(toys.AIRCRAFT.transition_altitude_m())
+    number = cas_to_mach(flights.cas_mps, flights.altitude_m)
+    y = 1 + 0.2 * number**2
+    lapse = torch.where(flights.altitude_m < 11_000, -1.4 * 287.05287 * 0.0065 / (2 * 9.80665) * number**2, 0.0)
+    expected = 0.075 * 64_000 * 9.80665 * (1 + lapse + torch.where(below, y - y**-2.5, 0.0))
+    torch.testing.assert_close(scale.typical_n(flights.cas_mps), expected, rtol=2e-3, atol=0)
+    assert float(scale.force_n.log().diff().abs().max()) > 0.25
+
+
+def in_wind(flights: Profiles) -> tuple[Profiles, LevelAir]:
+    """The same rates, flown in a wind along the track that grows with height."""
+    still = LevelAir.uniform(flights.levels_fl, deviation_k=12.0)
+    air = LevelAir(still.deviation_k, still.tailwind_mps + 0.004 * flights.altitude_m)
+    drag_n = drag_in_air(toys.AIRCRAFT, flights.cas_mps, flights.rate_mps, flights.drag_n, flights.altitude_m, air)
+    return replace(flights, drag_n=drag_n), air
+
+
+@pytest.mark.parametrize("scale", ["log", "newton"])
+@pytest.mark.parametrize("windy", [False, True])
+@pytest.mark.parametrize("n", [20, 100, 1000])
+def test_rates_have_no_step(n: int, windy: bool, scale: str) -> None:
+    """Of the mean weights, and of slow and fast ones; flights' rates have none, and inferred drag one of a quarter."""
+    flights = toys.flights(n, seed=7, top_fl=390)
+    shown, air = in_wind(flights) if windy else (flights, None)
+    decoder = parts(shown, drag_scale=scale).decoder
+    weights = torch.zeros(3, decoder.dimension, dtype=torch.float64)
+    weights[1:, decoder.drag_basis.n_components] = torch.tensor([-2.0, 2.0])
+    flown = decoder(weights)
+    flown = flown if air is None else flown_in(toys.AIRCRAFT, flown, air)
+    assert float((-flown.rate_mps).log().diff(dim=1).abs().max()) < (0.02 if windy else 0.01)
+    assert float(flown.drag_n.log().diff(dim=1).abs().max()) > 0.15
+
+
+@pytest.mark.parametrize("scale", ["log", "newton"])
+def test_what_a_flight_shows_is_flown_as_it_was_observed(scale: str) -> None:
+    """Inference and decoder are inverse to rounding, in the flights' own air too."""
+    flights = toys.flights(30, gappy=False, top_fl=390)
+    for shown, air in ((flights, None), in_wind(flights)):
+        decoder = parts(shown, drag_scale=scale).decoder
+        curves = decoder.flown(*decoder.observed(shown).values)
+        entry = torch.full((30,), len(flights.levels_fl) - 1)
+        flown = integrate(toys.AIRCRAFT, flights.levels_fl, flights.altitude_m, curves.drag_n, curves.cas_mps, entry)
+        found = flown if air is None else flown_in(toys.AIRCRAFT, flown, air)
+        torch.testing.assert_close(found.rate_mps, flights.rate_mps, rtol=1e-11, atol=0)
 
 
 def test_all_weights_descend() -> None:
@@ -59,7 +129,6 @@ def test_all_weights_descend() -> None:
     flown = decoder(weights, white=6 * torch.randn(500, decoder.n_white, generator=generator).double())
     assert bool((flown.rate_mps < 0).all())
     in_newtons = parts(toys.flights(200), drag_scale="newton").decoder
-    assert in_newtons.drag_scale is None
     assert bool((in_newtons(weights[:, : in_newtons.dimension]).rate_mps > 0).any())
 
 
@@ -86,27 +155,31 @@ def test_a_gaussian_has_the_quantiles_of_skewed_flights_on_the_scale_alone(scale
     assert (float(min(p)) > 1e-4) == (scale == "log"), p
 
 
-def test_a_checkpoint_keeps_the_scale_and_one_of_before_flies_as_it_did(tmp_path: Path) -> None:
+def test_a_checkpoint_keeps_the_scale_and_one_of_before_says_to_fit_again(tmp_path: Path) -> None:
     path = tmp_path / "descents.parquet"
     toys.write_descents_file(path, 120)
-    fit(path, Gaussian(), out=tmp_path / "log.ckpt")
-    fit(path, Gaussian(), out=tmp_path / "newton.ckpt", drag_scale="newton")
-    kept = load_model(tmp_path / "log.ckpt").representation.decoder.drag_scale
-    assert kept is not None
-    assert kept.force_n > 10_000
+    fitted = fit(path, Gaussian(), out=tmp_path / "newton.ckpt", drag_scale="newton", final=False)
+    made, kept = (one.representation.decoder.drag_scale for one in (fitted, load_model(tmp_path / "newton.ckpt")))
+    assert not kept.logarithm
+    assert torch.equal(kept.force_n, made.force_n)
     content = torch.load(tmp_path / "newton.ckpt", weights_only=True)
-    assert "drag_scale" not in content["descentflow"]["representation"]["decoder"], "as checkpoints of before"
-    assert load_model(tmp_path / "newton.ckpt").representation.decoder.drag_scale is None
-    for wrong in ({"thrust_n": kept.thrust_n[:5], "force_n": 3e4}, {"thrust_n": kept.thrust_n, "force_n": -1.0}, {}):
+    state = kept.to_state()
+    for wrong, message in (
+        ({"thrust_n": kept.thrust_n, "force_n": 3e4}, "earlier version.*fit again"),  # as versions before had it
+        (None, "earlier version.*fit again"),  # as theirs in newtons
+        ({**state, "thrust_n": kept.thrust_n[:5]}, "not of this grid"),
+        ({**state, "force_n": -kept.force_n}, "not of this grid"),
+        ({**state, "unit_n": 0.0}, "not of this grid"),
+    ):
         content["descentflow"]["representation"]["decoder"]["drag_scale"] = wrong
         torch.save(content, tmp_path / "wrong.ckpt")
-        with pytest.raises(CheckpointError):
+        with pytest.raises(CheckpointError, match=message):
             load_model(tmp_path / "wrong.ckpt")
 
 
 def test_the_figure_of_components_is_in_kilonewtons() -> None:
     decoder = parts(toys.flights(100)).decoder
-    figure = components_figure(decoder.drag_basis, decoder.cas_basis, decoder.levels_fl, drag_scale=decoder.drag_scale)
+    figure = components_figure(decoder.drag_basis, decoder.cas_basis, decoder.levels_fl, decoder.drag_scale)
     mean = next(line for line in figure.axes[0].lines if line.get_label() == "mean").get_xdata()
     expected = toys.flights(100).drag_n.mean() / 1000
     assert abs(float(mean.mean()) - float(expected)) < 0.1 * float(expected)

@@ -100,7 +100,7 @@ def test_samples_are_of_the_bin_in_which_they_enter(kind: str) -> None:
         getattr(wide, name).fill_(-1e9)
     for name in ("drag_high", "cas_high"):
         getattr(wide, name).fill_(1e9)
-    for name in ("slowest_rate_mps", "fastest_change_mps2", "largest_step_n"):
+    for name in ("slowest_rate_mps", "fastest_change_mps2", "fastest_rate_change_mps2"):
         getattr(wide, name).fill_(1e9)
     for k, entry in enumerate(ENTRY):
         found = sample_descents(model, everywhere, 4_000, seed=0, entry=entry[None]).weights

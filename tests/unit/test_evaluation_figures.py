@@ -173,7 +173,8 @@ def test_components_are_drawn_at_two_deviations() -> None:
     drawn_weights = basis.components @ (weights + noise) * basis.spacing_m
     # The standard deviation of 20,000 normal draws has a relative error of 0.5 %.
     torch.testing.assert_close(drawn_weights.std(1), deviations, rtol=0.025, atol=0)
-    figure = drawn(components_figure(basis, parts.decoder.cas_basis, parts.decoder.levels_fl))
+    levels_fl = parts.decoder.levels_fl
+    figure = drawn(components_figure(basis, parts.decoder.cas_basis, levels_fl, toys.newtons(levels_fl)))
     up = np.asarray(line(figure.axes[0], "mean + two s.d. of the weight").get_xdata()) * 1000
     expected = basis.mean + 2 * deviations[0] * basis.components[0]
     np.testing.assert_allclose(up, expected, rtol=1e-12)
@@ -181,6 +182,6 @@ def test_components_are_drawn_at_two_deviations() -> None:
 
 def test_a_basis_without_deviations_has_an_arbitrary_scale() -> None:
     decoder = toys.representation_of(7).decoder
-    figure = drawn(components_figure(decoder.drag_basis, decoder.cas_basis, torch.arange(150, 371)))
+    figure = drawn(components_figure(decoder.drag_basis, decoder.cas_basis, torch.arange(150, 371), decoder.drag_scale))
     assert line(figure.axes[0], "mean + component (arbitrary scale)") is not None
     assert len(figure.axes) == 10  # four of six drag components and the shares; one of CAS

@@ -21,7 +21,6 @@ from descentflow.representation.linear_curves import evidence_of
 from descentflow.representation.plausibility import (
     MANY,
     RULES,
-    Plausibility,
     acceleration_mps2,
     expected_bounds,
     level_bounds,
@@ -122,7 +121,9 @@ def test_a_model_without_weight_is_left_as_it_is() -> None:
     assert roughness_and_length(flights.cas_mps[:5], flights.mask[:5], flights.cas_mps[0], lambda *_: model) == (0.0, 1)
 
 
-@pytest.mark.parametrize(("name", "rule"), [("tas_mps", "speed_changes_too_fast"), ("drag_n", "drag_changes_too_fast")])
+@pytest.mark.parametrize(
+    ("name", "rule"), [("tas_mps", "speed_changes_too_fast"), ("rate_mps", "rate_changes_too_fast")]
+)
 def test_a_step_between_two_levels_breaks_its_rule(name: str, rule: str) -> None:
     """At the entry no level above is judged; one below it, the step is seen from both sides."""
     flights = toys.flights(400)
@@ -134,12 +135,6 @@ def test_a_step_between_two_levels_breaks_its_rule(name: str, rule: str) -> None
         values = getattr(flown, name).clone()
         values[0, level] *= 1.5
         assert bool(parts.plausibility.broken_rules(replace(flown, **{name: values}))[0, at]) is broken
-    state = parts.plausibility.to_state()
-    older = {key: value for key, value in state.items() if key not in ("fastest_change_mps2", "largest_step_n")}
-    values = getattr(flown, name).clone()
-    values[0, 20] *= 1.5
-    judged = Plausibility.from_state(older).broken_rules(replace(flown, **{name: values}))
-    assert not bool(judged[0, at]), "a checkpoint of before bounds no changes"
 
 
 @pytest.mark.parametrize(("n", "seed"), [(20, 3), (50, 0)])

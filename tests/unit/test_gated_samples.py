@@ -124,8 +124,7 @@ def test_samples_have_the_spread_that_components_leave_out(name: str) -> None:
     assert float((kept.square().sum(1).sqrt() / spread).mean()) < 0.95
     white = torch.randn(4000, decoder.n_white, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
     flown = decoder(torch.zeros(4000, decoder.dimension, dtype=torch.float64), white=white)
-    assert decoder.drag_scale is not None
-    found = (decoder.drag_scale.scaled(flown.drag_n) if name == "drag" else flown.cas_mps).std(0)
+    found = (decoder.drag_scale.scaled(flown.drag_n, flown.cas_mps) if name == "drag" else flown.cas_mps).std(0)
     torch.testing.assert_close(found, residual.square().sum(0).sqrt(), rtol=0.06, atol=1.0 if name == "drag" else 0.01)
 
 

@@ -108,6 +108,6 @@ def _widened(bounds: Plausibility, levels_fl: Tensor, correction: Correction, ai
     )
     state["slowest_rate_mps"] = state["slowest_rate_mps"] * min(float(rate.amin()), 1.0)
     # Effects begin and end at a level, brakes for instance: what changes there is no fault of the sample.
-    for name in ("fastest_change_mps2", "largest_step_n"):
+    for name in ("fastest_change_mps2", "fastest_rate_change_mps2"):
         state[name] = torch.full_like(state[name], torch.inf)
     return state

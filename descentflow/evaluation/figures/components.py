@@ -20,8 +20,8 @@ def components_figure(
     drag_basis: FunctionalBasis,
     cas_basis: FunctionalBasis,
     levels_fl: Tensor,
+    drag_scale: DragScale,
     mach_basis: FunctionalBasis | None = None,
-    drag_scale: DragScale | None = None,
 ) -> Figure:
     """Mean function plus and minus each component, and the shares of variance explained.
 
@@ -32,8 +32,8 @@ def components_figure(
         drag_basis: Basis of drag.
         cas_basis: Basis of CAS on the same levels.
         levels_fl: (L,) ascending grid.
+        drag_scale: On which the basis of drag is linear.
         mach_basis: Basis of the Mach number, of a model that has one.
-        drag_scale: On which the basis of drag is linear; newtons if absent.
 
     Returns:
         A figure of two or three rows (drag, Mach, CAS): a panel for each component up to four, then the shares.
@@ -42,16 +42,15 @@ def components_figure(
         >>> from descentflow.representation.read_checkpoint import load_representation
         >>> decoder = load_representation("best.ckpt").decoder
         >>> scale = decoder.drag_scale
-        >>> figure = components_figure(decoder.drag_basis, decoder.cas_basis, decoder.levels_fl, None, scale)
+        >>> figure = components_figure(decoder.drag_basis, decoder.cas_basis, decoder.levels_fl, scale)
         >>> figure.axes[0].get_xlabel()
         'Drag (kN)'
     """
     levels_fl = levels_fl.detach().cpu()
     of_mach = () if mach_basis is None else (("Mach number", _plain, mach_basis),)
-    newtons = _plain if drag_scale is None else drag_scale.drag_n
 
     def kilonewtons(values: Tensor) -> Tensor:
-        return newtons(values) / 1000
+        return drag_scale.drag_n(values, drag_scale.cas_mps) / 1000
 
     bases = ("Drag (kN)", kilonewtons, drag_basis), *of_mach, ("CAS (kt)", _knots, cas_basis)
     n_panels = min(MAX_COMPONENTS, max(basis.n_components for _, _, basis in bases))

@@ -76,19 +76,17 @@ class FlownProfiles:
         padding = np.repeat(values[..., :1], self.width - self.n_levels - self.n_sides, -1)
         return np.ascontiguousarray(np.concatenate([values, sides, padding], -1))
 
-    def drag_n(self, linear: Array) -> Array:
-        """Drag in N (n, W) of profiles that are linear in latent numbers (n, W), on the decoder's scale."""
-        if self.drag_scale is None:
-            return linear
+    def drag_n(self, linear: Array, cas_mps: Array) -> Array:
+        """Drag in N (n, W) of profiles that are linear in latent numbers (n, W), on the decoder's scale, at a CAS."""
         # At the jumps of the rate, the drag at the levels is continued, as the decoder does.
-        return self.columns(self.drag_scale.drag_n(torch.from_numpy(linear[:, : self.n_levels])).numpy())
+        return self.columns(self.drag_scale.drag_n(*self._at_levels(linear, cas_mps)).numpy())
 
-    def drag_slope(self, linear: Array) -> Array:
+    def drag_slope(self, linear: Array, cas_mps: Array) -> Array:
         """Change of the drag in N (n, W) with such profiles."""
-        if self.drag_scale is None:
-            return np.ones_like(linear)
-        found: Array = np.exp(linear / self.drag_scale.force_n)
-        return found
+        return self.columns(self.drag_scale.slope(*self._at_levels(linear, cas_mps)).numpy())
+
+    def _at_levels(self, *columns: Array) -> list[torch.Tensor]:
+        return [torch.from_numpy(values[:, : self.n_levels]) for values in columns]
 
     def lower(self, mach: Array, cas_mps: Array) -> tuple[Array, Array]:
         """CAS flown (m/s) of a Mach number and a CAS, each (n, W), and how far the CAS of the Mach number is ahead.

@@ -73,7 +73,7 @@ class Flown:
     def of(cls, grid: FlownProfiles, curves: Curves) -> "Flown":
         """Fly profiles (n, W)."""
         cas, ahead = (curves.cas, None) if curves.mach is None else grid.lower(curves.mach, curves.cas)
-        drag = grid.drag_n(curves.drag)
+        drag = grid.drag_n(curves.drag, cas)
         mach, tas, rate, slowness = grid.fly(drag, cas, ahead)
         return cls(drag, cas, mach, tas, rate, grid.seconds(slowness, ahead), ahead)
 
@@ -100,10 +100,10 @@ class PointCondition:
         >>> parts, entry, level = parts_of(model, grid, None), grid.nearest(330), grid.nearest(100)
         >>> u = np.zeros_like(parts.means)
         >>> free = conditions(parts.log_probs, parts.means, parts.roots, Rows(u[:, None][:, :0], *[u[:, :0]] * 3))
-        >>> point = PointCondition(PointAsked("time_s", 700.0, 700.0, (100.0, 100.0)), parts, grid, entry, free)
+        >>> point = PointCondition(PointAsked("time_s", 600.0, 600.0, (100.0, 100.0)), parts, grid, entry, free)
         >>> _, flown, log_weight = point.meet(np.array([0]), u[:1], np.array([0.5]))
         >>> round(float(flown.seconds[0, level] - flown.seconds[0, entry]), 2), bool(np.isfinite(log_weight[0]))  # s
-        (700.0, True)
+        (600.0, True)
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class PointCondition:
     ) -> None:
         """Take slopes at the Gaussians' means given the speeds."""
         self.asked, self.parts, self.grid, self.entry, self.speeds = asked, parts, grid, entry, speeds
-        self.measure = Measure(logarithm=grid.drag_scale is not None)
+        self.measure = Measure(logarithm=grid.drag_scale.logarithm)
         self.low = float(self.measure.of(np.array(asked.high * asked.unit)))
         self.high = float(self.measure.of(np.array(asked.low * asked.unit))) if asked.low > 0 else np.inf
         self.levels = np.interp(asked.levels, grid.levels_fl, np.arange(grid.n_levels))
@@ -210,13 +210,17 @@ class PointCondition:
         middle = round(float(self.levels.mean()))
         columns = self.grid.seconds(np.eye(self.grid.width))
         weights = columns[:, middle] - columns[:, self.entry]
-        drag = self.grid.drag_n(curves.drag)
+        drag, more = self.grid.drag_n(curves.drag, curves.cas), curves.cas + STEP_MPS
         here, heavier, faster = (
             self._integrand(*profiles)
-            for profiles in ((drag, curves.cas), (drag + STEP_N, curves.cas), (drag, curves.cas + STEP_MPS))
+            for profiles in (
+                (drag, curves.cas),
+                (drag + STEP_N, curves.cas),
+                (self.grid.drag_n(curves.drag, more), more),
+            )
         )
         by_newton = weights * (heavier - here) / STEP_N
-        by_drag = by_newton * self.grid.drag_slope(curves.drag) @ self.parts.profiles.drag.loadings.T
+        by_drag = by_newton * self.grid.drag_slope(curves.drag, curves.cas) @ self.parts.profiles.drag.loadings.T
         by_cas = weights * (faster - here) / STEP_MPS @ self.parts.profiles.cas.loadings.T
         value = self._measured(self.profile, np.full(len(here), self.levels.mean()))
         found: Array = -(by_drag + by_cas) * self.measure.slope(value)[:, None]

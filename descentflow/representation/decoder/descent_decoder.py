@@ -53,13 +53,13 @@ class DescentDecoder(nn.Module):
         levels_fl: Tensor,
         drag_basis: FunctionalBasis,
         cas_basis: FunctionalBasis,
+        drag_scale: DragScale,
         weight_mean: Tensor,
         weight_scale: Tensor,
         mass_kg: float | None = None,
         residual: Tensor | None = None,
         mach_basis: FunctionalBasis | None = None,
         speed_residual: Tensor | None = None,
-        drag_scale: DragScale | None = None,
     ) -> None:
         """Build from fitted parts.
 
@@ -68,6 +68,7 @@ class DescentDecoder(nn.Module):
             levels_fl: (L,) ascending flight levels of the bases.
             drag_basis: Basis of drag (N), on its scale.
             cas_basis: Basis of CAS (m/s).
+            drag_scale: On which profiles of drag are linear in the weights.
             weight_mean: (d,) mean of the training flights' weights.
             weight_scale: (d,) their standard deviation.
             mass_kg: Mass that inferred the drag and flies it; the reference mass if absent.
@@ -77,7 +78,6 @@ class DescentDecoder(nn.Module):
                 if absent.
             speed_residual: (s, L) deviations of the CAS (m/s) that samples have, likewise; (s, 2 L) of the Mach number
                 and of the CAS where both are held.
-            drag_scale: On which profiles of drag are linear in the weights; newtons if absent.
         """
         super().__init__()
         self.aircraft = aircraft if mass_kg is None else aircraft.at_mass(mass_kg)
@@ -196,12 +196,11 @@ class DescentDecoder(nn.Module):
     def flown(self, *values: Tensor) -> FlownCurves:
         """Profiles (n, L) as they are flown, in the order of the weights."""
         linear, *speeds = values
-        drag = linear if self.drag_scale is None else self.drag_scale.drag_n(linear)
         if self.mach_basis is None:
-            return FlownCurves(drag, *speeds)
+            return FlownCurves(self.drag_scale.drag_n(linear, *speeds), *speeds)
         mach, cas = speeds
-        schedule = lower_of(mach, cas, (self.levels_fl * FL_M).to(drag))
-        return FlownCurves(drag, schedule.cas_mps, schedule.ahead_mps)
+        schedule = lower_of(mach, cas, (self.levels_fl * FL_M).to(cas))
+        return FlownCurves(self.drag_scale.drag_n(linear, schedule.cas_mps), schedule.cas_mps, schedule.ahead_mps)
 
     def forward(
         self,
@@ -261,13 +260,12 @@ class DescentDecoder(nn.Module):
             "levels_fl": self.levels_fl.cpu(),
             "drag_basis": self.drag_basis.to_state(),
             "cas_basis": self.cas_basis.to_state(),
+            "drag_scale": self.drag_scale.to_state(),
             "weight_mean": self.weight_mean.cpu(),
             "weight_scale": self.weight_scale.cpu(),
         }
         if len(self.residual):
             state["residual"] = self.residual.cpu()
-        if self.drag_scale is not None:
-            state["drag_scale"] = self.drag_scale.to_state()
         if self.mach_basis is not None:
             state["mach_basis"] = self.mach_basis.to_state()
         if self.mach_basis is not None or len(self.speed_residual):
@@ -283,10 +281,10 @@ class DescentDecoder(nn.Module):
             state["levels_fl"],
             FunctionalBasis.from_state(state["drag_basis"]),
             of_speed.from_state(state["cas_basis"]),
+            DragScale.from_state(state["drag_scale"]),
             state["weight_mean"],
             state["weight_scale"],
             residual=state.get("residual"),
             mach_basis=ConstantBasis.from_state(state["mach_basis"]) if "mach_basis" in state else None,
             speed_residual=state.get("speed_residual"),
-            drag_scale=DragScale.from_state(state["drag_scale"]) if "drag_scale" in state else None,
         )

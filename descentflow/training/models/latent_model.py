@@ -187,7 +187,7 @@ class LatentModel(LightningModule, InNotebook, ABC, Generic[D]):
 
         decoder = (self.final or self.density).representation.decoder
         return components_figure(
-            decoder.drag_basis, decoder.cas_basis, decoder.levels_fl, decoder.mach_basis, decoder.drag_scale
+            decoder.drag_basis, decoder.cas_basis, decoder.levels_fl, decoder.drag_scale, decoder.mach_basis
         )
 
     def __repr__(self) -> str:

@@ -19,6 +19,7 @@ from descentflow.evaluation.metrics.score_registry import paper_statistics
 from descentflow.evaluation.metrics.scores import score
 from descentflow.generation.rejection import sample_descents
 from descentflow.physics.performance_model import PerformanceModel
+from descentflow.representation.drag_scale import DragScale, fit_drag_scale
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.gappy import GappyFPCA
 from descentflow.representation.linear_curves import evidence_of
@@ -89,10 +90,11 @@ def fold_scores(
     held_out = order[fold::folds]
     rest = order[~torch.isin(order, held_out)]
     train, test = profiles.subset(rest.sort().values), profiles.subset(held_out.sort().values)
-    bases = _bases(train, shares)
+    scale = fit_drag_scale(train, aircraft, "newton")
+    bases = _bases(train, scale, shares)
     rows: list[_FoldScore] = []
     for share in shares:
-        representation = _representation(train, aircraft, bases[share])
+        representation = _representation(train, aircraft, scale, bases[share])
         rows += _one_share(representation, train, test, transition_fl, share, fold)
     return pl.DataFrame([asdict(row) for row in rows])
 
@@ -119,9 +121,9 @@ def truncated(basis: FunctionalBasis, share: float) -> FunctionalBasis:
     )
 
 
-def _bases(train: Profiles, shares: tuple[float, ...]) -> dict[float, list[FunctionalBasis]]:
-    """Bases of drag and of speed for each share, in the order of the weights; drag in newtons, as the paper has it."""
-    drag, *speeds = zip(*observed_channels(train, held_speed(train)), strict=True)
+def _bases(train: Profiles, scale: DragScale, shares: tuple[float, ...]) -> dict[float, list[FunctionalBasis]]:
+    """Bases of drag and of speed for each share, in the order of the weights; drag as the paper has it."""
+    drag, *speeds = zip(*observed_channels(train, held_speed(train), scale), strict=True)
     of_drag = _truncated_bases(*drag, shares)
     if train.crossovers is None:
         of_cas = _truncated_bases(*speeds[0], shares)
@@ -142,8 +144,10 @@ def _truncated_bases(values: Tensor, mask: Tensor, shares: tuple[float, ...]) ->
     return found
 
 
-def _representation(train: Profiles, aircraft: PerformanceModel, bases: list[FunctionalBasis]) -> Representation:
-    decoder = standardised_decoder(train, aircraft, bases)
+def _representation(
+    train: Profiles, aircraft: PerformanceModel, scale: DragScale, bases: list[FunctionalBasis]
+) -> Representation:
+    decoder = standardised_decoder(train, aircraft, bases, scale)
     return Representation(decoder, Plausibility.from_profiles(train), Split((), (), ()), {})
 
 

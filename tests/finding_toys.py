@@ -20,6 +20,7 @@ from descentflow.diagnosis.findings.gap_found import (
     GapCell,
     Lack,
     LargestDifference,
+    MeasuredEntry,
     Remaining,
     Stage,
     WouldSplit,
@@ -31,7 +32,6 @@ from descentflow.diagnosis.findings.inputs_found import (
     LeftOutChannel,
     Provenance,
 )
-from descentflow.diagnosis.findings.measured_entry import MeasuredEntry
 from descentflow.diagnosis.findings.selection_found import DetectionLimit, Subset
 from descentflow.effects import EFFECTS
 

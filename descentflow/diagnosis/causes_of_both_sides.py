@@ -14,8 +14,8 @@ from descentflow.diagnosis.correction.corrected_simulator import corrected
 from descentflow.diagnosis.correction.correction_made import CHECKPOINT
 from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.inference.two_sides import Compared, compare
-from descentflow.diagnosis.not_identifiable import OWN_FLIGHTS, not_identifiable
 from descentflow.diagnosis.report.gap_report import GapReport
+from descentflow.diagnosis.report.what_is_left import OWN_FLIGHTS, not_identifiable
 from descentflow.diagnosis.simulator import Simulator
 from descentflow.measurements.quantities import Quantities
 

@@ -30,13 +30,18 @@ from descentflow.diagnosis.findings.gap_found import BelowRounding, GapCell
 from descentflow.diagnosis.findings.selection_found import Subset
 from descentflow.diagnosis.inference.two_sides import Compared, compare
 from descentflow.diagnosis.inference.where import PERMUTATIONS, where
-from descentflow.diagnosis.left_out_channels import left_out_channels
-from descentflow.diagnosis.not_identifiable import not_identifiable
 from descentflow.diagnosis.practical_size import below_rounding
 from descentflow.diagnosis.reference_flights import both_sides
 from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.diagnosis.report.sizes import on_both_sides, parameters, share_of, sizes_of, told_of_both
-from descentflow.diagnosis.report.what_is_left import curves, flights_worth_a_look, remaining_of, would_split
+from descentflow.diagnosis.report.what_is_left import (
+    curves,
+    flights_worth_a_look,
+    left_out_channels,
+    not_identifiable,
+    remaining_of,
+    would_split,
+)
 from descentflow.diagnosis.stages import stages_of
 from descentflow.effects import UNKNOWN
 from descentflow.surveillance.cleaning.thresholds import Cleaning

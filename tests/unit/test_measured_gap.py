@@ -7,7 +7,7 @@ import torch
 
 from descentflow.diagnosis.correction.measured_gap import again, mean_of, measured_gap
 from descentflow.diagnosis.correction.previous_round import _achieved
-from descentflow.diagnosis.findings.measured_entry import MeasuredEntry
+from descentflow.diagnosis.findings.gap_found import MeasuredEntry
 from descentflow.diagnosis.inference.example_sides import example_sides
 from descentflow.effects import EFFECTS
 

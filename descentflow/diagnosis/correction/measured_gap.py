@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.findings.measured_entry import MeasuredEntry
+from descentflow.diagnosis.findings.gap_found import MeasuredEntry
 from descentflow.diagnosis.inference.gap_distances import distances, mean_over_quantities, noise_floor
 from descentflow.diagnosis.inference.labellings import labellings_of
 from descentflow.diagnosis.inference.two_sides import Compared

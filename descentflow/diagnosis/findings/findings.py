@@ -6,9 +6,16 @@ from typing import Literal
 from descentflow.diagnosis.findings.cause_found import Cause
 from descentflow.diagnosis.findings.correction_found import Previous, RecipeStep, Score
 from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans
-from descentflow.diagnosis.findings.gap_found import BelowRounding, GapCell, Lack, Remaining, Stage, WouldSplit
+from descentflow.diagnosis.findings.gap_found import (
+    BelowRounding,
+    GapCell,
+    Lack,
+    MeasuredEntry,
+    Remaining,
+    Stage,
+    WouldSplit,
+)
 from descentflow.diagnosis.findings.inputs_found import FlightWorthALook, LeftOutChannel, Provenance
-from descentflow.diagnosis.findings.measured_entry import MeasuredEntry
 from descentflow.diagnosis.findings.selection_found import DetectionLimit, Subset
 
 SEEN = "flights_that_the_simulator_has_seen"

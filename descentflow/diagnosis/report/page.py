@@ -5,12 +5,19 @@ from pathlib import Path
 from shlex import quote
 from typing import Any
 
-from descentflow.diagnosis.findings.costs_found import Cost, Measured
+from descentflow.diagnosis.findings.costs_found import Measured
 from descentflow.diagnosis.findings.findings import SEEN, SIGNIFICANT, Curve, Findings
 from descentflow.diagnosis.findings.inputs_found import InputUsed
 from descentflow.diagnosis.findings.plain_values import percent
 from descentflow.diagnosis.findings.selection_found import DetectionLimit
-from descentflow.diagnosis.report.page_tables import by_level_table, inputs_table, specialist_tables
+from descentflow.diagnosis.report.page_tables import (
+    by_level_table,
+    cost_table,
+    inputs_table,
+    shown_costs,
+    specialist_tables,
+    whole_costs,
+)
 from descentflow.diagnosis.report.sizes import told_text
 from descentflow.diagnosis.report.trade_units import at_level, between, in_trade, level_range, trade_number
 from descentflow.effects import EFFECTS, UNKNOWN
@@ -21,8 +28,6 @@ COSTS_DRAWN = ("time", "time_at_speed", "ground_distance", "air_distance", "rate
 """Costs that are drawn by level."""
 BRIEF = ("time", "ground_distance", "air_distance", "rate")
 """Costs at the top of the page."""
-OF_STRETCHES = ("level", "slow")
-"""Costs of level-offs and slow stretches."""
 LEVELS_DRAWN = 4
 """Quantities drawn against altitude: the rate, and those that differ most in standard errors."""
 
@@ -43,7 +48,7 @@ def page(found: Findings, folder: str | Path | None = None) -> str:
     """
     from descentflow.diagnosis.report import figures  # matplotlib loads where figures are drawn
 
-    drawn = [cost.name for cost in shown_costs(found) if cost.name in COSTS_DRAWN]
+    drawn = [cost for cost in shown_costs(found) if cost.name in COSTS_DRAWN]
     curves = {name: found.details.curves[name] for name in _levels_drawn(found.details.curves)}
     has_after, profile = bool(found.causes), found.details.profile
     cause, made = found.details.label, found.provenance
@@ -53,7 +58,11 @@ def page(found: Findings, folder: str | Path | None = None) -> str:
         command=next_command(found, folder),
         costs=cost_table(found, means=True),
         cost_figures=[
-            (_cost_alt(name, found.costs), drawing(figures.cost_figure(found.costs, name))) for name in drawn
+            (
+                f"{cost.label} by levels, of all {between(cost.before, cost.unit)}",
+                drawing(figures.cost_figure(found.costs, cost.name)),
+            )
+            for cost in drawn
         ],
         level_figures=[
             (_level_alt(found, name, curve), drawing(figures.level_figure(name, curve, profile, after=has_after)))
@@ -109,61 +118,6 @@ def simulator_name(found: Findings) -> str:
     if name == "nominal":
         return f"nominal BADA of the {found.details.typecode}"
     return "the simulator" if made is None or name == made.simulator.name else name
-
-
-def whole_costs(found: Findings) -> list[Cost]:
-    """Costs over all levels.
-
-    Example:
-        >>> from descentflow.diagnosis.diagnose import diagnose
-        >>> from descentflow.effects import EFFECTS, UNKNOWN
-        >>> whole_costs(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}))[0].unit
-        's'
-    """
-    return [c for c in found.costs if (c.low_fl, c.high_fl) == (found.costs[0].low_fl, found.costs[0].high_fl)]
-
-
-def shown_costs(found: Findings) -> list[Cost]:
-    """Costs over all levels: of both distances the one over ground, and stretches only where they differ surely.
-
-    Example:
-        >>> from descentflow.diagnosis.diagnose import diagnose
-        >>> from descentflow.effects import EFFECTS
-        >>> report = diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]})
-        >>> [cost.name for cost in shown_costs(report)][:2]
-        ['time', 'time_at_speed']
-    """
-    costs = whole_costs(found)
-    hidden = {"air_distance"} if any(cost.name == "ground_distance" for cost in costs) else set()
-    hidden |= {cost.name for cost in costs if cost.name in OF_STRETCHES and not cost.before.excludes_zero}
-    return [cost for cost in costs if cost.name not in hidden]
-
-
-def cost_table(found: Findings, *, means: bool = False) -> list[list[str]]:
-    """Head and rows: each cost, what each cause takes of it, what is left, and what chance gives.
-
-    Args:
-        found: What the diagnosis found.
-        means: Whether the means of both sides stand before the difference.
-
-    Example:
-        >>> from descentflow.diagnosis.diagnose import diagnose
-        >>> from descentflow.effects import EFFECTS, UNKNOWN
-        >>> cost_table(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}))[0]
-        ['', 'difference', 'mass', 'left', 'by chance']
-    """
-    after = bool(found.causes) and any(cost.after is not None for cost in found.costs)
-    causes = [cause for cause in found.causes if cause.takes_away]
-    head = ["", *(["simulator", "real flights"] if means else []), "difference"]
-    head += [cause.label or cause.effect for cause in causes] + (["left"] if after else [])
-    rows = []
-    for cost in shown_costs(found):
-        row = [cost.label, *(trade_number(x, cost.unit) for x in (cost.simulator, cost.flights) if means)]
-        row.append(between(cost.before, cost.unit))
-        row += [trade_number(cause.takes_away.get(cost.name, 0.0), cost.unit, signed=True) for cause in causes]
-        row += ["-" if cost.after is None else between(cost.after, cost.unit)] if after else []
-        rows.append([*row, trade_number(cost.floor, cost.unit)])
-    return [[*head, "by chance"], *rows]
 
 
 def _brief(found: Findings) -> list[tuple[str, str]]:
@@ -332,17 +286,6 @@ def _levels_drawn(curves: Mapping[str, Curve]) -> list[str]:
         name: max(abs(b / e) for b, e in zip(curves[name].before, curves[name].error, strict=True)) for name in banded
     }
     return sorted(banded, key=lambda name: (name != "rate", -size[name]))[:LEVELS_DRAWN]
-
-
-def _cost_alt(name: str, costs: Sequence[Cost]) -> str:
-    """Description of a figure of costs."""
-    rows = [cost for cost in costs if cost.name == name]
-    texts = []
-    for cost in rows:
-        after = "" if cost.after is None else f", with the causes {trade_number(cost.after.estimate, cost.unit)}"
-        place = level_range(cost.low_fl, cost.high_fl)
-        texts.append(f"{place} {trade_number(cost.before.estimate, cost.unit, signed=True)}{after}")
-    return f"Difference of the {rows[0].label} by levels: {'; '.join(texts)}."
 
 
 def _level_alt(found: Findings, name: str, curve: Curve) -> str:

@@ -1,5 +1,6 @@
-"""Tables of the page for those who check it: what went in, and the numbers for specialists."""
+"""Tables of a diagnosis: costs with the part of each cause, both inputs, and the numbers for specialists."""
 
+from descentflow.diagnosis.findings.costs_found import Cost
 from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.findings.inputs_found import InputUsed
 from descentflow.diagnosis.findings.plain_values import percent
@@ -10,10 +11,67 @@ CELLS_LISTED = 8
 """Cells of the table of where, largest share first."""
 SETS_LISTED = 5
 """Sets of effects that are listed."""
+OF_STRETCHES = ("level", "slow")
+"""Costs of level-offs and slow stretches."""
 BY_LEVEL = ("time", "time_at_speed", "rate")
 """Costs that are listed by level."""
 Table = tuple[str, list[str], list[list[str]], str]
 """Heading, names of the columns, rows, and how columns are aligned."""
+
+
+def whole_costs(found: Findings) -> list[Cost]:
+    """Costs over all levels.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS, UNKNOWN
+        >>> whole_costs(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}))[0].unit
+        's'
+    """
+    return [c for c in found.costs if (c.low_fl, c.high_fl) == (found.costs[0].low_fl, found.costs[0].high_fl)]
+
+
+def shown_costs(found: Findings) -> list[Cost]:
+    """Costs over all levels: of both distances the one over ground, and stretches only where they differ surely.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS
+        >>> report = diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]})
+        >>> [cost.name for cost in shown_costs(report)][:2]
+        ['time', 'time_at_speed']
+    """
+    costs = whole_costs(found)
+    hidden = {"air_distance"} if any(cost.name == "ground_distance" for cost in costs) else set()
+    hidden |= {cost.name for cost in costs if cost.name in OF_STRETCHES and not cost.before.excludes_zero}
+    return [cost for cost in costs if cost.name not in hidden]
+
+
+def cost_table(found: Findings, *, means: bool = False) -> list[list[str]]:
+    """Head and rows: each cost, what each cause takes of it, what is left, and what chance gives.
+
+    Args:
+        found: What the diagnosis found.
+        means: Whether the means of both sides stand before the difference.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS, UNKNOWN
+        >>> cost_table(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}))[0]
+        ['', 'difference', 'mass', 'left', 'by chance']
+    """
+    after = bool(found.causes) and any(cost.after is not None for cost in found.costs)
+    causes = [cause for cause in found.causes if cause.takes_away]
+    head = ["", *(["simulator", "real flights"] if means else []), "difference"]
+    head += [cause.label or cause.effect for cause in causes] + (["left"] if after else [])
+    rows = []
+    for cost in shown_costs(found):
+        row = [cost.label, *(trade_number(x, cost.unit) for x in (cost.simulator, cost.flights) if means)]
+        row.append(between(cost.before, cost.unit))
+        row += [trade_number(cause.takes_away.get(cost.name, 0.0), cost.unit, signed=True) for cause in causes]
+        row += ["-" if cost.after is None else between(cost.after, cost.unit)] if after else []
+        rows.append([*row, trade_number(cost.floor, cost.unit)])
+    return [[*head, "by chance"], *rows]
 
 
 def inputs_table(found: Findings) -> list[list[str]]:

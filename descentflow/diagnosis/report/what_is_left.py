@@ -5,12 +5,13 @@ from collections.abc import Mapping, Sequence
 import torch
 from torch import Tensor
 
+from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.evidence.nuisances import set_apart
 from descentflow.diagnosis.findings.cause_found import Cause
 from descentflow.diagnosis.findings.costs_found import LevelMeans
 from descentflow.diagnosis.findings.findings import Curve
 from descentflow.diagnosis.findings.gap_found import LargestDifference, Remaining, WouldSplit
-from descentflow.diagnosis.findings.inputs_found import FlightWorthALook
+from descentflow.diagnosis.findings.inputs_found import FlightWorthALook, LeftOutChannel
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.inference.where import strongest_block
 from descentflow.diagnosis.report.trade_units import in_trade
@@ -22,6 +23,9 @@ NEIGHBOURS = 0.5
 """Bands beside the one with the largest difference belong to it while theirs, of the same sign, is so large a share."""
 SHOWS = {"TAS": "tas", "geoaltitude": "height", "groundspeed": "wind", "Mach": "mismatch"}
 """Channel -> the quantity that it makes, the one most often worth adding first."""
+OWN_FLIGHTS = ("training flights", "samples")
+"""Sources that hold a model's own flights, whose causes its inferred drag holds as well; flights of any simulator are
+what it flies, and what both sides have alike is no gap."""
 
 
 def remaining_of(compared: Compared, left: Tensor, gap: float, share_unexplained: float) -> Remaining:
@@ -149,7 +153,6 @@ def would_split(
     compared: Compared,
     catalogue: Mapping[str, Effect],
     causes: Sequence[Cause],
-    undecided: Sequence[Sequence[str]] = (),
 ) -> list[WouldSplit]:
     """Channels that are not there and would separate a cause from its group, or help an unknown one to a name.
 
@@ -157,7 +160,6 @@ def would_split(
         compared: Flights of both sides.
         catalogue: Effects by name.
         causes: That were named.
-        undecided: Effects that would be named, each with those that it may be as well for lack of their channels.
 
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_sides
@@ -167,9 +169,6 @@ def would_split(
     """
     there = set(compared.quantities())
     found = []
-    for alike in undecided:
-        needed = list(dict.fromkeys(channel for name in alike for channel in catalogue[name].needs))
-        found.append(WouldSplit(list(alike), needed, "they look alike in the channels given, so neither is named"))
     for cause in causes:
         names = [cause.effect, *cause.group]
         able = list(dict.fromkeys(channel for name in names for channel in catalogue[name].splits))
@@ -182,3 +181,39 @@ def would_split(
         why = "it is not among the channels"
         found += [WouldSplit([UNKNOWN], [c], why) for c, quantity in SHOWS.items() if quantity not in there]
     return found
+
+
+def not_identifiable(settings: Settings, source: str) -> list[WouldSplit]:
+    """Effects that a simulator's flights hide, by their origin.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.diagnosis.simulator import Simulator
+        >>> from descentflow.effects import EFFECTS
+        >>> asked = Settings(Simulator(aircraft("A320")), EFFECTS, [], 0, str)
+        >>> "mass" in not_identifiable(asked, "training flights")[0].between, not_identifiable(asked, "simulator")
+        (True, [])
+    """
+    if source not in OWN_FLIGHTS:
+        return []
+    names = [name for name, effect in settings.catalogue.items() if effect.inherited_from is None]
+    why = "not identifiable where the simulator's own flights have them as well"
+    return [WouldSplit(names, [], why)]
+
+
+def left_out_channels(lacked: Mapping[str, str], catalogue: Mapping[str, Effect]) -> list[LeftOutChannel]:
+    """Channels left out on both sides because one lacks them.
+
+    Args:
+        lacked: Channel -> the side that lacks it.
+        catalogue: Effects that may be named: each names the channels it needs, and which tell it from others.
+
+    Example:
+        >>> from descentflow.effects import EFFECTS
+        >>> left_out_channels({"geoaltitude": "real"}, EFFECTS)[0].would_have_told_apart
+        ['temperature']
+    """
+    return [
+        LeftOutChannel(channel, side, [n for n, e in catalogue.items() if channel in (*e.needs, *e.splits)])
+        for channel, side in lacked.items()
+    ]

@@ -2,7 +2,6 @@
 
 import atexit
 import gc
-import os
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
@@ -91,17 +90,10 @@ def _check_words(words: Sequence[str]) -> None:
     for word in words:
         if not word.isascii() and any("\ud800" <= letter <= "\udfff" for letter in word):
             raise ConfigError(
-                f"the word {word!a}", expected="words and names of files in UTF-8", mend=_mend_of_word(word)
+                f"the word {word!a}",
+                expected="words and names of files in UTF-8",
+                mend="set the environment variable PYTHONUTF8=1 if the locale lacks such letters, else rename the file",
             )
-
-
-def _mend_of_word(word: str) -> str:
-    """A locale that knows UTF-8 if the word's bytes are UTF-8 that Python did not take for it, else another name."""
-    try:
-        os.fsencode(word).decode()
-    except UnicodeError:
-        return "rename the file"
-    return "set the environment variable LC_ALL=C.UTF-8 or PYTHONUTF8=1: the locale has no such letters"
 
 
 @contextmanager
@@ -135,16 +127,8 @@ def _run(name: str, rest: list[str]) -> int:
     parser.add_argument(QUIET, action="store_true", help="show no progress; it goes to stderr, after two seconds")
     options = vars(parser.parse_args(rest))
     del options["quiet"]
-    checkpoints = options.get("checkpoint", [])
-    for path in checkpoints if isinstance(checkpoints, list) else [checkpoints]:
-        _check_checkpoint(path)
     module.run(**options)
     return 0
-
-
-def _check_checkpoint(path: Any) -> None:
-    """Before the seconds of imports that reading one takes."""
-    import_module("descentflow.representation.checkpoint_place").check_is_there(path)
 
 
 if __name__ == "__main__":

@@ -13,13 +13,13 @@ from typing import Annotated, Any, Literal, NamedTuple, ParamSpec, TypeVar, Unio
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import is_name
-from descentflow.core.seeds import MOST
 
 P = ParamSpec("P")
 R = TypeVar("R")
 LONGEST_SHOWN = 60
 """Characters of a wrong value that are shown."""
 BITS = " of 64 bits"
+INT64_MAX = (1 << 63) - 1
 
 
 class Within(NamedTuple):
@@ -180,7 +180,7 @@ def _is_number(kind: Any, value: Any) -> bool:
     """Test for a finite number of a kind, a whole one of 64 bits; Python takes `True` for a number."""
     if not isinstance(value, kind) or isinstance(value, bool):
         return False
-    return bool(abs(value) <= (MOST if isinstance(value, Integral) else sys.float_info.max))
+    return bool(abs(value) <= (INT64_MAX if isinstance(value, Integral) else sys.float_info.max))
 
 
 def _can_be_made(hint: type, value: Any) -> bool:

@@ -1,5 +1,6 @@
-"""Random numbers by counter: one for each numbered draw, the same in any batch, precision and on any device."""
+"""Random numbers by counter, the same in any batch, precision and on any device; and seeds for one of many things."""
 
+from hashlib import blake2b
 from typing import NamedTuple
 
 import numpy as np
@@ -39,7 +40,11 @@ class DrawNumbers(NamedTuple):
         return torch.from_numpy(np.random.Generator(bits).random(skipped + count)[skipped:].copy())
 
 
-def seed_of(seed: int, *place: int) -> int:
+FIRST_DRAWS = DrawNumbers()
+"""The first draws of seed zero: the default for the draws of a batch."""
+
+
+def seed_for_index(seed: int, *place: int) -> int:
     """A seed for one of many things that are numbered (an epoch, a batch), independent of those of the others.
 
     Args:
@@ -47,12 +52,18 @@ def seed_of(seed: int, *place: int) -> int:
         place: Numbers from zero.
 
     Example:
-        >>> seed_of(0, 1, 2) == seed_of(0, 1, 2), seed_of(0, 1, 2) == seed_of(0, 2, 1), seed_of(-1, 0) >= 0
-        (True, False, True)
+        >>> seed_for_index(0, 1, 2) == seed_for_index(0, 2, 1), seed_for_index(-1, 0) >= 0
+        (False, True)
     """
     state = np.random.SeedSequence([seed % SEEDS, *place]).generate_state(1, np.uint64)
     return int(state[0]) >> 1
 
 
-FIRST_DRAWS = DrawNumbers()
-"""The first draws of seed zero: the default for the draws of a batch."""
+def seed_for_name(seed: int, name: str) -> int:
+    """The seed of one of many that are drawn for, a flight for instance, each with draws of its own.
+
+    Example:
+        >>> seed_for_name(0, "KLM204") == seed_for_name(0, "KLM205")
+        False
+    """
+    return int.from_bytes(blake2b(f"{seed} {name}".encode(), digest_size=7).digest())

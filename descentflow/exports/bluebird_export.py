@@ -6,8 +6,7 @@ from typing import Any
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import whole_file
-from descentflow.exports.bluebird_merge import KINDS, Tables, merged, read_tables
-from descentflow.exports.bluebird_tables import tables
+from descentflow.exports.bluebird_tables import KINDS, Tables, merged, read_tables, tables
 from descentflow.exports.export_request import ExportRequest
 from descentflow.exports.plugin import write_plugin
 

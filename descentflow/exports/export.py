@@ -13,7 +13,6 @@ from descentflow.core.files import check_output
 from descentflow.densities.checkpoint import as_density
 from descentflow.exports.descent_graph import Precision
 from descentflow.exports.export_request import ExportRequest
-from descentflow.exports.flown_types import flown_types
 from descentflow.exports.targets import target_of
 from descentflow.generation.sample_contexts import Contexts
 from descentflow.positions.ground_path import Point
@@ -22,6 +21,8 @@ from descentflow.positions.wind_by_level import Wind
 
 Interval = Annotated[float, Within(0, 1_000_000)]
 """Seconds, up to some days: times of all samples are within what a calendar holds."""
+TYPE = re.compile(r"[A-Z][A-Z0-9]+")
+"""An ICAO designator, or a class of types that a program has in its place."""
 PREFIX = re.compile(r"[A-Z]+[0-9]*")
 
 
@@ -119,3 +120,41 @@ def export(
     target.check(to, first)
     types = flown_types(said, [one.typecode for one in requests])
     return target.writer(to)(*(replace(one, fly_as=own) for one, own in zip(requests, types, strict=True)))
+
+
+def flown_types(said: Sequence[str], typecodes: Sequence[str]) -> list[tuple[str, ...]]:
+    """The types of each model.
+
+    Args:
+        said: A text for each model, as ``A319,A320,A321``; nothing for the models' own types.
+        typecodes: The models' own.
+
+    Raises:
+        ConfigError: If there is not one text for each model, a type is none, or two models fly one type.
+
+    Example:
+        >>> flown_types(["A319,A320", "B738"], ["A320", "B738"])
+        [('A319', 'A320'), ('B738',)]
+        >>> flown_types([], ["A320", "A320"])
+        Traceback (most recent call last):
+        descentflow.core.errors.ConfigError: A320 twice; expected each type once, of one model; to mend it, ...
+    """
+    texts = list(said or typecodes)
+    if len(texts) != len(typecodes):
+        raise ConfigError(
+            f"types {' '.join(texts)} of {len(typecodes)} model{'s' * (len(typecodes) > 1)}",
+            expected="types with commas between them, and one such list for each model",
+            mend="write for two models for instance --as A319,A320,A321 B738",
+        )
+    found = [tuple(word.strip().upper() for word in text.split(",")) for text in texts]
+    every = [word for types in found for word in types]
+    for word in every:
+        if not TYPE.fullmatch(word):
+            raise ConfigError(f"type {word!r}", expected="letters and digits", mend="write for instance A320")
+        if every.count(word) > 1:
+            raise ConfigError(
+                f"{word} twice",
+                expected="each type once, of one model",
+                mend="leave one out, or say by --as which types each model flies",
+            )
+    return found

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from descentflow.air.level_air import LevelAir
-from descentflow.core.counter_random import DrawNumbers, seed_of
+from descentflow.core.counter_random import DrawNumbers, seed_for_index
 from descentflow.core.errors import SamplingError
 from descentflow.generation.draw_owners import (
     Interchangeable,
@@ -99,7 +99,7 @@ def sample_descents(
         # What was kept of the last batch was copied, so a batch of the same size may take its arrays.
         reused = flown if flown is not None and len(flown) == size else None
         white = torch.randn(size, decoder.n_white, generator=generator, dtype=torch.float64).to(tries)
-        white = draws.residual(model, wanted, tries, white, seed_of(seed, drawn))
+        white = draws.residual(model, wanted, tries, white, seed_for_index(seed, drawn))
         numbers = DrawNumbers(seed, drawn)
         flown = parts.fly(tries, entries, white=white, draws=numbers, out=reused)
         if own is not None:

@@ -13,7 +13,6 @@ import torch
 
 from descentflow.core.errors import CheckpointError, DescentflowError
 from descentflow.representation.check_checkpoint import check_flies, check_section
-from descentflow.representation.checkpoint_place import MEND, check_is_there
 from descentflow.representation.representation import Representation
 
 SECTION = "descentflow"
@@ -26,6 +25,7 @@ ZIP = b"PK\x03\x04"
 """First bytes of every checkpoint: it is a zip archive."""
 UNSAFE = re.compile(r"GLOBAL ([\w.]+)")
 """Name in torch's message of an object that the safe loader does not make."""
+MEND = "pass a .ckpt file that `descentflow fit` wrote, for instance runs/.../checkpoints/best.ckpt"
 OTHER_MEND = (
     "pass a .ckpt file that `descentflow fit` wrote; flights of a simulator, as rows or descents, are taken by "
     "`descentflow diagnose --simulator`, and `descentflow fit` learns from them"
@@ -60,6 +60,34 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
         if (scored := content.get(HELD_OUT)) is not None:
             check_section(scored[SECTION], scored["state_dict"])
     return content
+
+
+def check_is_there(path: str | Path) -> None:
+    """Refuse a path that is no file; of a run's folder, or of that of its versions, the error names the checkpoint.
+
+    Raises:
+        CheckpointError: If there is no file.
+
+    Example:
+        >>> check_is_there("best.ckpt")
+        >>> check_is_there("nothere.ckpt")
+        Traceback (most recent call last):
+        descentflow.core.errors.CheckpointError: no file nothere.ckpt; expected a checkpoint; to mend it, pass...
+    """
+    given = Path(path)
+    if given.is_file():
+        return
+    inside = [
+        path
+        for run in (given, *sorted(given.glob("*/")))
+        for name in ("best", "final")
+        if (path := run / "checkpoints" / f"{name}.ckpt").is_file()
+    ]
+    raise CheckpointError(
+        f"{given} is a folder" if given.is_dir() else f"no file {given}",
+        expected="a checkpoint",
+        mend=f"pass {inside[-1]}" if inside else MEND,
+    )
 
 
 def _unpickled(path: str | Path) -> Any:

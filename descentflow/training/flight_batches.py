@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset, DistributedSampler
 
-from descentflow.core.counter_random import seed_of
+from descentflow.core.counter_random import seed_for_index
 from descentflow.representation.evidence import Evidence
 
 
@@ -55,7 +55,7 @@ class ShuffledByEpoch(DistributedSampler[int]):
     def __iter__(self) -> Iterator[int]:
         """The order of the epoch."""
         n = len(self.dataset)  # type: ignore[arg-type]
-        order = torch.randperm(n, generator=torch.Generator().manual_seed(seed_of(self.seed, self.epoch)))
+        order = torch.randperm(n, generator=torch.Generator().manual_seed(seed_for_index(self.seed, self.epoch)))
         return iter(order[torch.arange(self.rank, self.total_size, self.num_replicas) % n].tolist())
 
 

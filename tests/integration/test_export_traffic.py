@@ -12,7 +12,7 @@ from pyproj import Geod
 import descentflow as df
 from descentflow.core.errors import ConfigError
 from descentflow.exports.export import export
-from descentflow.exports.traffic_generation import FEATURES, TrafficGeneration
+from descentflow.exports.traffic_export import FEATURES, TrafficGeneration
 from descentflow.positions.ground_plan import ground_plan
 
 PLACES = {name: value for name, value in WHERE.items() if name != "end_time"}

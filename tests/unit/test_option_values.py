@@ -1,7 +1,5 @@
 """Wrong options, values and settings files of `fit` end in a line that names them."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -84,20 +82,3 @@ def test_models_have_the_names_of_python() -> None:
     assert IN_PYTHON == {
         "gaussian": "Gaussian", "mixture": "GaussianMixture", "flow": "MaskedAffineFlow", "spline": "SplineFlow",
     }  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["info", "no.ckpt"], "descentflow info: no file no.ckpt; expected a checkpoint"),
-        (["sample", "no.ckpt", "-n", "3", "--out", "s.csv"], "descentflow sample: no file no.ckpt; expected a check"),
-    ],
-)
-def test_torch_is_not_waited_for(words: list[str], message: str) -> None:
-    asks = (
-        f"import sys; from descentflow.cli.entry import main; main({words});"
-        "print(sorted({'torch', 'lightning'} & set(sys.modules)))"
-    )
-    answer = subprocess.run([sys.executable, "-c", asks], capture_output=True, text=True, check=True)
-    assert answer.stdout.strip() == "[]"
-    assert answer.stderr.startswith(message)

@@ -16,7 +16,7 @@ from descentflow.core.errors import CheckpointError, ConfigError, DataError, Des
 from descentflow.core.units import KT_MPS
 from descentflow.exports.columns import COLUMNS
 from descentflow.exports.export import export
-from descentflow.exports.traffic_generation import TrafficGeneration
+from descentflow.exports.traffic_export import TrafficGeneration
 from descentflow.generation.rejection import sample_descents
 from descentflow.generation.sample_airs import air_of_table, airs_of
 from descentflow.generation.sample_tables import UNITS

@@ -15,10 +15,9 @@ def test_letters_that_the_locale_lacks_ask_for_another_locale() -> None:
     words = [sys.executable, "-W", "ignore", "-m", "descentflow", "info", "é.ckpt".encode()]
     done = subprocess.run(words, capture_output=True, check=False, env={**os.environ, **bare})
     assert done.returncode == 2
-    assert b"LC_ALL=C.UTF-8 or PYTHONUTF8=1" in done.stderr
-    assert b"rename" not in done.stderr
+    assert b"PYTHONUTF8=1 if the locale lacks such letters" in done.stderr
 
 
 def test_bytes_that_are_no_letters_ask_for_another_name(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["info", os.fsdecode(b"\xff.ckpt")]) == 2
-    assert "to mend it, rename the file" in capsys.readouterr().err
+    assert "rename the file" in capsys.readouterr().err

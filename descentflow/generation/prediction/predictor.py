@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from descentflow.core.counter_random import seed_for_name
 from descentflow.core.errors import DataError, SamplingError
-from descentflow.core.seeds import seed_of
 from descentflow.core.units import FL_M
 from descentflow.densities.density import Density
 from descentflow.generation.given_temperature import given_deviation_k, in_given_air
@@ -170,7 +170,7 @@ class DescentPredictor:
         seen = self.curves.information(self.representation.decoder.observed(so_far))
         posterior = posterior_of(self._prior(context), seen.precisions[0], seen.shift[0])
         # With the same numbers for all, what the ends of one flight's interval are off by, all flights' would be.
-        generator = torch.Generator().manual_seed(seed_of(seed, flight.flight_ids[0]))
+        generator = torch.Generator().manual_seed(seed_for_name(seed, flight.flight_ids[0]))
         drawn, effective = self._draw(posterior, so_far, n, generator)
         flown = self._fly(drawn, int(mask.nonzero()[0]))
         # Not the sampler's bounds: an observed flight may lie outside what training flights did, and still goes on.

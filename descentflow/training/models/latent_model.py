@@ -14,7 +14,7 @@ from lightning.pytorch.callbacks import Timer
 from torch import Tensor
 
 from descentflow.core.arguments import checked_arguments
-from descentflow.core.counter_random import seed_of
+from descentflow.core.counter_random import seed_for_index
 from descentflow.core.errors import CheckpointError, ConfigError, DescentflowWarning
 from descentflow.core.files import whole_file
 from descentflow.densities.checkpoint import OUTCOME, content_of, density_in, density_of, outcome_of, section_of
@@ -135,7 +135,7 @@ class LatentModel(LightningModule, InNotebook, ABC, Generic[D]):
 
     def seed_of_batch(self, batch_index: int) -> int:
         """Seed of what a training step draws: by seed, epoch and batch alone, so that a resumed fit draws it too."""
-        return seed_of(self._seed, self.current_epoch, batch_index)
+        return seed_for_index(self._seed, self.current_epoch, batch_index)
 
     def on_train_start(self) -> None:
         """End at once if the fit that is resumed had stopped: another epoch would be one too many."""

@@ -136,7 +136,8 @@ def test_words_are_those_of_the_trade_and_sentences_are_short(verdict: str) -> N
 def test_the_terminal_says_what_the_page_says() -> None:
     found = of_verdict("partial")
     assert summary(found).splitlines()[0] == (
-        "The simulator and the 400 real A20N flights differ (p = 0.0005): two causes explain a part of it."
+        "The simulator and the 400 real A20N flights differ (p = 0.0005): two causes explain a part of it. "
+        "Which effect it is stays open: see the alternatives."
     )
     words = words_of(page_of("partial"))
     numbers = re.findall(r"[-+x]? ?[\d,.]*\d(?: %| s| NM| ft/min| kt)?", summary(found))
@@ -148,7 +149,7 @@ def test_each_verdict_has_its_own_first_line() -> None:
     first = {verdict: summary(of_verdict(verdict)).splitlines()[0] for verdict in VERDICTS}
     assert first["none"] == "The simulator and the 400 real A20N flights differ by less than matters (p = 0.0005)."
     assert first["unknown"].endswith("no effect of the catalogue explains it.")
-    assert first["effect"].endswith("two causes explain it.")
+    assert "two causes explain it. Which effect it is stays open" in first["effect"]
     alike = replace(of_verdict("none"), p_value=0.4)
     assert summary(alike).startswith("No difference beyond chance between the simulator and the 400 real A20N flights")
 
@@ -282,3 +283,15 @@ def test_it_prints_on_four_pages_at_most(tmp_path: Path) -> None:
     pdf = f"--print-to-pdf={tmp_path / 'gap.pdf'}"
     subprocess.run([*words, pdf, (tmp_path / "gap.html").as_uri()], capture_output=True, check=True, timeout=120)
     assert 1 <= len(re.findall(rb"/Type\s*/Page\b", (tmp_path / "gap.pdf").read_bytes())) <= 4
+
+
+def test_what_is_not_known_is_left_out() -> None:
+    """No rate compared, inputs in memory, no curve, no score, no limit."""
+    found = of_verdict("partial")
+    bare = replace(found.details, curves={}, detection_limits=[], singles=[], subsets=[], profile=[], lacks=[])
+    causes = [replace(one, takes_away={}, own_closure=None) for one in found.causes]
+    empty = replace(found, costs=[], causes=causes, details=bare, provenance=None, scores=[], stages=[], where=[])
+    assert "No rate of descent is compared, so times and distances are not known." in page(empty)
+    assert "<figure" not in page(empty)
+    assert "Next: " not in summary(empty)
+    assert "Change in the simulator:" in summary(empty)

@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING, Any
 from descentflow.core import waiting_threads  # noqa: F401 (before anything loads torch)
 from descentflow.core.errors import DescentflowError
 from descentflow.core.version import __version__
+from descentflow.densities.kinds import KINDS
 
 
 def _one_thread_in_a_copy() -> None:
@@ -87,11 +88,7 @@ __all__ = [
 
 _PLACES = {
     "DescentDataModule": ("training.datamodule", "DescentDataModule"),
-    "Gaussian": ("training.models.gaussian_model", "Gaussian"),
-    "GaussianMixture": ("training.models.mixture_model", "GaussianMixture"),
     "Generator": ("generation.conditional.generator", "Generator"),
-    "MaskedAffineFlow": ("training.models.flow_model", "MaskedAffineFlow"),
-    "SplineFlow": ("training.models.flow_model", "SplineFlow"),
     "aircraft": ("aircraft_types.registry", "aircraft"),
     "diagnose": ("diagnosis.diagnose", "diagnose"),
     "evaluate": ("evaluation.evaluate", "evaluate"),
@@ -103,6 +100,7 @@ _PLACES = {
     "read_descents": ("surveillance.descents.prepared_descents", "read_descents"),
     "sample": ("generation.sample", "sample"),
     "simulate": ("simulation.world", "simulate"),
+    **{kind.model: (f"training.models.{kind.trained_in}", kind.model) for kind in KINDS},
 }
 """Name -> the module that has it, and its name there."""
 

@@ -39,7 +39,8 @@ Learn realistic aircraft descents from surveillance data, sample them, and compa
 commands, in the order of the data's path:
 {chr(10).join(f"  {name:<16}{purpose}" for name, purpose in COMMANDS.items())}
 
-`descentflow COMMAND --help` explains one command; --quiet hides its progress. A first run without data of your own:
+`descentflow COMMAND --help` explains one command; --quiet hides its progress; --model FILE.py of any command runs a
+file with a density of your own. A first run without data of your own:
   descentflow simulate --typecode A320 --flights 2000 --out rows.parquet
   descentflow prepare rows.parquet --out descents.parquet
   descentflow fit --model Gaussian --data.descents descents.parquet
@@ -121,11 +122,15 @@ def _run(name: str, rest: list[str]) -> int:
             trainer_commands.COMMANDS[name]([word for word in rest if word != QUIET])
         return 0
     module = import_module(f"descentflow.cli.{name.replace('-', '_')}_command")
-    parser = import_module("descentflow.cli.options").CommandParser(name, module.run)
+    options_of = import_module("descentflow.cli.options")
+    parser = options_of.CommandParser(name, module.run)
     if hasattr(module, "extend"):
         module.extend(parser)
     parser.add_argument(QUIET, action="store_true", help="show no progress; it goes to stderr, after two seconds")
+    parser.add_argument("--model", metavar="FILE.py", help="file with a density of your own, which is run")
     options = vars(parser.parse_args(rest))
+    if (own := options.pop("model")) is not None:
+        options_of.class_in(own)
     del options["quiet"]
     module.run(**options)
     return 0

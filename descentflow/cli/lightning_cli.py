@@ -14,10 +14,12 @@ from lightning.pytorch import Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.cli import LightningArgumentParser, LightningCLI
 
+from descentflow.cli.options import class_in
 from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import CheckpointError, ConfigError, nearest
 from descentflow.core.settings_file import read_settings
 from descentflow.core.threads import one_thread_unless_told
+from descentflow.densities.kinds import KINDS
 from descentflow.representation.read_checkpoint import SECTION, read_checkpoint
 from descentflow.training.callbacks.failed_run import RemoveFailedRun, WholeConfig
 from descentflow.training.callbacks.kept_epochs import KeptEpochs, WholeCheckpoints
@@ -37,9 +39,9 @@ from descentflow.training.run_folders import (
     run_folder,
     write_into_run,
 )
-from descentflow.training.training_settings import CHECKPOINT_DEFAULTS, NAMES, SETTINGS_OF, TRAINER_DEFAULTS
+from descentflow.training.training_settings import CHECKPOINT_DEFAULTS, SETTINGS_OF, TRAINER_DEFAULTS
 
-IN_PYTHON = {name: kind for name, file in NAMES.items() for kind, own in SETTINGS_OF.items() if own == file}
+IN_PYTHON = {kind.name: kind.model for kind in KINDS}
 """Name of a model in :func:`descentflow.training.fit.fit` -> its class."""
 NOISE = re.compile("Does not validate|Subtypes|Errors|Expected a <class 'NoneType'>|Given value type")
 """Lines of the parser's messages that name nothing of the user's."""
@@ -283,12 +285,14 @@ def _class_path(name: str) -> str:
     named = IN_PYTHON.get(name, name)
     if named in SETTINGS_OF:
         return f"descentflow.training.models.{named}"
+    if name.endswith(".py"):
+        return class_in(name)
     if not name.isidentifier():  # the path of a class, or a file or a dictionary of settings
         return name
     near = nearest(name, [*IN_PYTHON, *SETTINGS_OF])
     raise ConfigError(
         f"no model {name}",
-        expected=f"{', '.join(IN_PYTHON)}, or the path of a class",
+        expected=f"{', '.join(IN_PYTHON)}, the path of a class, or a .py file with a model",
         mend=f"did you mean {near}?" if near else "see `descentflow fit --help`",
     )
 
@@ -299,7 +303,7 @@ def _with_checkpoint(command: str, words: list[str]) -> list[str]:
     Neither the checkpoint nor the settings beside it choose a class by its path: they may be anybody's.
     """
     parser = ArgumentParser(add_help=False, allow_abbrev=False)
-    for name in ("ckpt_path", "config", "data", "data.descents"):
+    for name in ("ckpt_path", "config", "data", "data.descents", "model"):
         parser.add_argument(f"--{name}")
     given = vars(parser.parse_known_args(words)[0])
     checkpoint = given["ckpt_path"]
@@ -315,12 +319,13 @@ def _with_checkpoint(command: str, words: list[str]) -> list[str]:
             + ("; the rest of descents, df.predict, is `descentflow predict-descent`" if command == "predict" else ""),
         )
     model = str(read_checkpoint(checkpoint)[SECTION].get("model", "")).removesuffix("Density")
-    if model not in SETTINGS_OF:
+    if model not in SETTINGS_OF and given["model"] is None:
         raise CheckpointError(f"{checkpoint}: no model named", expected="a whole checkpoint", mend="fit again")
     kept = [] if given["config"] or given["data"] else _settings_beside(checkpoint, given["data.descents"] is None)
     # Lightning would print a line for each of the hundred scores that are logged, after the table that shows them.
     quiet = ["--verbose", "false"] if command == "test" else []
-    return [*quiet, *kept, "--model", _class_path(model), *words, "--data.checkpoint", checkpoint]
+    named = [] if given["model"] else ["--model", _class_path(model)]
+    return [*quiet, *kept, *named, *words, "--data.checkpoint", checkpoint]
 
 
 def _settings_beside(checkpoint: str, needed: bool) -> list[str]:

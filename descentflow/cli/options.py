@@ -11,6 +11,7 @@ import re
 import sys
 import textwrap
 from collections.abc import Callable, Sequence
+from importlib import import_module
 from inspect import Parameter
 from pathlib import Path
 from types import UnionType
@@ -198,3 +199,19 @@ def context_of(given: Sequence[str] | None, table: Path | None) -> dict[str, str
 def one_or_several(words: list[Any] | None) -> Any:
     """The only one of a list, else all; None if there are none."""
     return words[0] if words is not None and len(words) == 1 else words
+
+
+def class_in(path: str) -> str:
+    """The place of the model that a user's file defines; from then on a checkpoint may hold its density.
+
+    Raises:
+        ConfigError: If it has none, or fails.
+
+    Example:
+        >>> class_in("absent.py")
+        Traceback (most recent call last):
+        descentflow.core.errors.ConfigError: absent.py: no such file; expected a Python file with a density ...
+    """
+    print(f"descentflow: runs {path} for the density that it defines", file=sys.stderr)
+    own = import_module("descentflow.training.own_model").model_of_file(path)
+    return f"{own.__module__}.{own.__name__}"

@@ -183,7 +183,7 @@ def density_of(section: dict[str, Any]) -> Density:
         raise CheckpointError(
             f"density {name!r}",
             expected=f"one of {', '.join(sorted({*Density.kinds, *MODULES} - {'Density'}))}",
-            mend="import the module that defines this density before loading",
+            mend="name the Python file that defines it (--model FILE.py), or import its module before loading",
         )
     kind = Density.kinds[name] if name in Density.kinds else getattr(densities, name)
     representation = Representation.from_state(section["representation"])

@@ -8,6 +8,7 @@ from typing import Any
 from descentflow.core.arguments import checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_folder
+from descentflow.core.own_file import lines_named
 from descentflow.core.threads import one_thread
 from descentflow.diagnosis.correction.previous_round import previous_round
 from descentflow.diagnosis.diagnosis_settings import Settings
@@ -17,7 +18,7 @@ from descentflow.diagnosis.procedure import run
 from descentflow.diagnosis.report.gap_report import FILES, GapReport
 from descentflow.diagnosis.simulator_flights import SignatureSource
 from descentflow.effects import EFFECTS, Effect, checked_catalogue
-from descentflow.effects.user_catalogue import effects_of_file, lines_named
+from descentflow.effects.user_catalogue import effects_of_file
 from descentflow.measurements.quantity_registry import CHANNELS
 from descentflow.representation.own_air import AirSource
 

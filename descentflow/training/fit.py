@@ -62,7 +62,8 @@ def fit(
         descents: What :func:`~descentflow.surveillance.prepare.prepare` returned, the path of what it wrote (several
             that were prepared alike are taken together), or a DataModule with options of its own.
         model: ``mixture``, ``gaussian``, ``flow`` (masked affine) or ``spline``; a model that is not trained yet, with
-            hyperparameters of its own; or a YAML file as ``descentflow fit --config`` takes it.
+            hyperparameters of its own; a YAML file as ``descentflow fit --config`` takes it; or a Python file with a
+            density of your own and its model, which is run.
         out: Checkpoint to write too, whole or not at all.
         seed: Of initial parameters and the order of batches, ``--seed_everything`` of the command line. What splits the
             flights is the DataModule's own seed.

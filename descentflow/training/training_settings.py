@@ -11,11 +11,13 @@ from lightning.pytorch import Callback
 from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import ConfigError, nearest
 from descentflow.core.settings_file import read_settings
+from descentflow.densities.kinds import KINDS
 from descentflow.training.models.latent_model import LatentModel
+from descentflow.training.own_model import model_of_file
 
-NAMES = {"gaussian": "gaussian", "mixture": "gmm", "flow": "flow", "spline": "spline"}
+NAMES = {kind.name: kind.settings for kind in KINDS}
 """Name of a model -> the packaged settings file that trains it."""
-SETTINGS_OF = {"Gaussian": "gaussian", "GaussianMixture": "gmm", "MaskedAffineFlow": "flow", "SplineFlow": "spline"}
+SETTINGS_OF = {kind.model: kind.settings for kind in KINDS}
 """Class of a model -> the packaged settings file with which an instance of it is trained."""
 CHECKPOINT_DEFAULTS = {"monitor": "val/nll", "filename": "best", "auto_insert_metric_name": False}
 TRAINER_DEFAULTS = {
@@ -67,8 +69,9 @@ def training_settings(name: str | Path) -> TrainingSettings:
     """Read the settings of a model.
 
     Args:
-        name: ``gaussian``, ``mixture``, ``flow`` or ``spline``, or the class's name; or a YAML file as
-            ``descentflow fit --config`` takes it (:func:`~descentflow.configs.packaged_config.config_file`).
+        name: ``gaussian``, ``mixture``, ``flow`` or ``spline``, or the class's name; a YAML file as
+            ``descentflow fit --config`` takes it (:func:`~descentflow.configs.packaged_config.config_file`); or a
+            Python file with a model of one's own, which is run.
 
     Raises:
         ConfigError: If there are no such settings, or they name no model.
@@ -78,13 +81,16 @@ def training_settings(name: str | Path) -> TrainingSettings:
         >>> settings.class_path, settings.model["n_flows"], settings.trainer["max_epochs"]
         ('descentflow.training.models.MaskedAffineFlow', 5, 150)
     """
+    if Path(name).suffix == ".py":
+        own = model_of_file(name)
+        return TrainingSettings(f"{own.__module__}.{own.__name__}")
     try:
         path = config_file((NAMES | SETTINGS_OF).get(str(name), name))
     except ConfigError as error:
         near = nearest(str(name).lower(), NAMES)
         raise ConfigError(
             f"a model {str(name)!r}",
-            expected=f"{', '.join(NAMES)}, a model such as Gaussian(), or a YAML file of settings",
+            expected=f"{', '.join(NAMES)}, a model such as Gaussian(), a YAML file of settings, or a model's .py file",
             mend=f"did you mean {near!r}?" if near else "choose one of them",
         ) from error
     found = read_settings(path)

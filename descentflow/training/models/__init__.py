@@ -4,7 +4,8 @@ Reading order: :mod:`~descentflow.training.models.latent_model` (what all share)
 :mod:`~descentflow.training.models.gaussian_model`, :mod:`~descentflow.training.models.mixture_model`,
 :mod:`~descentflow.training.models.flow_model`, :mod:`~descentflow.training.models.optimizers`.
 
-To train a new density, subclass :class:`LatentModel` in a file here and enter it in ``MODULES`` below.
+To train a new density, subclass :class:`LatentModel` in a file here and enter it in
+:mod:`descentflow.densities.kinds`.
 
 Each is imported when it is first asked for, so that training one need not pay for the libraries of the others.
 """
@@ -12,21 +13,12 @@ Each is imported when it is first asked for, so that training one need not pay f
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from descentflow.densities.kinds import KINDS
+
 if TYPE_CHECKING:
-    from descentflow.training.models.flow_model import MaskedAffineFlow, SplineFlow
-    from descentflow.training.models.gaussian_model import Gaussian
-    from descentflow.training.models.latent_model import LatentModel
-    from descentflow.training.models.mixture_model import GaussianMixture
+    from descentflow.training.models.latent_model import LatentModel as LatentModel
 
-__all__ = ["Gaussian", "GaussianMixture", "LatentModel", "MaskedAffineFlow", "SplineFlow"]
-
-MODULES = {
-    "Gaussian": "gaussian_model",
-    "GaussianMixture": "mixture_model",
-    "LatentModel": "latent_model",
-    "MaskedAffineFlow": "flow_model",
-    "SplineFlow": "flow_model",
-}
+MODULES = {"LatentModel": "latent_model"} | {kind.model: kind.trained_in for kind in KINDS}
 
 
 def __getattr__(name: str) -> Any:

@@ -1,0 +1,93 @@
+"""A Python file of the user's own, with effects or a density; the file is run."""
+
+import sys
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import ModuleType
+
+from descentflow.core.errors import ConfigError, DescentflowError
+
+
+def module_of_file(path: str | Path, holds: str) -> ModuleType:
+    """Run a Python file. Its module has a name by the file's, by which classes of it are found again.
+
+    Args:
+        path: Of the file.
+        holds: Words for what is looked for in it, for the error.
+
+    Raises:
+        ConfigError: If there is no such file or it fails; the error names the file's own line.
+
+    Example:
+        >>> _ = Path("own.py").write_text("ONE = 1")
+        >>> module = module_of_file("own.py", "numbers")
+        >>> module.__name__, module.ONE
+        ('descentflow_user_own', 1)
+    """
+    source = Path(path)
+    if not source.is_file() or source.suffix != ".py":
+        what = "no Python file" if source.is_file() else "no such file"
+        raise ConfigError(f"{source}: {what}", expected=f"a Python file with {holds}", mend="name the file (.py)")
+    name = "descentflow_user_" + "".join(letter if letter.isalnum() else "_" for letter in source.stem)
+    spec = spec_from_file_location(name, source)
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    # Dataclasses and pickles of the file look for their module by its name.
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise failed(source, error) from error
+    return module
+
+
+@contextmanager
+def lines_named(source: str | Path | None) -> Iterator[None]:
+    """Errors that the code of a user's file raises become errors that name its line.
+
+    Args:
+        source: The file; None for no file.
+
+    Raises:
+        ConfigError: In place of such an error.
+
+    Example:
+        >>> with lines_named(None):
+        ...     1 / 0
+        Traceback (most recent call last):
+        ZeroDivisionError: division by zero
+    """
+    try:
+        yield
+    except DescentflowError:
+        raise
+    except Exception as error:
+        if source is None or not _lines(Path(source), error):
+            raise
+        raise failed(Path(source), error) from error
+
+
+def failed(source: Path, error: Exception) -> ConfigError:
+    """An error of the user's file, with its own line.
+
+    Example:
+        >>> print(failed(Path("own.py"), ValueError("no")))
+        own.py: ValueError: no; expected a file that runs; to mend it, correct that line
+    """
+    lines = _lines(source, error)
+    line = error.lineno if isinstance(error, SyntaxError) else (lines[-1] if lines else None)
+    place = f"{source}" if line is None else f"{source}, line {line}"
+    message = error.msg if isinstance(error, SyntaxError) else str(error)
+    return ConfigError(
+        f"{place}: {type(error).__name__}: {message}", expected="a file that runs", mend="correct that line"
+    )
+
+
+def _lines(source: Path, error: Exception) -> list[int | None]:
+    """Lines of a file that an error came through, the last one last."""
+    frames = traceback.extract_tb(error.__traceback__)
+    return [frame.lineno for frame in frames if Path(frame.filename).absolute() == source.absolute()]

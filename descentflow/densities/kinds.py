@@ -1,0 +1,36 @@
+"""The densities that come along: the one table of their names, classes, training and settings.
+
+It imports nothing, so a program that asks for one of them pays for no other.
+"""
+
+from typing import NamedTuple
+
+
+class Kind(NamedTuple):
+    """Classes, training and settings of a density.
+
+    Example:
+        >>> [kind.name for kind in KINDS if kind.model == "Gaussian"]
+        ['gaussian']
+    """
+
+    name: str
+    """Name by which users ask for it."""
+    density: str
+    """Class in :mod:`descentflow.densities`."""
+    module: str
+    """Module of the class there."""
+    model: str
+    """Class in :mod:`descentflow.training.models` that trains it."""
+    trained_in: str
+    """Module of the class there."""
+    settings: str
+    """Settings file in ``descentflow/configs/model`` with which it is trained."""
+
+
+KINDS = (
+    Kind("gaussian", "GaussianDensity", "gaussian", "Gaussian", "gaussian_model", "gaussian"),
+    Kind("mixture", "GaussianMixtureDensity", "mixture", "GaussianMixture", "mixture_model", "gmm"),
+    Kind("flow", "MaskedAffineFlowDensity", "flow", "MaskedAffineFlow", "flow_model", "flow"),
+    Kind("spline", "SplineFlowDensity", "flow", "SplineFlow", "flow_model", "spline"),
+)

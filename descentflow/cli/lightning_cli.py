@@ -16,7 +16,7 @@ from lightning.pytorch.cli import LightningArgumentParser, LightningCLI
 
 from descentflow.cli.options import class_in
 from descentflow.configs.packaged_config import config_file
-from descentflow.core.errors import CheckpointError, ConfigError, nearest
+from descentflow.core.errors import CheckpointError, ConfigError, DescentflowError, nearest
 from descentflow.core.settings_file import read_settings
 from descentflow.core.threads import one_thread_unless_told
 from descentflow.densities.kinds import KINDS
@@ -120,6 +120,20 @@ class DescentCLI(LightningCLI):
             write_into_run(config, str(self.subcommand), run)
         elif (options := getattr(config.trainer.logger, "init_args", {})).get("name") == UNNAMED:
             options["name"] = run.parent.name
+
+    def instantiate_classes(self) -> None:
+        """Make what the options name; a logger or callback that cannot be made is an error in a line."""
+        try:
+            super().instantiate_classes()
+        except ValueError as error:
+            cause = error.__cause__
+            if cause is None or isinstance(cause, DescentflowError):
+                raise cause or error from None
+            raise ConfigError(
+                f"a class of the options that cannot be made: {type(cause).__name__}: {' '.join(str(cause).split())}",
+                expected="loggers and callbacks with options that they take",
+                mend="correct these options, or choose another class",
+            ) from error
 
     def instantiate_trainer(self, **kwargs: Any) -> Trainer:
         """A trainer whose checkpoints are written whole."""

@@ -184,3 +184,14 @@ def test_a_fit_that_keeps_no_checkpoint_claims_none(
     assert "no checkpoint was written" in said
     assert "descentflow sample" not in said
     assert not list(here.rglob("*.ckpt"))
+
+
+def test_a_callback_that_cannot_be_made_is_named_in_a_line(
+    here: Path, descents: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As a logger whose library is missing, or refuses its folder."""
+    words = ["--trainer.callbacks+=EarlyStopping", "--trainer.callbacks.monitor=val/nll", "--trainer.callbacks.mode=up"]
+    assert main(["fit", "--model", "Gaussian", "--data.descents", str(descents), *QUICK, *words]) == 2
+    said = capsys.readouterr().err
+    assert "cannot be made: MisconfigurationException: `mode` can be min, max, got up; expected loggers" in said
+    assert "Traceback" not in said

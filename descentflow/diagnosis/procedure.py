@@ -353,7 +353,7 @@ class Diagnosis:
             singles=self._singles(found),
             curves=curves(compared, left),
             labels={name: effect.text for name, effect in asked.catalogue.items()},
-            subsets=[Subset([*one.names, *([UNKNOWN] if one.unknown else [])], w) for one, w in weights][:SHOWN_SETS],
+            subsets=[Subset([*one.names, *([UNKNOWN] if one.has_unknown else [])], w) for one, w in weights][:SHOWN_SETS],
             profile=profile_of(compared),
             detection_limits=detection_limits(self.explainer),
             measured_over=gap.entries,
@@ -366,7 +366,7 @@ class Diagnosis:
         fits, best = self.explainer.search.fits, found.best
         alone = fits.fit(best.names, None, best.sizes)
         explained = alone.log_weight - fits.fit(()).log_weight
-        rest = max((one.log_weight for one in found.sets if one.names == best.names and one.unknown), default=None)
+        rest = max((one.log_weight for one in found.sets if one.names == best.names and one.has_unknown), default=None)
         gained = 0.0 if rest is None else max(rest - alone.log_weight, 0.0)
         return Discrepancy(explained, gained, found.named.unknown)
 

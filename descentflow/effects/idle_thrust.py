@@ -31,7 +31,7 @@ class IdleThrust(Effect):
             NONE_LEFT,
             3.0,
             "1",
-            0.1,
+            0.3,
             label="relative change of the idle thrust",
             shown_as="change",
             symbol="idle thrust",

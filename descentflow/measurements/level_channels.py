@@ -56,6 +56,8 @@ class LevelGrid:
     values: dict[str, Tensor]
     airframe: Tensor
     flight_ids: tuple[str, ...]
+    day: Tensor | None = None
+    """(n,) number of the day (UTC) on which each flight began; unknown where absent."""
 
     @property
     def altitude_m(self) -> Tensor:
@@ -88,10 +90,12 @@ class LevelGrid:
             full[where] = placed[name].cast(pl.Float64).to_numpy()
             return torch.from_numpy(full)
 
-        owner = placed.group_by("_row").agg(pl.col("icao24").first()).sort("_row")["icao24"].fill_null("")
-        codes = torch.from_numpy(np.unique(owner.to_numpy().astype(str), return_inverse=True)[1].astype(np.int64))
+        flights = placed.group_by("_row").agg(pl.col("icao24").first(), pl.col("timestamp").min()).sort("_row")
+        owner = flights["icao24"].fill_null("").to_numpy().astype(str)
+        codes = torch.from_numpy(np.unique(owner, return_inverse=True)[1].astype(np.int64))
+        day = torch.from_numpy(flights["timestamp"].dt.epoch("d").to_numpy().astype(np.int64))
         filled = [c for c in channels if placed[c].drop_nulls().len() > 0]
-        return cls(levels, grid("time_s"), {c: grid(c) for c in filled}, codes, tuple(names))
+        return cls(levels, grid("time_s"), {c: grid(c) for c in filled}, codes, tuple(names), day)
 
     def bands(self, height_fl: float) -> "Bands":
         """Bands of this height from the lowest level up; what is left at the top joins no band."""

@@ -61,6 +61,8 @@ class Quantities:
     airframe: Tensor
     names: tuple[str, ...] = ()
     """Identifiers of the flights; empty where none is kept, as in a checkpoint."""
+    day: Tensor | None = None
+    """(n,) number of the day on which each began; unknown where absent."""
 
     def __len__(self) -> int:
         """Number of flights."""
@@ -80,6 +82,7 @@ class Quantities:
             values={name: value[index] for name, value in self.values.items()},
             physics={name: value[index] for name, value in self.physics.items()},
             airframe=self.airframe[index],
+            day=None if self.day is None else self.day[index],
             names=tuple(self.names[i] for i in torch.arange(len(self))[index].tolist()) if self.names else (),
         )
 
@@ -92,6 +95,7 @@ class Quantities:
             "values": {name: value.float() for name, value in self.values.items()},
             "physics": {name: value.float() for name, value in self.physics.items()},
             "cluster": self.airframe.int(),
+            **({} if self.day is None else {"day": self.day.int()}),
         }
 
     @classmethod
@@ -114,6 +118,7 @@ class Quantities:
             {name: value.double() for name, value in state["values"].items()},
             {name: value.double() for name, value in state["physics"].items()},
             state["cluster"].long(),
+            day=state["day"].long() if "day" in state else None,
         )
 
 
@@ -230,7 +235,7 @@ def measured(grid: LevelGrid) -> Quantities:
         physics["turning"] = bands.mean(turning)
     values |= short_scale_noise(grid) | gaps_of(grid)
     good = log_rate.isfinite().any(1)
-    return Quantities((low_fl, high_fl), band, values, physics, grid.airframe, grid.flight_ids).rows(good)
+    return Quantities((low_fl, high_fl), band, values, physics, grid.airframe, grid.flight_ids, grid.day).rows(good)
 
 
 def reference_state(

@@ -24,7 +24,7 @@ from descentflow.diagnosis.evidence.flight_mixture import (
     ways_of_flights,
 )
 from descentflow.diagnosis.evidence.limits import detection_limits
-from descentflow.diagnosis.evidence.moments import Moments, moments, sums_over_aircraft
+from descentflow.diagnosis.evidence.moments import Moments, moments, sums_by_clusters, sums_over
 from descentflow.diagnosis.evidence.naming import name_effects
 from descentflow.diagnosis.evidence.set_fit import SetFit, SetFits
 from descentflow.diagnosis.inference.example_sides import example_sides
@@ -82,9 +82,49 @@ def test_errors_of_a_mean_are_by_whole_aircraft() -> None:
     found = []
     for _ in range(400):
         own = np.repeat(rng.normal(size=(20, 1)), 5, axis=0)
-        rows = sums_over_aircraft(own - own.mean(0), np.repeat(np.arange(20), 5))
+        rows = sums_over(own - own.mean(0), np.repeat(np.arange(20), 5))
         found.append((rows.T @ rows).item())
     assert np.mean(found) == pytest.approx(1 / 20, rel=0.05)  # the mean of 400 is known to 1.6 %
+
+
+@pytest.mark.parametrize("days", [4, 20])
+def test_errors_of_a_mean_are_by_days_where_the_flights_of_a_day_are_alike(days: int) -> None:
+    rng, inside = np.random.default_rng(4), 0
+    day, one = np.repeat(np.arange(days), 10), np.array(["tas"])
+    for _ in range(1000):
+        seen = rng.normal(size=(days, 1))[day] + 0.3 * rng.normal(size=(len(day), 1))
+        rows = sums_by_clusters(seen - seen.mean(0), np.arange(len(day)), day, one, np.eye(1))
+        inside += float(abs(seen.mean())) < 1.96 * np.sqrt((rows**2).sum())
+    # Student's interval holds 95 %; the standard error of 1,000 is 0.7 %, and the ratio is never below one.
+    assert 930 <= inside <= 975
+
+
+def test_flights_of_one_day_are_known_by_their_aircraft() -> None:
+    own = np.random.default_rng(5).normal(size=(30, 1))
+    rows = sums_by_clusters(own - own.mean(0), np.arange(30), np.zeros(30), np.array(["tas"]), np.eye(1))
+    assert (rows**2).sum() == pytest.approx(own.var(ddof=1) / 30)
+
+
+def test_layers_of_air_that_a_simulator_lacks_are_no_cause() -> None:
+    sides = example_sides()
+    layers = torch.zeros(len(sides.entries), dtype=torch.float64)
+    layers[sides.columns("tas")] = 0.02 * torch.sin(torch.linspace(0, 6, 11, dtype=torch.float64))
+    found = explain(replace(sides, y=sides.y + torch.where(sides.real[:, None], layers, 0.0)), EFFECTS)
+    assert found.verdict == "none"
+    assert "tas" in found.best.unknown
+    # The same of the rate has a cause, and no known one.
+    at_rate = layers.roll(int(sides.columns("rate")[0] - sides.columns("tas")[0])) * 5.0
+    found = explain(replace(sides, y=sides.y + torch.where(sides.real[:, None], at_rate, 0.0)), EFFECTS)
+    assert found.verdict == "unknown"
+
+
+def test_sizes_settle_where_the_misfit_grows_with_them() -> None:
+    shape = np.ones(11)
+    cause = FlightsEffect("e", LAW, shape[:, None], 0.0, 0.02 * np.ones((11, 11)), np.array([0.3]))
+    fits = SetFits(toy(3.0 * shape), [cause], Assumptions())
+    found = fits.fit(("e",), rounds=12)
+    again = fits.fit(("e",), first=found.sizes)
+    assert again.sizes["e"][0] == pytest.approx(found.sizes["e"][0], rel=0.01)
 
 
 def test_shrinking_keeps_variances_and_makes_few_rows_invertible() -> None:

@@ -62,10 +62,15 @@ class Search:
         ordered = sorted(fitted.values(), key=lambda one: -one.log_weight)
         small = [one for one in ordered if len(one.names) <= 1]
         for one in {fit.names: fit for fit in (*ordered[: HEAVIEST // 2], *small[: HEAVIEST // 2])}.values():
-            scales = self.fits.unknown_scales(one)
-            if scales:
-                ordered.append(self.fits.fit(one.names, scales, one.sizes))
-        return sorted(filter(self.plausible, ordered), key=lambda one: -one.log_weight)
+            in_air = self._with_unknown(one, air=True)
+            ordered += [in_air, self._with_unknown(in_air, air=False)]
+        found = {(one.names, *one.unknown.items()): one for one in filter(self.plausible, ordered)}
+        return sorted(found.values(), key=lambda one: -one.log_weight)
+
+    def _with_unknown(self, fit: SetFit, *, air: bool) -> SetFit:
+        """A set with what else is likeliest to move the means; itself where nothing does."""
+        scales = self.fits.unknown_scales(fit, air=air)
+        return fit if scales == fit.unknown else self.fits.fit(fit.names, scales, fit.sizes)
 
     def plausible(self, fit: SetFit) -> bool:
         """True if every effect may have its size, and moves some mean by more than what is negligible."""

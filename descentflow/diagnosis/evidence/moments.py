@@ -6,17 +6,20 @@ With :math:`\bar y_r, \bar y_s` the means by entry (a quantity in a band, gaps l
    V = \mathrm{LW}\Big(\sum_a u_a u_a^\top\Big) + \mathrm{diag}(\nu^2) + E, \qquad
    u_a = \pm\sum_{f \in a} \frac{y_f - \bar y}{n},
 
-summed over the aircraft :math:`a` of both sides: each side has a spread of its own, so weather, masses and crews that
-differ between real flights and not between simulated ones need no term. Where physics takes the simulator's place, it
-claims zero. Correlations are shrunk by the weight of Ledoit
-and Wolf (2004, Journal of Multivariate Analysis 88). :math:`\nu` is the negligible shift of each entry. :math:`E` holds
-what all flights of a side share: one error of rounding where they hardly differ, and half of what a wider spread of
-speeds does to the mean CAS, which is the lower of two schedules.
+summed over the aircraft :math:`a` of both sides. The air of a day is that of all its flights: where the means of days
+differ more than those of separate aircraft would, the error is as large as that says. Each side has a spread of its
+own, so weather, masses and crews that differ between real flights and not between simulated ones need no term. Where
+physics takes the simulator's place, it claims zero. Correlations are shrunk by the weight of Ledoit and Wolf (2004,
+Journal of Multivariate Analysis 88). :math:`\nu` is the negligible shift of each entry. :math:`E` holds what all
+flights of a side share: one error of rounding where they hardly differ, and half of what a wider spread of speeds does
+to the mean CAS, which is the lower of two schedules.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import norm
+from scipy.stats import t as student_t
 
 from descentflow.core.units import KT_MPS
 from descentflow.diagnosis.evidence.assumptions import Assumptions
@@ -68,6 +71,7 @@ def moments(compared: Compared, assumed: Assumptions) -> Moments:
         0.02
     """
     y, real, airframe = compared.y.numpy(), compared.real.numpy(), compared.airframe.numpy()
+    day = airframe if compared.day is None else compared.day.numpy()
     quantity = np.array([entry.quantity for entry in compared.entries])
     kernel = smooth_kernel(compared, quantity, assumed.length_m)
     bend = spread_of_speeds(compared, quantity)
@@ -79,7 +83,7 @@ def moments(compared: Compared, assumed: Assumptions) -> Moments:
         mean = np.nanmean(y[side], 0)
         difference = difference + sign * mean
         departures[side] = y[side] - mean
-        sums.append(sums_over_aircraft(departures[side], airframe[side]))
+        sums.append(sums_by_clusters(departures[side], airframe[side], day[side], quantity, kernel))
         # Flights that differ by less than the step of a field share one error of rounding, which no mean takes away.
         shared = np.sqrt(np.maximum(step**2 - np.nanvar(y[side], 0), 0.0))
         error = error + np.outer(shared, shared) * (kernel + np.eye(len(kernel))) / 2.0
@@ -105,20 +109,48 @@ def smooth_kernel(compared: Compared, quantity: np.ndarray, length_m: float) -> 
     return np.where(quantity[:, None] == quantity, np.exp(-0.5 * apart**2), 0.0)
 
 
-def sums_over_aircraft(departures: Array, airframe: np.ndarray) -> Array:
-    """Contribution of each aircraft (a, p) to the error of its side's mean, scaled so that squares are unbiased.
+def sums_by_clusters(
+    departures: Array, airframe: np.ndarray, day: np.ndarray, quantity: np.ndarray, kernel: Array
+) -> Array:
+    """Contributions (c, p) of aircraft and of days to the error of a side's mean.
+
+    Their squares sum to the variance by aircraft, times how much more the means of days differ than those of separate
+    aircraft would. That ratio is of a whole quantity, and as wide as Student's t of so few days.
 
     Example:
-        >>> sums_over_aircraft(np.array([[1.0], [1.0], [-2.0]]), np.array([7, 7, 9])).round(2)
+        >>> apart, names = np.array([[1.0], [1.1], [-1.0], [-1.1]]), np.array(["rate"])
+        >>> rows = sums_by_clusters(apart, np.arange(4), np.array([1, 1, 2, 2]), names, np.eye(1))
+        >>> bool((rows**2).sum() > 10 * (sums_over(apart, np.arange(4)) ** 2).sum())  # two days, one degree of freedom
+        True
+    """
+    by_aircraft, by_day = sums_over(departures, airframe), sums_over(departures, day)
+    own, of_days = (by_aircraft**2).sum(0), (by_day**2).sum(0)
+    wanted = own.copy()
+    for name in dict.fromkeys(quantity):
+        mine = quantity == name
+        smooth = kernel[np.ix_(mine, mine)]
+        freedom = (len(by_day) - 1) * np.trace(smooth) ** 2 / (smooth**2).sum()
+        if freedom > 0.0 and own[mine].sum() > 0.0:
+            wider = (student_t.ppf(0.975, freedom) / norm.ppf(0.975)) ** 2
+            wanted[mine] *= max(1.0, wider * of_days[mine].sum() / own[mine].sum())
+    found: Array = np.concatenate([by_aircraft, by_day]) * np.sqrt(wanted / np.maximum(own + of_days, 1e-300))
+    return found
+
+
+def sums_over(departures: Array, cluster: np.ndarray) -> Array:
+    """Contribution of each cluster (c, p) to the error of its side's mean, scaled so that squares are unbiased.
+
+    Example:
+        >>> sums_over(np.array([[1.0], [1.0], [-2.0]]), np.array([7, 7, 9])).round(2)
         array([[ 0.94],
                [-0.94]])
     """
     count = np.maximum(np.isfinite(departures).sum(0), 1)
-    _, index = np.unique(airframe, return_inverse=True)
-    aircraft = int(index.max()) + 1
-    total = np.zeros((aircraft, departures.shape[1]))
+    _, index = np.unique(cluster, return_inverse=True)
+    clusters = int(index.max()) + 1
+    total = np.zeros((clusters, departures.shape[1]))
     np.add.at(total, index, np.nan_to_num(departures) / count)
-    found: Array = total * np.sqrt(aircraft / max(aircraft - 1, 1))
+    found: Array = total * np.sqrt(clusters / max(clusters - 1, 1))
     return found
 
 

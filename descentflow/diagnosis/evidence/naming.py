@@ -7,7 +7,7 @@ import numpy as np
 
 from descentflow.diagnosis.evidence.assumptions import Assumptions
 from descentflow.diagnosis.evidence.moments import Moments
-from descentflow.diagnosis.evidence.set_fit import Names, SetFit, SetFits
+from descentflow.diagnosis.evidence.set_fit import OF_AIR, Names, SetFit, SetFits
 from descentflow.diagnosis.findings.findings import Verdict
 from descentflow.diagnosis.inference.linear_gaussian import Array
 
@@ -78,7 +78,7 @@ def name_effects(sets: Sequence[SetFit], assumed: Assumptions, alike: Sequence[S
         same = [other for members in alike if name in members for other in members]
         group += [o for o in others if o in same and o not in group and probability[o] * assumed.alike > alone]
         groups[name] = tuple(group[1:])
-    unknown = float(sum(w for w, one in zip(weights, sets, strict=True) if one.unknown))
+    unknown = float(sum(w for w, one in zip(weights, sets, strict=True) if one.has_unknown))
     none = float(sum(w for w, one in zip(weights, sets, strict=True) if one.is_null))
     return Named(weights, probability, unknown, none, groups)
 
@@ -98,7 +98,7 @@ def verdict_of(named: Named, best: SetFit, known: Moments, fits: SetFits) -> Ver
         >>> verdict_of(Named(np.ones(1), {}, 0.0, 1.0, {}), nothing, known, SetFits(known, [], Assumptions()))
         'none'
     """
-    if named.none > 0.5:
+    if named.none > 1.0 - fits.assumed.named:
         return "none"
     if not named.groups:
         return "unknown"
@@ -106,6 +106,7 @@ def verdict_of(named: Named, best: SetFit, known: Moments, fits: SetFits) -> Ver
         return "effect"
     shift = sum((best.shifts[name] for name in named.groups), np.zeros(len(known.difference)))
     rest = known.difference - best.shift
-    left = fits.unknown_covariance(best.unknown) @ np.linalg.solve(best.noise, rest)
+    of_cause = {name: scale for name, scale in best.unknown.items() if name not in OF_AIR}
+    left = fits.unknown_covariance(of_cause) @ np.linalg.solve(best.noise, rest)
     explained, unexplained = (float(x @ np.linalg.solve(known.covariance, x)) for x in (shift, left))
     return "unknown" if unexplained > explained else "partial"

@@ -7,7 +7,8 @@ For a set M, about the sizes at which it is most probable,
    w_M \propto Z_M \Big(\frac{\pi}{1-\pi}\Big)^{|M| + [U \ne 0]}.
 
 An unknown cause is a free smooth process in every quantity of altitude. Its scales :math:`a_q` are the likeliest of a
-short grid; each that is not zero costs the logarithm of the grid's length.
+short grid; each that is not zero costs the logarithm of the grid's length. What the air alone moves (TAS over that of
+the Mach number, wind, geometric height) is free in every set: layers of air that the simulator lacks are no cause.
 """
 
 import itertools
@@ -23,10 +24,13 @@ from descentflow.diagnosis.evidence.moments import Moments
 from descentflow.diagnosis.inference.linear_gaussian import Array, Posterior, posterior
 from descentflow.measurements.quantity_registry import QUANTITIES
 
-ROUNDS = 3
+ROUNDS = 4
 """Of Gauss-Newton: shifts are nearly linear in their sizes."""
 SWEEPS = 2
 """Over the quantities, of which an unknown cause moves some."""
+
+OF_AIR = frozenset({"tas", "wind", "height"})
+"""Quantities that measure the air."""
 
 Names = tuple[str, ...]
 
@@ -60,7 +64,12 @@ class SetFit:
     @property
     def is_null(self) -> bool:
         """True if it has neither effects nor an unknown cause."""
-        return not self.names and not self.unknown
+        return not self.names and not self.has_unknown
+
+    @property
+    def has_unknown(self) -> bool:
+        """True if an unknown cause moves more than what measures the air."""
+        return not OF_AIR.issuperset(self.unknown)
 
     @property
     def shift(self) -> Array:
@@ -112,13 +121,16 @@ class SetFits:
         """
         scales, begin = dict(unknown or {}), first or {}
         sizes = {name: begin.get(name, self.candidates[name].start) for name in names}
-        for _ in range(rounds):
+        for done in range(rounds):
             found, _ = self._step(sizes, scales)
-            parts = zip(names, self._split(names, found.mean), strict=True)
-            sizes = {name: self.candidates[name].clamp(part) for name, part in parts}
+            # A misfit grows with its size, so sizes can leap about the solution: after the first step by half the way.
+            share = 0.5 if done else 1.0
+            for name, part in zip(names, self._split(names, found.mean), strict=True):
+                sizes[name] = self.candidates[name].clamp(sizes[name] + share * (part - sizes[name]))
         last, noise = self._step(sizes, scales)
         gained = sum(self.candidates[name].log_gain for name in names)
-        prior = self._log_odds * (len(names) + bool(scales)) - self._log_grid * len(scales)
+        causes = len(names) + (not OF_AIR.issuperset(scales))
+        prior = self._log_odds * causes - self._log_grid * len(scales)
         errors = self._split(names, np.sqrt(np.maximum(last.covariance.diagonal(), 0.0)))
         shifts = {name: self.candidates[name].at(sizes[name]).shift for name in names}
         weight = last.log_evidence + gained + prior
@@ -129,16 +141,17 @@ class SetFits:
         size = np.array([scales.get(name, 0.0) for name in self.known.quantity]) * self.known.negligible
         return np.outer(size, size) * self.known.kernel
 
-    def unknown_scales(self, fit: SetFit) -> dict[str, float]:
-        """The likeliest scales of an unknown cause beside a set, one quantity after the other."""
-        rest, noise = self.known.difference - fit.shift, fit.noise
+    def unknown_scales(self, fit: SetFit, *, air: bool) -> dict[str, float]:
+        """The likeliest scales beside a set, one quantity after the other: of the air, or of what it leaves as well."""
+        rest, noise = self.known.difference - fit.shift, fit.noise - self.unknown_covariance(fit.unknown)
         for name in fit.names:
             candidate = self.candidates[name]
             jacobian = candidate.at(fit.sizes[name]).jacobian
             rest = rest + jacobian @ (fit.sizes[name] - candidate.prior_mean)
             noise = noise + (jacobian * candidate.prior_sd**2) @ jacobian.T
-        quantities = [name for name in dict.fromkeys(map(str, self.known.quantity)) if QUANTITIES[name].by_band]
-        scales: dict[str, float] = {}
+        every = [name for name in dict.fromkeys(map(str, self.known.quantity)) if QUANTITIES[name].by_band]
+        quantities = [name for name in every if (name in OF_AIR) == air]
+        scales = dict(fit.unknown)
         for _, name in itertools.product(range(SWEEPS), quantities):
             others = {other: scale for other, scale in scales.items() if other != name}
             tries = [others, *({**others, name: scale} for scale in self.assumed.unknown_scales)]

@@ -90,6 +90,8 @@ class Compared:
     """Of the aircraft that the simulator flies, as far as known; ``state`` is taken with them."""
     names: tuple[str, ...] = ()
     """Identifiers of the real flights, in their order; empty where they are not known."""
+    day: Tensor | None = None
+    """(n,) number of the day on which each began; unknown where absent."""
 
     @property
     def has_reference(self) -> bool:
@@ -243,6 +245,7 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Performanc
         slack,
         coefficients,
         real.names,
+        both.day,
     )
 
 
@@ -298,6 +301,7 @@ def _joined(first: Quantities, second: Quantities) -> Quantities:
         return found
 
     airframe = torch.cat([first.airframe, second.airframe + first.airframe.max() + 1])
-    return Quantities(
-        second.levels_fl, second.band_fl, cat(first.values, second.values), cat(first.physics, second.physics), airframe
-    )
+    # Where the days of a side are not known, an aircraft's flights count as of one day of their own.
+    day = torch.cat([side.airframe if side.day is None else side.day for side in (first, second)])
+    values, physics = cat(first.values, second.values), cat(first.physics, second.physics)
+    return Quantities(second.levels_fl, second.band_fl, values, physics, airframe, day=day)

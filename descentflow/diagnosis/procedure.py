@@ -353,7 +353,7 @@ class Diagnosis:
             singles=self._singles(found),
             curves=curves(compared, left),
             labels={name: effect.text for name, effect in asked.catalogue.items()},
-            subsets=[Subset([*one.names, *([UNKNOWN] if one.has_unknown else [])], w) for one, w in weights][:SHOWN_SETS],
+            subsets=[Subset([*one.names, *[UNKNOWN] * one.has_unknown], w) for one, w in weights][:SHOWN_SETS],
             profile=profile_of(compared),
             detection_limits=detection_limits(self.explainer),
             measured_over=gap.entries,

@@ -13,7 +13,7 @@ from descentflow.diagnosis.evidence.candidates import Candidate, FlightsEffect, 
 from descentflow.diagnosis.evidence.flight_effects import FlightShapes, differing
 from descentflow.diagnosis.evidence.moments import Moments, moments
 from descentflow.diagnosis.evidence.naming import Named, name_effects, verdict_of
-from descentflow.diagnosis.evidence.nuisances import lacks, set_apart
+from descentflow.diagnosis.evidence.nuisances import lacks, layers_of_air, set_apart
 from descentflow.diagnosis.evidence.set_fit import OF_AIR, SetFit, SetFits
 from descentflow.diagnosis.evidence.signatures import Signatures
 from descentflow.diagnosis.findings.findings import Verdict
@@ -103,7 +103,10 @@ class Explainer:
             sets,
             {name: fits.candidates[name].theta(best.sizes[name]) for name in names},
             {name: fits.candidates[name].theta_errors(best.errors[name]) for name in names},
-            lacks(self._aside, self.assumed, raised=any(map(self._raises_noise, names))),
+            [
+                *lacks(self._aside, self.assumed, raised=any(map(self._raises_noise, names))),
+                *layers_of_air(best, self.known, fits),
+            ],
         )
 
     def _raises_noise(self, name: str) -> bool:

@@ -1,4 +1,4 @@
-"""Nuisances that a simulator lacks: noise of reports, and level-offs where its flights have none."""
+"""Nuisances that a simulator lacks: noise of reports, level-offs where its flights have none, and layers of air."""
 
 import math
 
@@ -7,7 +7,8 @@ import torch
 from torch import Tensor
 
 from descentflow.diagnosis.evidence.assumptions import Assumptions
-from descentflow.diagnosis.evidence.moments import moments
+from descentflow.diagnosis.evidence.moments import Moments, moments
+from descentflow.diagnosis.evidence.set_fit import OF_AIR, SetFit, SetFits
 from descentflow.diagnosis.findings.gap_found import Lack
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.measurements.quantity_registry import QUANTITIES
@@ -70,3 +71,27 @@ def lacks(compared: Compared, assumed: Assumptions, *, raised: bool) -> list[Lac
         if odds > needed and (not noise or abs(size) > assumed.noise_matters / 3.0):
             found.append(Lack(name, size, math.sqrt(error)))
     return found
+
+
+def layers_of_air(best: SetFit, known: Moments, fits: SetFits) -> list[Lack]:
+    """The largest departure of each quantity of the air that no effect of a set explains.
+
+    Args:
+        best: The set, with the scales of the air.
+        known: Moments of both sides.
+        fits: Of the catalogue.
+
+    Example:
+        >>> known = Moments(np.ones(1), np.eye(1), np.zeros((1, 1)), np.ones(1), np.array(["height"]), np.eye(1))
+        >>> fits = SetFits(known, [], Assumptions())
+        >>> layers_of_air(fits.fit((), {"height": 20.0}), known, fits)[0].size > 0.99
+        True
+    """
+    found = []
+    for name in OF_AIR.intersection(best.unknown):
+        prior = fits.unknown_covariance({name: best.unknown[name]})
+        gain = prior @ np.linalg.inv(best.noise)
+        departure = gain @ (known.difference - best.shift)
+        at = int(np.argmax(np.abs(departure)))
+        found.append(Lack(name, float(departure[at]), math.sqrt(max(prior[at, at] - (gain @ prior)[at, at], 0.0))))
+    return sorted(found, key=lambda lack: lack.quantity)

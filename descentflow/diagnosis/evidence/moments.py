@@ -7,7 +7,7 @@ With :math:`\bar y_r, \bar y_s` the means by entry (a quantity in a band, gaps l
    u_a = \pm\sum_{f \in a} \frac{y_f - \bar y}{n},
 
 summed over the aircraft :math:`a` of both sides. The air of a day is that of all its flights: where the means of days
-differ more than those of separate aircraft would, the error is as large as that says. Each side has a spread of its
+differ more than those of separate aircraft would, the error is as much larger. Each side has a spread of its
 own, so weather, masses and crews that differ between real flights and not between simulated ones need no term. Where
 physics takes the simulator's place, it claims zero. Correlations are shrunk by the weight of Ledoit and Wolf (2004,
 Journal of Multivariate Analysis 88). :math:`\nu` is the negligible shift of each entry. :math:`E` holds what all

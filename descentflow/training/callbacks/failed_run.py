@@ -14,8 +14,8 @@ from descentflow.training.run_folders import folder_of
 
 WRITTEN = ("hparams.yaml", "metrics.csv", f"events.out.tfevents.*.{os.getpid()}.*")
 """Files that TensorBoard and CSV loggers of this process have written into the folder of a run."""
-LOCK = ".run.lock"
-"""File of a run's folder that the run at work in it has locked."""
+LOCK = ".run.descentflow-part0.lock"
+"""File of a run's folder that the run at work in it has locked; that of a killed run goes with its temporary files."""
 
 
 class RemoveFailedRun(Callback):

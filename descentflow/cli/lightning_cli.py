@@ -52,20 +52,7 @@ NOTHING_KEPT = (
 
 
 class DescentCLI(LightningCLI):
-    """LightningCLI whose checkpoints, scores and logger are set up unless a config sets others.
-
-    Args:
-        command: The one that is run; the parsers of the others, a fifth of a second, are not built.
-        options: LightningCLI's own.
-    """
-
-    def __init__(self, command: str, **options: Any) -> None:
-        self.command = command
-        super().__init__(LatentModel, DescentDataModule, **options)
-
-    def subcommands(self) -> dict[str, set[str]]:  # type: ignore[override]  # Lightning's is static
-        """The command that is run, with the arguments of the trainer's method that are no options."""
-        return {self.command: LightningCLI.subcommands()[self.command]}
+    """LightningCLI whose checkpoints, scores and logger are set up unless a config sets others."""
 
     def add_arguments_to_parser(self, parser: LightningArgumentParser) -> None:
         """Add the callbacks that every run has, each with its own section in the config."""
@@ -94,8 +81,8 @@ class DescentCLI(LightningCLI):
         except (ArgumentError, UnicodeDecodeError) as error:
             # The parser's own way is two pages of usage before the line that names what is wrong.
             raise ConfigError(
-                _in_a_line(str(error), self.command),
-                expected=f"options and values as `descentflow {self.command} --help_all` lists them, files as YAML",
+                _in_a_line(str(error), self.words[0]),
+                expected=f"options and values as `descentflow {self.words[0]} --help_all` lists them, files as YAML",
                 mend="correct what is named first, or leave it out",
             ) from None
 
@@ -231,7 +218,8 @@ def run(command: str, rest: Sequence[str]) -> None:
     every_epoch = KeptEpochs(filename="last", save_top_k=1, enable_version_counter=False)
     try:
         DescentCLI(
-            command,
+            LatentModel,
+            DescentDataModule,
             subclass_mode_model=True,
             seed_everything_default=0,
             trainer_defaults={"callbacks": [WriteLogProb(), every_epoch, RemoveFailedRun(), ShowProgress()]},

@@ -32,7 +32,7 @@ def fit(words: list[str]) -> None:
       --data.context_table FILE      columns of context by flight_id, CSV or Parquet
       --data.explained_variance 0.8  share of variance that the fPCA components of drag explain
       --data.cas_explained_variance 0.95
-                                     the same of CAS; if absent 0.95 of 150 training flights and more
+                                     the same of CAS
       --final false                  no final.ckpt; halves the time
     how long
       --trainer.max_epochs N

@@ -28,9 +28,8 @@ from descentflow.representation.seen_flights import SeenFlights
 from descentflow.surveillance.cleaning.kept_settings import kept_cleaning
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 
-CAS_SHARE, FLIGHTS_OF_CAS_SHARE = 0.95, 150
-"""Share of the variance of CAS that components explain, for operators' speeds lie apart by little; and the training
-flights it takes. Of 72 B738, weights of finer components were spread so far that 15 % of the draws were rejected."""
+CAS_SHARE = 0.95
+"""Share of the variance of CAS that components explain, for operators' speeds lie apart by little."""
 
 
 @dataclass(frozen=True)
@@ -200,7 +199,7 @@ def fit_representation(
     split: Split,
     *,
     explained_variance: float = 0.8,
-    cas_explained_variance: float | None = None,
+    cas_explained_variance: float = CAS_SHARE,
     method: Method = "ppca",
     margin: float = MARGIN,
     bounds: Bounds = "expected",
@@ -216,8 +215,7 @@ def fit_representation(
         aircraft: Coefficients that inferred their drag.
         split: The split that ``train`` comes from, to be recorded.
         explained_variance: Share of variance that the components of drag explain.
-        cas_explained_variance: Share of variance that the components of a CAS profile explain; if absent,
-            :data:`CAS_SHARE` of 150 training flights and more, and of fewer the same as of drag.
+        cas_explained_variance: Share of variance that the components of a CAS profile explain.
         method: Gappy fPCA algorithm, of drag, and of a CAS profile.
         margin: Share by which the plausibility bounds lie outside the extremes of the training flights.
         residual: Whether samples have the drag and the speed that the components leave out, with their own variance;
@@ -241,10 +239,7 @@ def fit_representation(
         tensor([1.], dtype=torch.float64)
     """
     scale = fit_drag_scale(train, aircraft, drag_scale)
-    of_cas = cas_explained_variance
-    if of_cas is None:
-        of_cas = CAS_SHARE if len(train.mask) >= FLIGHTS_OF_CAS_SHARE else explained_variance
-    bases = _fitted_bases(train, (explained_variance, of_cas), method, scale)
+    bases = _fitted_bases(train, (explained_variance, cas_explained_variance), method, scale)
     decoder = standardised_decoder(train, aircraft, bases, scale, mass_kg)
     if residual and method == "ppca":
         decoder.keep_residual(residual_drag(decoder, train), residual_speed(decoder, train))

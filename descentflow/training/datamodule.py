@@ -41,7 +41,7 @@ from descentflow.representation.own_air import STANDARD, airs_as_kept, in_air_as
 from descentflow.representation.plausibility import MARGIN, Bounds
 from descentflow.representation.profiles import Profiles, Speed, profiles_from_frame
 from descentflow.representation.read_checkpoint import load_representation
-from descentflow.representation.representation import Representation, Split, fit_representation
+from descentflow.representation.representation import CAS_SHARE, Representation, Split, fit_representation
 from descentflow.representation.seen_flights import SeenFlights
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents
@@ -81,7 +81,7 @@ class DescentDataModule(LightningDataModule):
         split_by: SplitBy = "flight",
         seed: NotNegativeInt = 0,
         explained_variance: OpenUnitInterval = 0.8,
-        cas_explained_variance: OpenUnitInterval | None = None,
+        cas_explained_variance: OpenUnitInterval = CAS_SHARE,
         fpca: Method = "ppca",
         batch_size: PositiveInt = 512,
         checkpoint: Path | None = None,
@@ -113,8 +113,7 @@ class DescentDataModule(LightningDataModule):
             split_by: What the split never tears apart: a flight, or an aircraft with all its flights.
             seed: Of the split.
             explained_variance: Share of variance that the components of drag explain.
-            cas_explained_variance: Share of variance that the components of CAS explain; 0.95 of 150 training flights
-                and more, and of fewer the same as of drag, if absent.
+            cas_explained_variance: Share of variance that the components of CAS explain.
             fpca: Gappy fPCA algorithm: ``ppca`` or the paper's ``iterative``.
             batch_size: Flights in a training batch.
             checkpoint: Encode with this checkpoint's representation instead of fitting one.

@@ -3,9 +3,10 @@
 import numpy as np
 import pandas as pd
 
+from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.surveillance.cleaning.constant_rate import ConstantRate
 from descentflow.surveillance.cleaning.thresholds import Cleaning
-from descentflow.surveillance.rows.air_data import cas_of_mach_kt
+from descentflow.surveillance.rows.air_data import cas_of_mach_kt, isa_tas_of_mach_kt
 from descentflow.surveillance.rows.schema import CHANNELS, POSSIBLE, REQUIRED
 
 RULES = Cleaning()
@@ -38,8 +39,9 @@ def _free(rows: pd.DataFrame) -> pd.DataFrame:
     if rows.empty:
         return rows
     # pandas has no such rule: descentflow's own, on one flight.
+    tas_fpm = isa_tas_of_mach_kt(rows["Mach"].values, rows["altitude"].values) * KT_MPS / FPM_MPS
     held = ConstantRate().is_constant(
-        np.zeros(len(rows), dtype=np.int64), rows["seconds"].to_numpy(), rows["vertical_rate"].to_numpy()
+        np.zeros(len(rows), dtype=np.int64), rows["seconds"].to_numpy(), rows["vertical_rate"].to_numpy(), tas_fpm
     )
     rows = rows.assign(stretch=rows["stretch"] + np.cumsum(held))[~held]
     rows = rows.assign(descent=(rows["altitude"].diff() > RULES.climb_back_ft).cumsum())

@@ -53,8 +53,11 @@ def test_levels_lie_on_the_path_once_each(steps: list[tuple[float, float]], top:
 def test_managed_stretches_of_a_flight_do_not_depend_on_other_flights(
     rates: list[float], every_s: float, cut: int
 ) -> None:
-    rows = rows_at([every_s * i for i in range(len(rates))], vertical_rate=rates)
-    other = rows_at([every_s * i for i in range(90)], "b", vertical_rate=[-1000.0] * 90).head(cut)
+    def flown(name: str, rates: list[float]) -> pl.DataFrame:
+        times, air = [every_s * i for i in range(len(rates))], {"Mach": 0.7, "altitude": 20_000.0}
+        return rows_at(times, name, vertical_rate=rates).with_columns(**{k: pl.lit(v) for k, v in air.items()})
+
+    rows, other = flown("a", rates), flown("b", [-1000.0] * 90).head(cut)
     alone = ConstantRate().keep(rows)
     both = ConstantRate().keep(pl.concat([rows, other]))
     assert both.filter(flight_id="a").equals(alone)

@@ -3,6 +3,7 @@
 import numpy as np
 import polars as pl
 import pytest
+from numpy.typing import NDArray
 from surveillance_toys import rows_at
 
 from descentflow.surveillance.cleaning.constant_rate import ConstantRate
@@ -82,7 +83,13 @@ def managed(
     idle = -2200 + 60 * time / 60
     rate = np.where((time >= before_s) & (time < before_s + seconds), held_fpm, idle)
     noise = np.random.default_rng(1).normal(0, 30, len(time))
-    return rows_at(time.tolist(), vertical_rate=(32 * np.round((rate + noise) / 32)).tolist())
+    return flown(time, (32 * np.round((rate + noise) / 32)))
+
+
+def flown(time: NDArray[np.float64], rate_fpm: NDArray[np.float64]) -> pl.DataFrame:
+    """Rows at a TAS of 430 kt, so that 1,740 ft/min are a gradient of 4 %."""
+    channels = {"vertical_rate": rate_fpm.tolist(), "Mach": [0.7] * len(time), "altitude": [20_000.0] * len(time)}
+    return rows_at(time.tolist(), **channels)
 
 
 def test_a_held_rate_is_found_and_idle_rates_are_free() -> None:
@@ -123,7 +130,16 @@ def test_a_descent_that_gets_shallower_for_good_is_not_managed() -> None:
     # From Mach to CAS: 30 % off the rate within some seconds, and idle goes on drifting.
     time = np.arange(0, 400.0, 4.0)
     rate = np.where(time < 100, -3000.0, -2100 + 80 * (time - 100) / 60)
-    rows = rows_at(time.tolist(), vertical_rate=(32 * np.round(rate / 32)).tolist())
+    rows = flown(time, 32 * np.round(rate / 32))
+    assert len(ConstantRate().keep(rows)) == len(rows)
+
+
+@pytest.mark.parametrize("rate_fpm", [-1800.0, -2100.0, -2400.0])
+@pytest.mark.parametrize("before_s", [0.0, 100.0])
+def test_smooth_idle_at_a_rate_that_could_be_selected_is_free(rate_fpm: float, before_s: float) -> None:
+    """Flown for five minutes at one CAS, alone or after the change from Mach to CAS: nobody selected a rate."""
+    time = np.arange(0, 400.0, 4.0)
+    rows = flown(time, np.where(time < before_s, rate_fpm - 600, rate_fpm))
     assert len(ConstantRate().keep(rows)) == len(rows)
 
 

@@ -175,6 +175,7 @@ def after_rates(rules: Cleaning) -> filters.Chain:
         | ConstantRate(
             seconds=rules.constant_rate_s,
             seconds_alone=rules.constant_rate_alone_s,
+            gradient=rules.constant_rate_gradient,
             jump_fpm=rules.constant_rate_jump_fpm,
             drift_fpm=rules.constant_rate_drift_fpm,
             scatter_fpm=rules.constant_rate_scatter_fpm,

@@ -106,6 +106,11 @@ class Cleaning:
         50.0, "shortest constant-rate segment that begins and ends with a sudden change of rate, s", HELD
     )
     constant_rate_alone_s: float = _threshold(180.0, "shortest constant-rate segment without such a change, s", HELD)
+    constant_rate_gradient: float = _threshold(
+        0.04,
+        "steepest gradient in still air of a constant-rate segment that no sudden steepening ends",
+        "best glide ratios of airliners, 17 to 20, and idle thrust: idle is steeper; see constant_rate.py",
+    )
     constant_rate_jump_fpm: float = _threshold(
         150.0, "smallest sudden change of rate at the begin or end of a constant-rate segment, ft/min", HELD
     )

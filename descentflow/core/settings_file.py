@@ -45,3 +45,16 @@ def read_settings(path: Path) -> dict[str, Any]:
             mend="begin from a file that comes along, for instance configs/model/gaussian.yaml",
         )
     return found or {}
+
+
+def settings_text(settings: dict[str, Any]) -> str:
+    """Settings as YAML, in their order.
+
+    Example:
+        >>> print(settings_text({"seed": 3, "context": ["hour"]}), end="")
+        seed: 3
+        context:
+        - hour
+    """
+    text: str = import_module("yaml").safe_dump(settings, sort_keys=False)
+    return text

@@ -1,7 +1,7 @@
 """Fit a model from Python, as `descentflow fit` does from the command line."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from copy import deepcopy
 from inspect import signature
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import Any, Literal
 import torch
 from lightning.pytorch import Trainer, seed_everything
 from lightning.pytorch.callbacks import ModelCheckpoint
+from lightning.pytorch.loggers import CSVLogger
 from lightning.pytorch.utilities.seed import isolate_rng
 
 from descentflow.core.arguments import Count, checked_arguments
@@ -25,6 +26,7 @@ from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.final_fit import fit_to_all
 from descentflow.training.models.latent_model import LatentModel
 from descentflow.training.quiet import quiet
+from descentflow.training.run_folders import check_new_run, write_settings
 from descentflow.training.training_settings import TrainingSettings, settings_of, training_settings
 
 OWN_OPTIONS = {"out", "seed", "max_epochs", "aircraft", "context", "final", "device"}
@@ -64,7 +66,8 @@ def fit(
         model: ``mixture``, ``gaussian``, ``flow`` (masked affine) or ``spline``; a model that is not trained yet, with
             hyperparameters of its own; a YAML file as ``descentflow fit --config`` takes it; or a Python file with a
             density of your own and its model, which is run.
-        out: Checkpoint to write too, whole or not at all.
+        out: File to write, ``NAME.ckpt``, or a new folder for the whole run: both checkpoints, ``metrics.csv`` of the
+            epochs, and ``config.yaml``, as ``descentflow fit`` leaves them.
         seed: Of initial parameters and the order of batches, ``--seed_everything`` of the command line. What splits the
             flights is the DataModule's own seed.
         max_epochs: Epochs at most; those of the model's settings if absent.
@@ -91,17 +94,22 @@ def fit(
     """
     if device == "cuda" and not torch.cuda.is_available():
         raise ConfigError("device 'cuda'", expected="a GPU that torch can use", mend="leave the device out")
+    is_run = out is not None and Path(out).suffix != ".ckpt"
     if out is not None:
-        check_output(out)
+        check_new_run(Path(out)) if is_run else check_output(out)
     quiet()
     settings = settings_of(model) if isinstance(model, LatentModel) else training_settings(model)
     options = {"aircraft": aircraft, "context": None if context is None else list(context), **data_options}
     data = _data_module(descents, settings.data, {name: value for name, value in options.items() if value is not None})
     with _ONE_AT_A_TIME, _own_random_numbers(seed), _own_threads():
         trained = model if isinstance(model, LatentModel) else settings.new_model()
-        _train(trained, data, settings, max_epochs, device, final=final)
-    if out is not None:
+        _train(trained, data, settings, max_epochs, device, final=final, run=Path(out) if is_run and out else None)
+    if out is not None and not is_run:
         trained.save(out)
+    if out is not None and is_run:
+        write_settings(Path(out), seed, trained, data, settings.as_sections(max_epochs))
+        if trained.final is not None:
+            trained.save(Path(out) / "checkpoints" / "final.ckpt")
     return trained
 
 
@@ -139,14 +147,15 @@ def _train(
     device: str,
     *,
     final: bool,
+    run: Path | None,
 ) -> None:
     """Train a model, put it back to its best epoch, and fit it again to all flights."""
     again = deepcopy(model)
     options = settings.trainer | {"accelerator": device} | ({} if max_epochs is None else {"max_epochs": max_epochs})
-    with TemporaryDirectory() as folder:
+    with TemporaryDirectory() if run is None else nullcontext(run / "checkpoints") as folder:
         best = ModelCheckpoint(folder, **settings.checkpoint)
         trainer = Trainer(
-            logger=False,
+            logger=False if run is None else CSVLogger(run, name="", version=""),
             callbacks=[*settings.new_callbacks(), best, ShowProgress()],
             enable_progress_bar=False,
             enable_model_summary=False,

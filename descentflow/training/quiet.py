@@ -23,6 +23,7 @@ def quiet() -> None:
         ".*The number of training batches.*",  # a closed form has few
         ".*LightningCLI's args parameter.*",  # descentflow's own command line calls it
         ".*treespec, LeafSpec.*",
+        ".*callbacks used to create the checkpoint need to be provided.*",  # what stops a fit is no matter of a score
         ".*The dirpath has changed.*",  # test and predict write into a folder of their own
     ):
         warnings.filterwarnings("ignore", message=advice)

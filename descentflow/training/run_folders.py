@@ -1,14 +1,18 @@
 """Folders of the trainer's commands: `fit` writes into one of its own, the others into that of the run they score."""
 
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
-from lightning.pytorch import Trainer
+from lightning.pytorch import LightningDataModule, LightningModule, Trainer
 from lightning.pytorch.loggers import TensorBoardLogger
 
 from descentflow.core.errors import ConfigError
-from descentflow.core.files import check_folder
+from descentflow.core.files import check_folder, whole_file
+from descentflow.core.settings_file import settings_text
 
+SETTINGS = "config.yaml"
+"""File of a run's settings."""
 UNNAMED = "default"
 """Stands for the model's name in the folder of a run."""
 USUAL_FOLDER = "runs"
@@ -115,6 +119,66 @@ def run_folder(checkpoint: Path) -> Path:
         expected="the settings of the run that wrote it",
         mend="pass the descents, --data.descents FILE, or its settings, --config FILE",
     )
+
+
+def check_new_run(folder: Path) -> None:
+    """Refuse a folder for a run that has one already, or cannot be written.
+
+    Raises:
+        ConfigError: If it has settings of a run.
+        DataError: If it cannot be written.
+
+    Example:
+        >>> check_new_run(Path("runs/mine"))
+    """
+    if (folder / SETTINGS).exists():
+        raise ConfigError(
+            f"{folder} of another run", expected="a folder of its own for each run", mend="choose another folder"
+        )
+    check_folder(folder)
+
+
+def write_settings(
+    folder: Path, seed: int, model: LightningModule, data: LightningDataModule, others: dict[str, Any]
+) -> None:
+    """Write the settings of a fit from Python as the command line writes those of its own.
+
+    Args:
+        folder: Of the run.
+        seed: Of the fit.
+        model: Whose hyperparameters are written.
+        data: Whose options are written, where they are not the defaults; descents in memory have no name.
+        others: Other sections.
+
+    Example:
+        >>> from descentflow.training.datamodule import DescentDataModule
+        >>> from descentflow.training.models.gaussian_model import Gaussian
+        >>> write_settings(Path("."), 0, Gaussian(), DescentDataModule("descents.parquet", seed=3), {})
+        >>> print(Path("config.yaml").read_text()[-40:])
+        data:
+          descents: descents.parquet
+          seed: 3
+        <BLANKLINE>
+    """
+    usual = {name: one.default for name, one in signature(type(data)).parameters.items()}
+    options = {name: getattr(data, name) for name, default in usual.items() if getattr(data, name) != default}
+    kind = type(model)
+    settings = {
+        "seed_everything": seed,
+        "model": {"class_path": f"{kind.__module__}.{kind.__qualname__}", "init_args": dict(model.hparams)},
+        "data": {name: _as_yaml(value) for name, value in options.items() if _as_yaml(value) is not None},
+        **others,
+    }
+    with whole_file(folder / SETTINGS) as temporary:
+        temporary.write_text(settings_text(settings), encoding="utf-8")
+
+
+def _as_yaml(value: Any) -> Any:
+    """What YAML has for an option: paths are text, and descents in memory are nothing."""
+    if isinstance(value, list | tuple):
+        return [_as_yaml(one) for one in value]
+    plain = int | float | str | bool
+    return value if isinstance(value, plain) else str(value) if isinstance(value, Path) else None
 
 
 def log_settings(trainer: Trainer, config: Any, score: float, monitor: str) -> None:

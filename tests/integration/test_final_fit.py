@@ -10,6 +10,7 @@ from command_line_toys import fit as fit_by_command
 
 import descentflow as df
 from descentflow.cli.entry import main
+from descentflow.core.errors import ConfigError
 from descentflow.densities.checkpoint import load_model
 from descentflow.densities.density import Density
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
@@ -123,3 +124,25 @@ def test_all_flights_train_where_none_are_held_out(descents: Path) -> None:
     data = DescentDataModule(descents, test_fraction=0.0, validation_fraction=0.0)
     data.setup()
     assert len(data.profiles("train")) == 300
+
+
+def test_a_run_folder_of_a_fit_from_python_is_one_for_the_commands(
+    descents: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = tmp_path / "run"
+    model = df.fit(descents, GaussianMixture(n_clusters=2), out=run, seed=2, max_epochs=3, explained_variance=0.7)
+    assert {path.name for path in run.rglob("*") if path.is_file()} >= {
+        "config.yaml",
+        "metrics.csv",
+        "best.ckpt",
+        "final.ckpt",
+    }
+    assert_equal(load_model(run / "checkpoints" / "final.ckpt"), model.final)
+    assert_equal(load_model(run / "checkpoints" / "best.ckpt"), model.density)
+    assert main(["validate", "--ckpt_path", str(run / "checkpoints" / "best.ckpt")]) == 0
+    again = tmp_path / "again"
+    words = ["--config", str(run / "config.yaml"), "--trainer.logger.init_args.save_dir", str(again)]
+    assert main(["fit", *words]) == 0
+    assert_equal(load_model(next(again.rglob("best.ckpt"))), model.density)
+    with pytest.raises(ConfigError, match="of another run"):
+        df.fit(descents, "gaussian", out=run)

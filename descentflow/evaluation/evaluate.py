@@ -73,6 +73,7 @@ def evaluate(
         >>> found = evaluate("best.ckpt", "descents.parquet", n=500)
         >>> print(found)
         24 held-out flights (96 left out: the checkpoint was trained or validated on them)
+        In words: too few held-out flights to judge time to bottom, ...
         500 samples from ... draws (...)
         quantity ...
     """

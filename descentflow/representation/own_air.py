@@ -45,7 +45,6 @@ def with_own_air(
         >>> profiles = profiles_from_frame(frame, a320, bottom_fl=150, top_fl=340)
         >>> airs = measured_airs(frame, profiles.levels_fl)
         >>> found = with_own_air(profiles, a320, airs, print)
-        left out 10 of 19,124 levels at which the air is not known
         >>> ratio = (found.drag_n / profiles.drag_n)[found.mask]  # the example's flights flew in standard air
         >>> bool((ratio.median() - 1).abs() < 0.005), found.air.deviation_k.shape
         (True, torch.Size([120, 191]))
@@ -100,7 +99,6 @@ def in_air_asked(
         >>> profiles = profiles_from_frame(frame, a320, bottom_fl=150, top_fl=340)
         >>> split = Split(profiles.flight_ids, (), ())
         >>> found, kept, _ = in_air_asked(profiles, frame, a320, split, "measured", print)
-        left out 10 of 19,124 levels at which the air is not known
         >>> kept.source, len(kept.training) == len(found)
         ('measured', True)
     """

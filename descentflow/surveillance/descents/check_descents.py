@@ -37,7 +37,7 @@ def checked_descents(frame: pl.DataFrame, source: object) -> pl.DataFrame:
         True
         >>> checked_descents(frame.with_columns(IAS=pl.lit(1e30)), "descents.parquet")
         Traceback (most recent call last):
-        descentflow.core.errors.DataError: descents.parquet: column IAS holds 20,163 values outside 40 to 500, ...
+        descentflow.core.errors.DataError: descents.parquet: column IAS holds 20,528 values outside 40 to 500, ...
     """
     frame = _typed(frame, source)
     for name in NEVER_MISSING:

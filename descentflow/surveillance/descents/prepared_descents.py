@@ -44,10 +44,10 @@ class Descents(InNotebook):
     Example:
         >>> descents = read_descents("descents.parquet")
         >>> print(descents)
-        120 descents, 20,163 levels from FL150 to FL383, 2024-03-04 05:01 to 2024-03-08 22:05 UTC
+        120 descents, 20,528 levels from FL150 to FL383, 2024-03-04 05:01 to 2024-03-08 22:05 UTC
           A320: 120, a quarter of them from FL354 or above
-          rows: 23,216 read, 18,771 left
-          dropped most by: not_descending 2,701, transient 1,203, constant_rate 541
+          rows: 23,216 read, 19,092 left
+          dropped most by: not_descending 2,701, transient 1,203, constant_rate 220
     """
 
     def __init__(
@@ -155,7 +155,7 @@ class Descents(InNotebook):
 
         Example:
             >>> read_descents("descents.parquet").to_pandas().shape
-            (20163, 17)
+            (20528, 17)
         """
         return to_pandas(self.frame)
 
@@ -249,7 +249,7 @@ def read_descents(path: str | Path) -> Descents:
 
     Example:
         >>> read_descents("descents.parquet").frame.select("flight_id", "level_fl", "IAS").shape
-        (20163, 3)
+        (20528, 3)
     """
     frame, metadata = read_store(Path(path)) if Path(path).is_dir() else _read_file(path)
     if metadata.get("schema_version") != SCHEMA_VERSION:

@@ -43,7 +43,7 @@ class Parts:
     Example:
         >>> parts = Parts.of([pl.scan_parquet("descents.parquet")])
         >>> parts.flights.height, next(parts.chunks("A320")).height
-        (120, 20163)
+        (120, 20528)
     """
 
     sources: Sequence[pl.LazyFrame]

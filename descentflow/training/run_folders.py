@@ -171,7 +171,7 @@ def write_settings(
 
 
 def _as_yaml(value: Any) -> Any:
-    """What YAML has for an option: paths are text, and descents in memory are nothing."""
+    """Value of an option in YAML: paths are text, and descents in memory are nothing."""
     if isinstance(value, list | tuple):
         return [_as_yaml(one) for one in value]
     plain = int | float | str | bool

@@ -52,8 +52,7 @@ print(descents.report)
 # %%
 # The same in one call, or from a shell: a column with its factor. Names of the trade (``mode_s_address``,
 # ``mach_number``, ``ROCD``, ``FL``) are known. ``descentflow prepare feed.csv --column 'altitude=flight_level_m*3.28084'``
-# does so; ``diagnose``, ``evaluate`` and ``predict-descent`` take no ``--column``: prepare first, and pass them the
-# descents.
+# does so, and ``diagnose`` takes ``--column`` too. For ``evaluate`` and ``predict-descent`` prepare first.
 
 columns = {
     "timestamp": "time_of_track",

@@ -55,7 +55,7 @@ class CommandParser(argparse.ArgumentParser):
                 for group in get_args(hints[one.name]):  # of Unpack
                     self._add_group(group)
             else:
-                self._add(self, one, hints[one.name], texts[one.name])
+                self._add(self, one, hints[one.name], texts.get(one.name))
 
     def error(self, message: str) -> NoReturn:
         """Print what is wrong in a line, and end with status 2."""
@@ -66,36 +66,40 @@ class CommandParser(argparse.ArgumentParser):
         """The keys of a `TypedDict`, each passed on only where it is given."""
         text = parse(inspect.getdoc(group) or "")
         place = self.add_argument_group(text.short_description, text.long_description)
-        hints = get_type_hints(group, include_extras=True)
-        for one in text.params:
-            parameter = Parameter(one.arg_name, Parameter.KEYWORD_ONLY, default=argparse.SUPPRESS)
-            self._add(place, parameter, hints[one.arg_name], one)
+        texts = {one.arg_name: one for one in text.params}
+        for name, hint in get_type_hints(group, include_extras=True).items():
+            parameter = Parameter(name, Parameter.KEYWORD_ONLY, default=argparse.SUPPRESS)
+            self._add(place, parameter, hint, texts.get(name))
 
-    def _add(self, place: Any, parameter: Parameter, hint: Any, text: DocstringParam) -> None:
-        """An argument, or an option; a type in the docstring is what the help calls its value."""
+    def _add(self, place: Any, parameter: Parameter, hint: Any, text: DocstringParam | None) -> None:
+        """An argument, or an option; a type in the docstring is what the help calls its value.
+
+        There is no text where Python was asked to leave docstrings out (-OO).
+        """
         settings, names = _kind(hint)
-        default, required = parameter.default, parameter.default is Parameter.empty
-        described = " ".join((text.description or "").split())
-        if (
-            type(default) in (int, float, str)
-            and default not in ("", argparse.SUPPRESS)
-            and "(default" not in described
-        ):
-            described += f" (default: {default})"
-        settings["help"] = described.replace("%", "%%")
+        required = parameter.default is Parameter.empty
+        settings["help"] = "" if text is None else _help(text, parameter.default)
         if not required:
-            settings["default"] = default
+            settings["default"] = parameter.default
         if parameter.kind is Parameter.KEYWORD_ONLY:
             if not any(one.startswith("--") for one in names):
                 names.append(f"--{parameter.name.rstrip('_').replace('_', '-')}")
             if settings.get("action") != "store_true" and "choices" not in settings:
-                shown = text.type_name or names[-1].lstrip("-").replace("-", "_").upper()
+                shown = (text and text.type_name) or names[-1].lstrip("-").replace("-", "_").upper()
                 settings["metavar"] = tuple(shown.split()) if "," not in shown and " " in shown else shown
             place.add_argument(*names, dest=parameter.name, required=required, **settings)
         else:
             if settings.pop("action", "") == "extend" and not required:
                 settings["nargs"] = "*"
             place.add_argument(parameter.name, **settings)
+
+
+def _help(text: DocstringParam, default: Any) -> str:
+    """The text of an option, with its default."""
+    described = " ".join((text.description or "").split())
+    if type(default) in (int, float, str) and default not in ("", argparse.SUPPRESS) and "(default" not in described:
+        described += f" (default: {default})"
+    return described.replace("%", "%%")
 
 
 def _kind(hint: Any) -> tuple[dict[str, Any], list[str]]:

@@ -1,5 +1,8 @@
 """Options are the parameters of a command's function; a mistyped one ends in a line, not behind forty others."""
 
+import subprocess
+import sys
+from importlib import import_module
 from pathlib import Path
 from typing import Literal
 
@@ -113,6 +116,19 @@ def test_every_kind_of_parameter_is_an_option(capsys: pytest.CaptureFixture[str]
     shown = parser.format_help()
     for line in ("--out FILE", "--size WIDTH HEIGHT", "{a,b}", "to read, 100 % of them", "of it (default: a)"):
         assert line in shown
+
+
+@pytest.mark.parametrize("command", sorted(set(COMMANDS) - set(trainer_commands.COMMANDS)))
+def test_every_option_has_a_text(command: str) -> None:
+    function = import_module(f"descentflow.cli.{command.replace('-', '_')}_command").run
+    assert [action.dest for action in CommandParser(command, function)._actions if not action.help] == []
+
+
+def test_options_need_no_docstrings() -> None:
+    code = "from descentflow.cli import main; main(['sample', '--help'])"
+    shown = subprocess.run([sys.executable, "-OO", "-c", code], capture_output=True, text=True, check=True).stdout
+    assert "--end LAT,LON" not in shown
+    assert "--end END" in shown
 
 
 def test_the_nearest_command_is_named(capsys: pytest.CaptureFixture[str]) -> None:

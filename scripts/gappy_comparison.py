@@ -10,7 +10,7 @@ from studies.paper.hidden_levels import PATTERNS, hidden_errors
 
 
 def main(descents: str, path: str, aircraft: str | None = None) -> None:
-    data = DescentDataModule(descents, aircraft=aircraft, speed="cas")
+    data = DescentDataModule(descents, aircraft=aircraft)
     data.setup()
     real = data.profiles("train")
     curves = {"drag": real.drag_n / 1000, "CAS": real.cas_mps / KT_MPS}

@@ -1,7 +1,6 @@
 """A mixture over toy descents on few levels, and what brute force finds: samples, cut to what is asked."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -22,7 +21,6 @@ from descentflow.densities.transformed import TransformedDensity
 from descentflow.generation.rejection import sample_descents
 from descentflow.positions.placing import place
 from descentflow.representation.decoder.trajectories import Trajectories, concatenate
-from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation, Split, fit_representation
 
 BOTTOM, TOP = 270, 370
@@ -31,42 +29,30 @@ RARE = 1e-4
 
 
 @cache
-def parts(mach: bool = False) -> Representation:
+def parts() -> Representation:
     """Parts that all tests share and none changes."""
-    return fitted(mach)
+    return fitted()
 
 
 @cache
-def state(mach: bool) -> dict[str, Any]:
-    """Two components of CAS at least, so that two speeds can be asked, and drag beyond the components.
-
-    Or one of a Mach number and one of CAS, of which the lower is flown.
-    """
+def state() -> dict[str, Any]:
+    """Two components of CAS at least, so that two speeds can be asked, and drag beyond the components."""
     train = toys.flights(300, bottom_fl=BOTTOM, top_fl=TOP)
     split = Split(train.flight_ids, (), ())
-    flights = smooth_drag(toys.with_crossovers(train)) if mach else train
-    return fit_representation(flights, toys.AIRCRAFT, split, explained_variance=0.97).to_state()
+    return fit_representation(train, toys.AIRCRAFT, split, explained_variance=0.97).to_state()
 
 
-def smooth_drag(flights: Profiles) -> Profiles:
-    """The flights with drag whose shape has three numbers: that of smooth rates jumps at every flight's crossover."""
-    numbers = torch.randn(3, len(flights), 1, generator=torch.Generator().manual_seed(4), dtype=torch.float64)
-    position = torch.linspace(0, 1, len(flights.levels_fl)).double()
-    shape = 1 + 0.08 * numbers[0] + 0.04 * numbers[1] * position + 0.02 * numbers[2] * torch.sin(6 * position)
-    return replace(flights, drag_n=31_000 * shape)
-
-
-def fitted(mach: bool = False) -> Representation:
+def fitted() -> Representation:
     """A representation of one's own."""
-    return Representation.from_state(state(mach))
+    return Representation.from_state(state())
 
 
-def mixture(gated: bool = False, mach: bool = False) -> GaussianMixtureDensity:
+def mixture(gated: bool = False) -> GaussianMixtureDensity:
     """Two components about the mean flight, one of them wide: many of its draws are not plausible.
 
     A density of one's own, for some tests attach another representation to it.
     """
-    d = parts(mach).decoder.dimension
+    d = parts().decoder.dimension
     density = GaussianMixtureDensity(d, 2)
     locs = torch.zeros(2, d, dtype=torch.float64)
     locs[0], locs[1] = 0.5, -0.6
@@ -76,8 +62,8 @@ def mixture(gated: bool = False, mach: bool = False) -> GaussianMixtureDensity:
     density.mixture = Mixture(torch.tensor([0.6, 0.4]).double(), locs, roots)
     if gated:
         density.entry_gate = EntryGate(torch.tensor([60]), torch.tensor([[0.8, 0.2], [0.3, 0.7]]).double())
-        density.residual_law = toys.residual_law(parts(mach).decoder, 2)
-    density.attach(parts(mach))
+        density.residual_law = toys.residual_law(parts().decoder, 2)
+    density.attach(parts())
     return density
 
 
@@ -101,10 +87,10 @@ def index(level_fl: float) -> int:
 
 
 @cache
-def samples(gated: bool, entry_fl: int | None, n: int = 40_000, mach: bool = False) -> Trajectories:
+def samples(gated: bool, entry_fl: int | None, n: int = 40_000) -> Trajectories:
     """Samples as anyone draws them."""
-    entry, known = None if entry_fl is None else torch.tensor([index(entry_fl)]), parts(mach)
-    density = mixture(gated, mach)
+    entry, known = None if entry_fl is None else torch.tensor([index(entry_fl)]), parts()
+    density = mixture(gated)
     found = [sample_descents(density, known, 10_000, seed, entry=entry).trajectories for seed in range(n // 10_000)]
     return concatenate(found)
 

@@ -21,7 +21,7 @@ from descentflow.representation.evidence import Evidence, as_evidence
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.linear_curves import residual_profiles
 from descentflow.representation.plausibility import Plausibility
-from descentflow.representation.profiles import Profiles, infer_drag_n, observed_profiles
+from descentflow.representation.profiles import Profiles, infer_drag_n
 from descentflow.representation.representation import Representation, Split, fit_representation
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents, write_descents
@@ -67,12 +67,6 @@ def flights(n: int, seed: int = 0, *, bottom_fl: int = 150, top_fl: int = 370, g
     time = torch.nn.functional.pad(legs.flip(1).cumsum(1).flip(1), (0, 1))
     drag = infer_drag_n(AIRCRAFT, cas, rate, altitude_m)
     return Profiles(tuple(f"toy-{seed}-{i:05d}" for i in range(n)), levels, time, cas, rate, drag, mask)
-
-
-def with_crossovers(flights: Profiles) -> Profiles:
-    """The same flights, their speed held as a Mach number above a crossover of their own and a CAS below."""
-    rest = (flights.time_s, flights.cas_mps, flights.rate_mps, flights.mask)
-    return observed_profiles(AIRCRAFT, flights.flight_ids, flights.levels_fl, *rest, speed="mach_cas")
 
 
 def representation(n: int = 300, seed: int = 0) -> Representation:

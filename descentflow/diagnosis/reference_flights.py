@@ -166,7 +166,7 @@ def _by_components(decoder: DescentDecoder, grid: LevelGrid, real: Quantities) -
     cas = torch.where(seen, grid.values["IAS"], 250.0) * KT_MPS
     rate = torch.where(seen, grid.values["vertical_rate"], -1500.0) * FPM_MPS
     profiles = observed_profiles(
-        decoder.aircraft, grid.flight_ids, grid.levels_fl, torch.zeros_like(cas), cas, rate, seen, speed=decoder.speed
+        decoder.aircraft, grid.flight_ids, grid.levels_fl, torch.zeros_like(cas), cas, rate, seen
     )
     with torch.no_grad():
         flown = decoder(decoder.encode(profiles), profiles.entry_level)

@@ -44,7 +44,7 @@ def stages_of(simulator: Simulator, frame: pl.DataFrame, seed: int) -> list[Stag
         return []
     decoder = parts.decoder
     low, high = int(decoder.levels_fl[0]), int(decoder.levels_fl[-1])
-    flights = profiles_from_frame(frame, decoder.aircraft, low, high, speed=decoder.speed)
+    flights = profiles_from_frame(frame, decoder.aircraft, low, high)
     flights = flights.subset(torch.nonzero(flights.mask.sum(1) >= 2)[:, 0])
     with torch.no_grad():
         weights = decoder.encode(flights)

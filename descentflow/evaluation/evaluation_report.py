@@ -91,7 +91,7 @@ class Evaluation(InNotebook):
             "distance_by_level": level_scores_figure(self.scores, decoder.transition_fl),
             "rejections": acceptance_figure(self.rejections),
             "components": components_figure(
-                decoder.drag_basis, decoder.cas_basis, decoder.levels_fl, decoder.drag_scale, decoder.mach_basis
+                decoder.drag_basis, decoder.cas_basis, decoder.levels_fl, decoder.drag_scale
             ),
             **told,
         }

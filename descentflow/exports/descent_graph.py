@@ -111,8 +111,8 @@ class DescentGraph(nn.Module):
     def _flown(self, weights: Tensor, entry: Tensor, residual_noise: Tensor | None) -> Trajectories:
         """Descents in float64, in one expression: a program has no chunks."""
         white = None if residual_noise is None else residual_noise.double()
-        drag_n, cas_mps, ahead_mps = self.decoder.flown_curves(weights.double(), white)
-        time_s, mach, tas_mps, rate_mps = fly(self.grid, drag_n, cas_mps, entry, ahead_mps)
+        drag_n, cas_mps = self.decoder.curves(weights.double(), white)
+        time_s, mach, tas_mps, rate_mps = fly(self.grid, drag_n, cas_mps, entry)
         return Trajectories(self.decoder.levels_fl, entry, time_s, cas_mps, mach, tas_mps, rate_mps, drag_n)
 
     def _outputs(self, flown: Trajectories, entry_fl: Tensor) -> dict[str, Tensor]:

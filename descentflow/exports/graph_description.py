@@ -17,7 +17,7 @@ FORMAT = "descentflow-sampler"
 VERSION = 1
 INPUTS = {
     "noise": "independent standard normals, from which the weights are made",
-    "weights": "standardised weights of drag, then of speed: of CAS, or of the Mach number and the CAS",
+    "weights": "standardised weights of drag, then of CAS",
     "entry_fl": "flight level where the descent starts; the nearest level of the grid is taken",
     "residual_noise": "independent standard normals, for what lies beyond the components; zeros for none",
     "uniform": "a uniform number in [0, 1), which picks the component of the mixture",

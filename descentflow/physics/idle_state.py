@@ -34,13 +34,12 @@ def idle_state(
     *,
     wind_gradient_per_s: Number = 0.0,
     cas_gradient_per_s: Tensor | None = None,
-    at_mach: Tensor | None = None,
 ) -> IdleState:
     """State of a clean descent at idle (paper, section 2.1: BADA's formulae unchanged but for drag and CAS).
 
     Above the type's transition altitude the energy share factor is BADA's for constant Mach, below it the one
-    for constant CAS (BADA 3 user manual, section 3.2), whatever the CAS does between levels, unless
-    the flight's own regime is given; with the slope of the CAS it is the exact one.
+    for constant CAS (BADA 3 user manual, section 3.2), whatever the CAS does between levels; with
+    the slope of the CAS it is the exact one.
 
     Args:
         aircraft: Coefficients.
@@ -49,8 +48,6 @@ def idle_state(
         deviation_k: ISA temperature deviation.
         wind_gradient_per_s: dw/dHp of the along-track wind, positive from behind; broadcasts against the CAS.
         cas_gradient_per_s: (..., L) dCAS/dHp for the exact energy share factor; BADA's if absent.
-        at_mach: (..., L) where the flight itself holds a Mach number, for BADA's factor; above the type's transition
-            altitude if absent.
 
     Returns:
         Each (..., L).
@@ -64,7 +61,7 @@ def idle_state(
     mach = cas_to_mach(cas_mps, altitude_m)
     tas_mps = mach_to_tas_mps(mach, altitude_m, deviation_k)
     if cas_gradient_per_s is None:
-        above = aircraft.holds_mach(altitude_m) if at_mach is None else at_mach
+        above = aircraft.holds_mach(altitude_m)
         share = energy_share_factor(mach, altitude_m, above, deviation_k, wind_gradient_per_s)
     else:
         share = energy_share_factor_local(cas_mps, altitude_m, cas_gradient_per_s, wind_gradient_per_s, deviation_k)

@@ -3,7 +3,6 @@
 A *weight* is the coordinate of a flight along a functional principal component (its fPCA score).
 
 Reading order: :mod:`~descentflow.representation.profiles` (drag and CAS on flight levels),
-:mod:`~descentflow.representation.crossover` (Mach number and CAS in place of one CAS profile),
 :mod:`~descentflow.representation.drag_scale` (the scale on which drag is linear in the weights),
 :mod:`~descentflow.representation.fpca` (principal components), :mod:`~descentflow.representation.decoder` (weights to
 trajectories), :mod:`~descentflow.representation.context` (temperature, operator and the like as numbers),

@@ -52,8 +52,6 @@ TENSORS = (
     *(f"{basis}.{name}" for basis in DICTIONARIES[2:] for name in ("mean", "components")),
 )
 """Tensors of the scale of drag; places of the representation that are dictionaries, and tensors."""
-OF_MACH = "mach_basis"
-"""Further parts of a decoder whose speed is a Mach number and a CAS, together with ``speed_residual``."""
 MAY_BE_ABSENT = ("reference", "context", "cleaning", "air", "seen_flights", "low", "high")
 MAY_HAVE_GAPS = "reference"
 """Measurements of flights: not a number on unobserved levels."""
@@ -94,13 +92,8 @@ def check_section(section: dict[str, Any], state_dict: Any) -> None:
         _check_types(column, OF_A_CONTEXT_COLUMN, "context column")
         _check_known(column, OF_A_CONTEXT_COLUMN, "a context column")
     bounds = tuple(f"plausibility.{name}" for name in representation["plausibility"])
-    dictionaries: tuple[str, ...] = DICTIONARIES
-    tensors: tuple[str, ...] = TENSORS
     _check_scale(representation["decoder"])
-    if isinstance(representation["decoder"], dict) and OF_MACH in representation["decoder"]:
-        dictionaries = (*DICTIONARIES, f"decoder.{OF_MACH}")
-        tensors = (*TENSORS, *(f"decoder.{OF_MACH}.{one}" for one in ("mean", "components")), "decoder.speed_residual")
-    for places, kind, name in ((dictionaries, dict, "dictionary"), ((*tensors, *bounds), Tensor, "tensor")):
+    for places, kind, name in ((DICTIONARIES, dict, "dictionary"), ((*TENSORS, *bounds), Tensor, "tensor")):
         for place in places:
             found = _at(representation, place)
             if not isinstance(found, kind):
@@ -139,10 +132,8 @@ def check_flies(decoder: DescentDecoder, plausibility: Plausibility) -> None:
         raise _wrong(
             "decoder.drag_scale is not of this grid", f"{len(levels)} thrusts, positive forces, CAS and slopes"
         )
-    of_speed = ", ".join(list(decoder.bases)[1:])
-    width = (len(decoder.bases) - 1) * len(levels)
-    if decoder.speed_residual.dim() != 2 or decoder.speed_residual.shape[1] != width:
-        raise _wrong("decoder.speed_residual is not on the grid", f"(number of parts, {width}) {of_speed}")
+    if decoder.speed_residual.dim() != 2 or decoder.speed_residual.shape[1] != len(levels):
+        raise _wrong("decoder.speed_residual is not on the grid", f"(number of parts, {len(levels)}) CAS in m/s")
     if plausibility.entry_counts.shape != levels.shape:
         raise _wrong("plausibility.entry_counts is not on the grid", f"{len(levels)} numbers of flights")
     mean = torch.zeros(1, decoder.dimension, dtype=torch.float64)

@@ -13,7 +13,7 @@ that is a symmetric spread, and every weight gives a flight that descends; ``new
 """
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import torch
 from torch import Tensor
@@ -29,6 +29,23 @@ LEAST_FORCE = 0.05
 """Of the typical force, the least whose logarithm is taken: of a flight that descends at some 100 ft/min."""
 STEP_MPS = 1.0
 """Change of the CAS over which the slope is taken; the line is within 0.07 % of the factor 30 kt from its middle."""
+
+
+class Observed(NamedTuple):
+    """Profiles of n flights as their weights explain them: drag on its scale and CAS (m/s), each (n, L), and a mask.
+
+    Example:
+        >>> import polars as pl
+        >>> from descentflow.representation.encode_flights import encode_flights
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> known = load_representation("best.ckpt")
+        >>> flights = encode_flights(pl.read_parquet("descents.parquet"), known)["test"].profiles
+        >>> len(known.decoder.drag_scale.observed(flights).values)
+        2
+    """
+
+    values: tuple[Tensor, Tensor]
+    mask: Tensor
 
 
 @dataclass(frozen=True)
@@ -78,6 +95,10 @@ class DragScale:
         """Change of the drag in N with values (n, L) on the scale."""
         force = self.typical_n(cas_mps) / self.unit_n
         return force * (scaled / self.unit_n).exp() if self.logarithm else force.expand_as(scaled)
+
+    def observed(self, flights: Profiles) -> Observed:
+        """Profiles of flights as weights explain them."""
+        return Observed((self.scaled(flights.drag_n, flights.cas_mps), flights.cas_mps), flights.mask)
 
     def to_state(self) -> dict[str, Any]:
         """Tensors and primitives from which :meth:`from_state` rebuilds it."""

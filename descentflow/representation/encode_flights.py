@@ -87,7 +87,7 @@ def encode_flights(
     named = [] if encoder is None else list(encoder.names)
     table = context_of(descents, named, context_table)
     bottom, top = int(decoder.levels_fl[0]), int(decoder.levels_fl[-1])
-    profiles = with_levels(profiles_from_frame(descents, decoder.aircraft, bottom, top, speed=decoder.speed), say)
+    profiles = with_levels(profiles_from_frame(descents, decoder.aircraft, bottom, top), say)
     check_air_asked(representation, air)
     if representation.air is not None:
         airs = airs_as_kept(descents, decoder.levels_fl, representation.air, air)

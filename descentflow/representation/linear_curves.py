@@ -8,9 +8,9 @@ from torch import Tensor
 
 from descentflow.core.errors import ConfigError
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
+from descentflow.representation.drag_scale import Observed
 from descentflow.representation.evidence import Evidence
 from descentflow.representation.fpca.mask_groups import group_masks
-from descentflow.representation.observed_channels import Observed
 from descentflow.representation.profiles import Profiles
 
 Gaps = Literal["marginal", "filled"]
@@ -62,8 +62,7 @@ class Information:
 class LinearCurves:
     r"""``profiles = offset + loadings u + noise`` with ``u = (w, r)``: weights, then residual components.
 
-    The profiles are drag and CAS, or drag, Mach and CAS, of which a flight shows one or the other: what
-    :meth:`~descentflow.representation.decoder.descent_decoder.DescentDecoder.observed` gives, c of them.
+    The profiles are drag on its scale and CAS, see :class:`~descentflow.representation.drag_scale.Observed`.
 
     The d weights w are those of the density. The residual components r, standard normal a priori and independent of
     w, are the directions of the probabilistic PCA that the explained-variance cut left out of the weights: without them
@@ -75,14 +74,14 @@ class LinearCurves:
     left has the covariance $N - (1 - \epsilon)\,\Phi (\Phi^T N^{-1} \Phi)^{-1} \Phi^T$. A flight that shows every level
     then has the weights that it is encoded to, to within a small $\epsilon$.
 
-    Shapes: ``offset`` and ``noise_variance`` (c L,), ``loadings`` (c L, d + r), profile after profile.
+    Shapes: ``offset`` and ``noise_variance`` (2 L,), ``loadings`` (2 L, d + r), profile after profile.
 
     Example:
         >>> from descentflow.representation.read_checkpoint import load_representation
         >>> curves = linear_curves(load_representation("best.ckpt").decoder)
         >>> at_mean = torch.zeros(1, curves.loadings.shape[1], dtype=torch.float64)
         >>> mean = curves.profiles(at_mean)
-        >>> seen = tuple(torch.ones_like(one, dtype=torch.bool) for one in mean)
+        >>> seen = torch.ones_like(mean[0], dtype=torch.bool)
         >>> found = curves.information(Observed(mean, seen))
         >>> bool((found.shift.abs() < 1e-3).all())  # an observed mean profile does not move the weights
         True
@@ -92,7 +91,6 @@ class LinearCurves:
     loadings: Tensor
     noise_variance: Tensor
     n_weights: int
-    n_profiles: int = 2
 
     @property
     def n_residual(self) -> int:
@@ -108,13 +106,9 @@ class LinearCurves:
         d, total = self.n_weights, self.loadings.shape[1]
         scaled = self.loadings / self.noise_variance[:, None]
         products = torch.einsum("lu,lv->luv", scaled, self.loadings).flatten(1)
-        mask = torch.cat(observed.masks, 1)
-        if all(torch.equal(one, observed.masks[0]) for one in observed.masks):
-            # Observed on the same levels, so their products are added up level by level.
-            groups = group_masks(observed.masks[0])
-            by_level = torch.stack(products.chunk(self.n_profiles)).sum(0)
-        else:
-            groups, by_level = group_masks(mask), products
+        # Observed on the same levels, so the products of both profiles are added up level by level.
+        groups, mask = group_masks(observed.mask), observed.mask.repeat(1, 2)
+        by_level = torch.stack(products.chunk(2)).sum(0)
         white = torch.cat([masks @ by_level for masks in torch.split(groups.masks, BLOCK)]).reshape(-1, total, total)
         some = zip(*(torch.split(one, FLIGHTS) for one in (mask, *observed.values)), strict=True)
         shift = torch.cat(
@@ -136,7 +130,7 @@ class LinearCurves:
 
     def profiles(self, u: Tensor) -> tuple[Tensor, ...]:
         """The profiles, each (n, L), of (n, D)."""
-        return (self.offset + u @ self.loadings.T).chunk(self.n_profiles, dim=1)
+        return (self.offset + u @ self.loadings.T).chunk(2, dim=1)
 
 
 def linear_curves(decoder: DescentDecoder) -> LinearCurves:
@@ -167,7 +161,7 @@ def linear_curves(decoder: DescentDecoder) -> LinearCurves:
     noise = [(basis.noise_variance * basis.noise_length).expand(len(basis.mean)) for basis in bases]
     rest = [basis.left_out() for basis in bases]
     loadings = torch.cat([_blocks(kept), _blocks(rest)], 1)
-    return LinearCurves(torch.cat(offsets), loadings, torch.cat(noise), decoder.dimension, len(bases))
+    return LinearCurves(torch.cat(offsets), loadings, torch.cat(noise), decoder.dimension)
 
 
 def has_noise_model(decoder: DescentDecoder) -> bool:
@@ -205,7 +199,7 @@ def evidence_of(decoder: DescentDecoder, flights: Profiles, gaps: Gaps = "margin
     if gaps == "filled" or not has_noise_model(decoder):
         return Evidence.of_weights(decoder.encode(flights))
     curves = linear_curves(decoder)
-    found = curves.information(decoder.observed(flights))
+    found = curves.information(decoder.drag_scale.observed(flights))
     return Evidence.of_information(*found.marginal(curves.n_weights), found.group)
 
 

@@ -100,7 +100,7 @@ class Plausibility(nn.Module):
             drag_low, drag_high = expected_bounds(profiles.drag_n, profiles.mask, margin, drag_scale)
             cas_low, cas_high = expected_bounds(profiles.cas_mps, profiles.mask, margin)
         slowest = profiles.rate_mps[profiles.mask].max() * (1 - margin)
-        if bounds == "paper" or profiles.crossovers is not None:
+        if bounds == "paper":
             changes = (slowest.new_tensor(torch.inf),) * 2
         else:
             slowest, changes = slowest / outward(torch.tensor(len(profiles))), _largest_changes(profiles)

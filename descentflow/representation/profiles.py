@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import polars as pl
@@ -17,10 +16,7 @@ from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.physics.energy import inferred_drag_n
 from descentflow.physics.idle_state import idle_state
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.representation.crossover import Crossovers, find_crossovers
 
-Speed = Literal["cas", "mach_cas"]
-"""Form of speed: one CAS profile (the paper), or a Mach number above each flight's crossover and a CAS below."""
 BLOCK = 4096
 """Flights whose drag is inferred at a time."""
 
@@ -29,8 +25,7 @@ BLOCK = 4096
 class Profiles:
     """CAS, rate and drag of n flights on L ascending levels; values where ``mask`` is false have no meaning.
 
-    Shapes: ``levels_fl`` (L,), all else (n, L); float64. With ``crossovers`` the drag was inferred in each flight's own
-    regime of speed, without them in the type's; with ``air`` it was in each flight's own air,
+    Shapes: ``levels_fl`` (L,), all else (n, L); float64. With ``air`` the drag was inferred in each flight's own air,
     without it in standard air.
 
     Example:
@@ -47,7 +42,6 @@ class Profiles:
     rate_mps: Tensor
     drag_n: Tensor
     mask: Tensor
-    crossovers: Crossovers | None = None
     air: LevelAir | None = None
 
     def __len__(self) -> int:
@@ -76,7 +70,6 @@ class Profiles:
             self.rate_mps[chosen],
             self.drag_n[chosen],
             self.mask[chosen],
-            crossovers=None if self.crossovers is None else self.crossovers.rows(chosen),
             air=None if self.air is None else self.air.rows(chosen),
         )
 
@@ -91,7 +84,6 @@ class Profiles:
             self.rate_mps[:, low:high],
             self.drag_n[:, low:high],
             self.mask[:, low:high],
-            None if self.crossovers is None else self.crossovers.levels(low, high),
             None if self.air is None else self.air.levels(low, high),
         )
 
@@ -103,8 +95,6 @@ def infer_drag_n(
     altitude_m: Tensor,
     mass_kg: Number | None = None,
     deviation_k: Number = 0.0,
-    *,
-    at_mach: Tensor | None = None,
 ) -> Tensor:
     """Drag that makes BADA's rate equation give the observed rate (paper, equation 3).
 
@@ -115,8 +105,6 @@ def infer_drag_n(
         altitude_m: (L,) pressure altitude.
         mass_kg: Mass; the type's reference mass if absent, as in the paper.
         deviation_k: ISA temperature deviation; 0 in the paper.
-        at_mach: (n, L) where each flight holds a Mach number; above the type's transition altitude if absent, as in the
-            paper.
 
     Returns:
         (n, L) drag.
@@ -127,7 +115,7 @@ def infer_drag_n(
         >>> infer_drag_n(aircraft("A320"), cas_mps, rate_mps, torch.tensor([6000.0, 6100.0])).round(decimals=-2)
         tensor([[37600., 37500.]])
     """
-    state = idle_state(aircraft, cas_mps, altitude_m, deviation_k, at_mach=at_mach)
+    state = idle_state(aircraft, cas_mps, altitude_m, deviation_k)
     return inferred_drag_n(
         aircraft, rate_mps, state.thrust_n, state.tas_mps, state.energy_share, altitude_m, deviation_k, mass_kg
     )
@@ -139,8 +127,6 @@ def profiles_from_frame(
     bottom_fl: int,
     top_fl: int | None = None,
     mass_kg: Number | None = None,
-    *,
-    speed: Speed = "cas",
 ) -> Profiles:
     """Tensors of a prepared table of descents (columns ``flight_id level_fl time_s IAS vertical_rate``).
 
@@ -151,7 +137,6 @@ def profiles_from_frame(
         top_fl: Highest level of the grid; the highest in the table if absent. Flights without a level on the
             grid are not among the profiles.
         mass_kg: Mass for the drag, one for all flights; the reference mass if absent.
-        speed: ``mach_cas`` finds each flight's crossover, and infers drag in the flight's own regime.
 
     Raises:
         DataError: If no flight has a level on the grid.
@@ -185,7 +170,7 @@ def profiles_from_frame(
     # A plausible speed keeps the arithmetic finite at missing levels; the mask hides the result.
     cas_mps = cas_kt.masked_fill_(~mask, 250.0).mul_(KT_MPS)
     rate_mps = rate_fpm.mul_(FPM_MPS)
-    return observed_profiles(aircraft, tuple(flight_ids), levels, time_s, cas_mps, rate_mps, mask, mass_kg, speed=speed)
+    return observed_profiles(aircraft, tuple(flight_ids), levels, time_s, cas_mps, rate_mps, mask, mass_kg)
 
 
 def observed_profiles(
@@ -197,10 +182,8 @@ def observed_profiles(
     rate_mps: Tensor,
     mask: Tensor,
     mass_kg: Number | None = None,
-    *,
-    speed: Speed = "cas",
 ) -> Profiles:
-    """Profiles with the drag that what was observed implies, and with crossovers where speed is held as Mach and CAS.
+    """Profiles with the drag that what was observed implies.
 
     Args:
         aircraft: Coefficients.
@@ -211,29 +194,24 @@ def observed_profiles(
         rate_mps: Negative in descent.
         mask: Observed.
         mass_kg: One for all flights; the reference mass if absent.
-        speed: See :func:`profiles_from_frame`.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
         >>> levels_fl = torch.arange(250.0, 351.0).double()
         >>> cas, rate = torch.full((1, 101), 140.0).double(), torch.full((1, 101), -10.0).double()
         >>> seen = torch.ones_like(cas, dtype=torch.bool)
-        >>> one = observed_profiles(aircraft("A320"), ("a",), levels_fl, 0 * cas, cas, rate, seen, speed="mach_cas")
-        >>> one.crossovers.holds_mach.shape
+        >>> one = observed_profiles(aircraft("A320"), ("a",), levels_fl, 0 * cas, cas, rate, seen)
+        >>> one.drag_n.shape
         torch.Size([1, 101])
     """
     altitude_m = levels_fl * FL_M
-    found = None
-    if speed == "mach_cas":
-        found = find_crossovers(cas_mps, mask, altitude_m, float(aircraft.transition_altitude_m()))
     # Flights are independent: in blocks, the steps of the equation need no memory for all flights at once.
     drag = []
     for start in range(0, len(mask), BLOCK):
         part = slice(start, start + BLOCK)
-        at_mach = None if found is None else found.holds_mach[part]
-        found_n = infer_drag_n(aircraft, cas_mps[part], rate_mps[part], altitude_m, mass_kg, at_mach=at_mach)
+        found_n = infer_drag_n(aircraft, cas_mps[part], rate_mps[part], altitude_m, mass_kg)
         drag.append(torch.where(mask[part], found_n, 0.0))
-    return Profiles(flight_ids, levels_fl, time_s, cas_mps, rate_mps, torch.cat(drag), mask, found)
+    return Profiles(flight_ids, levels_fl, time_s, cas_mps, rate_mps, torch.cat(drag), mask)
 
 
 def _scatter(values: np.ndarray, index: tuple[np.ndarray, np.ndarray], n: int, n_levels: int) -> Tensor:

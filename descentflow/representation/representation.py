@@ -17,12 +17,10 @@ from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.representation.drag_scale import DragScale, DragScaleName, fit_drag_scale
 from descentflow.representation.fpca.basis import FunctionalBasis
-from descentflow.representation.fpca.constant_basis import fit_constant
 from descentflow.representation.fpca.gappy import GappyFPCA, Method
 from descentflow.representation.linear_curves import Gaps
-from descentflow.representation.observed_channels import observed_channels
 from descentflow.representation.plausibility import MARGIN, Bounds, Plausibility
-from descentflow.representation.profiles import Profiles, Speed
+from descentflow.representation.profiles import Profiles
 from descentflow.representation.residual import residual_drag, residual_speed
 from descentflow.representation.seen_flights import SeenFlights
 from descentflow.surveillance.cleaning.kept_settings import kept_cleaning
@@ -211,7 +209,7 @@ def fit_representation(
     """Fit bases, scaler and bounds to training flights (paper, sections 2.2 to 2.4).
 
     Args:
-        train: Training flights on their grid; with crossovers, speed is a Mach number and a CAS, else one CAS profile.
+        train: Training flights on their grid.
         aircraft: Coefficients that inferred their drag.
         split: The split that ``train`` comes from, to be recorded.
         explained_variance: Share of variance that the components of drag explain.
@@ -250,7 +248,7 @@ def fit_representation(
 def standardised_decoder(
     train: Profiles,
     aircraft: PerformanceModel,
-    bases: list[FunctionalBasis],
+    bases: tuple[FunctionalBasis, FunctionalBasis],
     drag_scale: DragScale,
     mass_kg: float | None = None,
 ) -> DescentDecoder:
@@ -259,7 +257,7 @@ def standardised_decoder(
     Args:
         train: Training flights on their grid.
         aircraft: Coefficients that inferred their drag.
-        bases: Of drag, of the Mach number where speed is held as Mach and CAS, and of CAS.
+        bases: Of drag and of CAS.
         drag_scale: Of the basis of drag.
         mass_kg: Mass that inferred the drag, if not the reference mass.
 
@@ -272,13 +270,13 @@ def standardised_decoder(
         >>> import polars as pl
         >>> known = load_representation("best.ckpt")
         >>> train = encode_flights(pl.read_parquet("descents.parquet"), known)["train"].profiles
-        >>> bases, scale = list(known.decoder.bases.values()), known.decoder.drag_scale
+        >>> bases, scale = tuple(known.decoder.bases.values()), known.decoder.drag_scale
         >>> again = standardised_decoder(train, known.decoder.aircraft, bases, scale)
         >>> bool(torch.allclose(again.weight_scale, known.decoder.weight_scale))
         True
     """
-    parts = zip(bases, *observed_channels(train, held_speed(train), drag_scale), strict=True)
-    raw = torch.cat([basis.encode(values, mask) for basis, values, mask in parts], 1)
+    found = drag_scale.observed(train)
+    raw = torch.cat([basis.encode(one, found.mask) for basis, one in zip(bases, found.values, strict=True)], 1)
     scale = raw.std(0)
     if not bool((scale > 0).all()):
         raise DataError(
@@ -286,55 +284,16 @@ def standardised_decoder(
             expected="weights that vary between flights",
             mend="prepare more descents, or lower data.explained_variance or data.cas_explained_variance",
         )
-    drag, *of_mach, cas = bases
-    return DescentDecoder(
-        aircraft,
-        train.levels_fl,
-        drag,
-        cas,
-        drag_scale,
-        raw.mean(0),
-        scale,
-        mass_kg,
-        mach_basis=of_mach[0] if of_mach else None,
-    )
-
-
-def held_speed(flights: Profiles) -> Speed:
-    """Kind of speed that is held: a Mach number and a CAS where flights have crossovers.
-
-    Example:
-        >>> from descentflow.representation.profiles import profiles_from_frame
-        >>> from descentflow.aircraft_types.registry import aircraft
-        >>> import polars as pl
-        >>> held_speed(profiles_from_frame(pl.read_parquet("descents.parquet"), aircraft("A320"), 150, 330))
-        'cas'
-    """
-    return "cas" if flights.crossovers is None else "mach_cas"
+    return DescentDecoder(aircraft, train.levels_fl, *bases, drag_scale, raw.mean(0), scale, mass_kg)
 
 
 def _fitted_bases(
     train: Profiles, explained_variance: tuple[float, float], method: Method, drag_scale: DragScale
-) -> list[FunctionalBasis]:
-    """Bases of drag and of speed, in the order of the weights, that explain these shares of variance."""
-    drag, *speeds = zip(*observed_channels(train, held_speed(train), drag_scale), strict=True)
-    of_drag, of_cas = explained_variance
-    fitted = [GappyFPCA(of_drag, method).fit(*drag, FL_M).basis_]
-    if train.crossovers is None:
-        return [*fitted, *(GappyFPCA(of_cas, method).fit(*one, FL_M).basis_ for one in speeds)]
-    return [*fitted, *fitted_constants(speeds)]
-
-
-def fitted_constants(speeds: list[tuple[Tensor, Tensor]]) -> list[FunctionalBasis]:
-    """Bases of the Mach number and of the CAS that flights hold.
-
-    Args:
-        speeds: Values and mask (n, L) of the Mach number, and of the CAS.
-
-    Example:
-        >>> speed, seen = 200 + 5 * torch.randn(30, 1).double().expand(-1, 40), torch.ones(30, 40, dtype=torch.bool)
-        >>> [basis.n_components for basis in fitted_constants([(speed / 340, seen), (speed, seen)])]
-        [1, 1]
-    """
-    named = zip(speeds, ("Mach number", "CAS"), strict=True)
-    return [fit_constant(*one, FL_M, name) for one, name in named]
+) -> tuple[FunctionalBasis, FunctionalBasis]:
+    """Bases of drag and of CAS that explain these shares of variance."""
+    found = drag_scale.observed(train)
+    drag, cas = (
+        GappyFPCA(share, method).fit(values, found.mask, FL_M).basis_
+        for values, share in zip(found.values, explained_variance, strict=True)
+    )
+    return drag, cas

@@ -32,23 +32,16 @@ def residual_drag(decoder: DescentDecoder, train: Profiles) -> Tensor:
         True
     """
     kept, *_ = decoder.profiles(decoder.encode(train))
-    shown = decoder.observed(train).values[0]
+    shown = decoder.drag_scale.observed(train).values[0]
     return _as_large_as_left(decoder.drag_basis, shown - kept, train.mask)
 
 
 def residual_speed(decoder: DescentDecoder, train: Profiles) -> Tensor:
-    """Deviations of speed, each of which samples have times a standard normal of its own.
-
-    Of a CAS profile they are made as large as what flights show, as those of drag are. Of a Mach number and a CAS that
-    are constants they are all that their components leave out: which of both a flight shows is known to a probability
-    alone.
+    """Deviations of the CAS (s, L) in m/s, as :func:`residual_drag` has those of drag.
 
     Args:
         decoder: With the components kept, of a probabilistic PCA.
         train: Training flights on its grid.
-
-    Returns:
-        (s, L) of the CAS in m/s, or (s, 2 L) of the Mach number, then of the CAS.
 
     Example:
         >>> from descentflow.representation.encode_flights import encode_flights
@@ -59,12 +52,8 @@ def residual_speed(decoder: DescentDecoder, train: Profiles) -> Tensor:
         >>> residual_speed(known.decoder, train).shape[1] == train.cas_mps.shape[1]
         True
     """
-    if decoder.mach_basis is None:
-        _, kept = decoder.curves(decoder.encode(train))
-        return _as_large_as_left(decoder.cas_basis, train.cas_mps - kept, train.mask)
-    bases = (decoder.mach_basis, decoder.cas_basis)
-    blocks: Tensor = torch.block_diag(*(basis.left_out().T for basis in bases))  # type: ignore[no-untyped-call]
-    return blocks
+    _, kept = decoder.curves(decoder.encode(train))
+    return _as_large_as_left(decoder.cas_basis, train.cas_mps - kept, train.mask)
 
 
 def _as_large_as_left(basis: FunctionalBasis, left: Tensor, mask: Tensor) -> Tensor:

@@ -35,11 +35,10 @@ from descentflow.representation.evidence import Evidence
 from descentflow.representation.flight_contexts import without_missing
 from descentflow.representation.flight_parts import Part, levels_shown, one_part, places, top_level, with_levels
 from descentflow.representation.fpca.gappy import Method
-from descentflow.representation.held_speed import HeldSpeed, as_held
 from descentflow.representation.linear_curves import Gaps, evidence_of, has_noise_model
 from descentflow.representation.own_air import STANDARD, airs_as_kept, in_air_asked
 from descentflow.representation.plausibility import MARGIN, Bounds
-from descentflow.representation.profiles import Profiles, Speed, profiles_from_frame
+from descentflow.representation.profiles import Profiles, profiles_from_frame
 from descentflow.representation.read_checkpoint import load_representation
 from descentflow.representation.representation import CAS_SHARE, Representation, Split, fit_representation
 from descentflow.representation.seen_flights import SeenFlights
@@ -94,7 +93,6 @@ class DescentDataModule(LightningDataModule):
         bounds: Bounds = "expected",
         residual: bool = True,
         drag_scale: DragScaleName = "log",
-        speed: HeldSpeed = "cas",
         air: str | Path = "standard",
     ) -> None:
         """Set the options; nothing is read before ``setup``.
@@ -133,9 +131,6 @@ class DescentDataModule(LightningDataModule):
             residual: Whether samples have the drag and the speed beyond the components, with their own variance.
             drag_scale: Scale on which drag is linear in the weights: ``log``, the logarithm of drag minus idle thrust,
                 so that all weights descend; or ``newton``, as in the paper.
-            speed: How speed is held: ``cas``, one CAS profile and the type's transition altitude, as in the paper;
-                ``mach_cas``, a Mach number above each flight's own crossover and a CAS below it; or ``auto``, that
-                where enough training flights show both and components are not ``iterative``.
             air: In which air drag is inferred: ``standard``; ``measured``: temperature and wind along the track by the
                 flights' own reports (TAS, Mach, groundspeed); or a weather field by pressure level (ERA5), a NetCDF or
                 GRIB file or a folder of them, read where the flights were. With a checkpoint: where the flights' air is
@@ -150,7 +145,7 @@ class DescentDataModule(LightningDataModule):
         self.fpca, self.margin = fpca, margin
         self.batch_size, self.fewest_batches, self.checkpoint = batch_size, fewest_batches, checkpoint
         self.context, self.context_table, self.missing_context = context, context_table, missing_context
-        self.gaps, self.bounds, self.residual, self.speed = gaps, bounds, residual, speed
+        self.gaps, self.bounds, self.residual = gaps, bounds, residual
         self.air, self.drag_scale = air, drag_scale
         self._evidence: dict[Part, Evidence] = {}
         self._representation: Representation | None = None
@@ -301,21 +296,17 @@ class DescentDataModule(LightningDataModule):
         bottom = bottom_of(source, frame, self.bottom_fl)
         owner = dict(first_rows(frame.select("flight_id", "icao24"), "flight_id").iter_rows())
 
-        def made(speed: Speed) -> tuple[Profiles, Split]:
-            profiles = profiles_from_frame(frame, own_type, bottom, mass_kg=self.mass_kg, speed=speed)
-            groups = profiles.flight_ids if self.split_by == "flight" else [owner[f] for f in profiles.flight_ids]
-            split = split_flights(
-                profiles.flight_ids,
-                groups,
-                test_fraction=self.test_fraction,
-                validation_fraction=self.validation_fraction,
-                seed=self.seed,
-            )
-            top = max([top_level(profiles, places(profiles, split, "train")), *self._grid[1:]])
-            return profiles.between(bottom, top), split
-
-        asked: HeldSpeed = "cas" if self.speed == "auto" and self.fpca == "iterative" else self.speed
-        profiles, split = as_held(asked, made, lambda made: one_part(*made, "train"), rank_zero_info)
+        profiles = profiles_from_frame(frame, own_type, bottom, mass_kg=self.mass_kg)
+        groups = profiles.flight_ids if self.split_by == "flight" else [owner[f] for f in profiles.flight_ids]
+        split = split_flights(
+            profiles.flight_ids,
+            groups,
+            test_fraction=self.test_fraction,
+            validation_fraction=self.validation_fraction,
+            seed=self.seed,
+        )
+        top = max([top_level(profiles, places(profiles, split, "train")), *self._grid[1:]])
+        profiles = profiles.between(bottom, top)
         return with_levels(profiles, rank_zero_info), split
 
     def _fit(self, read: "_Read") -> Representation:

@@ -19,9 +19,8 @@ def test_a_truncated_basis_is_the_one_that_a_fit_of_its_own_finds(share: float) 
         torch.testing.assert_close(getattr(short, name), buffer, rtol=0, atol=0)
 
 
-@pytest.mark.parametrize("crossovers", [False, True])
-def test_folds_part_the_flights_and_every_share_has_its_scores(crossovers: bool) -> None:
-    real = toys.with_crossovers(toys.flights(120)) if crossovers else toys.flights(120)
+def test_folds_part_the_flights_and_every_share_has_its_scores() -> None:
+    real = toys.flights(120)
     found = fold_scores(real, toys.AIRCRAFT, 300.0, 1, 2, (0.5, 0.9))
     assert found.group_by("share", "quantity", maintain_order=True).len()["len"].to_list() == [3] * 4
     assert found.filter(share=0.5)["components"][0] <= found.filter(share=0.9)["components"][0]

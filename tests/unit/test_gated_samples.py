@@ -115,7 +115,7 @@ def test_samples_have_the_spread_that_components_leave_out(name: str) -> None:
     decoder = parts.decoder
     of_drag, of_cas = decoder.weight_scale.split([basis.n_components for basis in decoder.bases.values()])
     residual, scale = (decoder.residual, of_drag) if name == "drag" else (decoder.speed_residual, of_cas)
-    drag, cas = decoder.observed(flights).values
+    drag, cas = decoder.drag_scale.observed(flights).values
     spread = (drag if name == "drag" else cas).std(0)
     assert len(residual) >= 1
     kept = decoder.bases[name].components.T @ torch.diag(scale)

@@ -25,8 +25,8 @@ from descentflow.generation.prediction.summary import (
     time_intervals,
 )
 from descentflow.representation.decoder.trajectories import Trajectories
+from descentflow.representation.drag_scale import Observed
 from descentflow.representation.linear_curves import KEPT_NOISE, LinearCurves, linear_curves
-from descentflow.representation.observed_channels import Observed
 
 
 def normal(*shape: int, seed: int = 0) -> Tensor:
@@ -40,7 +40,7 @@ def linear(n_weights: int = 3, n_residual: int = 2, n_levels: int = 6) -> Linear
 
 def seen_of(curves: LinearCurves, drag: Tensor, cas: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
     """Precision and shift of one flight."""
-    found = curves.information(Observed((drag[None], cas[None]), (mask[None], mask[None])))
+    found = curves.information(Observed((drag[None], cas[None]), mask[None]))
     return found.precisions[0], found.shift[0]
 
 

@@ -187,7 +187,7 @@ def test_a_time_needs_a_level_of_entry() -> None:
 
 def test_two_values_that_one_component_of_speed_cannot_both_have() -> None:
     """Without deviations of speed, as many values as components of CAS are free; one more is what they imply."""
-    density, parts = toy.mixture(True), Representation.from_state(toy.state(False))
+    density, parts = toy.mixture(True), Representation.from_state(toy.state())
     parts.decoder.keep_residual(parts.decoder.residual)
     density.attach(parts)
     one, levels = df.Generator(density, seed=5), (275, 300, 330, 345)

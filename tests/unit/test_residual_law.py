@@ -213,7 +213,7 @@ def test_held_out_flights_are_more_probable_under_the_law() -> None:
     d, n_residual = decoder.dimension, linear_curves(decoder).n_residual
     one = Mixture(torch.ones(1).double(), torch.zeros(1, d).double(), torch.eye(d).double()[None])
     train, test = (
-        linear_curves(decoder).information(decoder.observed(toys.flights(400, seed=seed))) for seed in (0, 1)
+        linear_curves(decoder).information(decoder.drag_scale.observed(toys.flights(400, seed=seed))) for seed in (0, 1)
     )
     all_of_it = torch.ones(400, 1).double()
     law = learn_residual_law(train, torch.zeros(n_residual, dtype=torch.long), one, all_of_it)

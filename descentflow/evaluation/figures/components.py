@@ -21,7 +21,6 @@ def components_figure(
     cas_basis: FunctionalBasis,
     levels_fl: Tensor,
     drag_scale: DragScale,
-    mach_basis: FunctionalBasis | None = None,
 ) -> Figure:
     """Mean function plus and minus each component, and the shares of variance explained.
 
@@ -33,7 +32,6 @@ def components_figure(
         cas_basis: Basis of CAS on the same levels.
         levels_fl: (L,) ascending grid.
         drag_scale: On which the basis of drag is linear.
-        mach_basis: Basis of the Mach number, of a model that has one.
 
     Returns:
         A figure of two or three rows (drag, Mach, CAS): a panel for each component up to four, then the shares.
@@ -47,12 +45,11 @@ def components_figure(
         'Drag (kN)'
     """
     levels_fl = levels_fl.detach().cpu()
-    of_mach = () if mach_basis is None else (("Mach number", _plain, mach_basis),)
 
     def kilonewtons(values: Tensor) -> Tensor:
         return drag_scale.drag_n(values, drag_scale.cas_mps) / 1000
 
-    bases = ("Drag (kN)", kilonewtons, drag_basis), *of_mach, ("CAS (kt)", _knots, cas_basis)
+    bases = ("Drag (kN)", kilonewtons, drag_basis), ("CAS (kt)", _knots, cas_basis)
     n_panels = min(MAX_COMPONENTS, max(basis.n_components for _, _, basis in bases))
     figure = Figure(figsize=(2.6 * n_panels + 3.4, 3.5 * len(bases)), layout="constrained")
     axes = figure.subplots(len(bases), n_panels + 1, squeeze=False)

@@ -7,7 +7,6 @@ jumps in what would be padding, and profiles are summed number by number
 """
 
 from copy import copy
-from dataclasses import replace
 
 import numpy as np
 import torch
@@ -18,7 +17,6 @@ from descentflow.generation.given_temperature import airspeed_ratio
 from descentflow.physics.level_table import level_rate, level_table
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.decoder.flight_grid import flight_grid
-from descentflow.representation.decoder.lower_speed import lower_of
 from descentflow.representation.decoder.trajectories import climbed_s
 
 Array = NDArray[np.float64]
@@ -48,14 +46,13 @@ class FlownProfiles:
         """Tabulate a decoder's levels, for its aircraft, mass and no temperature deviation."""
         levels = decoder.levels_fl.detach().cpu()
         altitude_m = levels * FL_M
-        # Where every flight has a crossover of its own, the rate does not jump at the type's.
-        self.grid = flight_grid(decoder.aircraft, altitude_m, at_transition=decoder.speed == "cas")
+        self.grid = flight_grid(decoder.aircraft, altitude_m)
         breaks = self.grid.breaks
         self.levels_fl, self.n_levels, self.n_sides = levels.numpy(), len(levels), len(breaks.base)
         self.width = -(-(self.n_levels + self.n_sides) // VECTOR) * VECTOR
         padding = self.width - self.n_levels - self.n_sides
-        self._altitude_m = torch.cat([altitude_m, breaks.altitude_m, altitude_m[:1].expand(padding)])
-        self.table = level_table(decoder.aircraft, self._altitude_m)
+        columns_m = torch.cat([altitude_m, breaks.altitude_m, altitude_m[:1].expand(padding)])
+        self.table = level_table(decoder.aircraft, columns_m)
         self.base, self.share = np.array(breaks.base, dtype=int), np.array([float(s) for s in breaks.share])
         self.airspeed_ratio = np.ones(self.width)
         self.drag_scale = decoder.drag_scale
@@ -88,48 +85,31 @@ class FlownProfiles:
     def _at_levels(self, *columns: Array) -> list[torch.Tensor]:
         return [torch.from_numpy(values[:, : self.n_levels]) for values in columns]
 
-    def lower(self, mach: Array, cas_mps: Array) -> tuple[Array, Array]:
-        """CAS flown (m/s) of a Mach number and a CAS, each (n, W), and how far the CAS of the Mach number is ahead.
-
-        See :class:`~descentflow.representation.decoder.lower_speed.LowerSpeed`: below zero the Mach number is held.
-        """
-        flown, ahead = np.empty_like(cas_mps), np.empty_like(cas_mps)
-        for part in self._blocks(len(mach)):
-            found = lower_of(torch.from_numpy(mach[part]), torch.from_numpy(cas_mps[part]), self._altitude_m)
-            flown[part], ahead[part] = found.cas_mps.numpy(), found.ahead_mps.numpy()
-        # At the jumps of the rate, what is flown at the levels is continued, as the decoder does.
-        return self.columns(flown[:, : self.n_levels]), self.columns(ahead[:, : self.n_levels])
-
-    def fly(self, drag_n: Array, cas_mps: Array, ahead_mps: Array | None = None) -> tuple[Array, Array, Array, Array]:
+    def fly(self, drag_n: Array, cas_mps: Array) -> tuple[Array, Array, Array, Array]:
         """Mach, true airspeed (m/s), rate (m/s, negative in descent) and its reciprocal, each (n, W).
 
         Args:
             drag_n: (n, W).
-            cas_mps: (n, W) as flown.
-            ahead_mps: (n, W) of :meth:`lower`, where each flight holds a Mach number of its own.
+            cas_mps: (n, W).
         """
         out = tuple(np.empty_like(drag_n) for _ in range(4))
         for part in self._blocks(len(drag_n)):
-            here, table = tuple(torch.from_numpy(values[part]) for values in out), self.table
-            if ahead_mps is not None:
-                table = replace(table, compression=torch.from_numpy((ahead_mps[part] >= 0).astype(float)))
-            level_rate(table, torch.from_numpy(drag_n[part]), torch.from_numpy(cas_mps[part]), out=here)
+            here = tuple(torch.from_numpy(values[part]) for values in out)
+            level_rate(self.table, torch.from_numpy(drag_n[part]), torch.from_numpy(cas_mps[part]), out=here)
         return out[0], out[1], out[2], out[3]
 
     def _blocks(self, n: int) -> list[slice]:
         size = max(BLOCK_VALUES // self.width, 1)
         return [slice(start, start + size) for start in range(0, n, size)]
 
-    def seconds(self, slowness: Array, ahead_mps: Array | None = None) -> Array:
+    def seconds(self, slowness: Array) -> Array:
         """Time (n, L) from each level to the lowest, as a number that grows downwards from zero at the lowest.
 
         Args:
             slowness: (n, W) of :meth:`fly`.
-            ahead_mps: (n, W) of :meth:`lower`: the leg in which a flight changes over is split there.
         """
         levels, sides = (torch.from_numpy(part) for part in np.split(slowness, [self.n_levels], 1))
-        ahead = None if ahead_mps is None else torch.from_numpy(ahead_mps[:, : self.n_levels])
-        return climbed_s(self.grid, levels, sides, ahead).numpy()
+        return climbed_s(self.grid, levels, sides).numpy()
 
     def metres(self, tas_mps: Array, rate_mps: Array, seconds: Array) -> Array:
         """Distance through the air (n, L) in the same way: horizontal speed is taken as linear in time."""

@@ -65,9 +65,7 @@ def flown_so_far(decoder: DescentDecoder, flown: FlownSoFar, bounds: Plausibilit
     cas[0, index], rate[0, index] = cas_kt[on], rate_fpm[on]
     cas_mps, rate_mps = torch.from_numpy(cas * KT_MPS), torch.from_numpy(rate * FPM_MPS)
     seen, levels, time_s = torch.from_numpy(mask), decoder.levels_fl.cpu(), torch.zeros_like(cas_mps)
-    found = observed_profiles(
-        decoder.aircraft, ("flown",), levels, time_s, cas_mps, rate_mps, seen, speed=decoder.speed
-    )
+    found = observed_profiles(decoder.aircraft, ("flown",), levels, time_s, cas_mps, rate_mps, seen)
     if bounds is not None:
         _check_units(found, bounds)
     return found

@@ -58,22 +58,13 @@ class DrawnDescents:
         return found
 
     def broken_after(self, so_far: Profiles) -> Judge:
-        """The same after a part was flown: only whether they descend all the way, as prediction asks.
-
-        A flight that is still at its Mach number has a CAS above what it shows. That is no statement on linear
-        profiles: draws that contradict it, whose speed would jump where they go on, are rejected.
-        """
-        n_levels, holds_mach = self.grid.n_levels, None
-        lowest = int(so_far.mask[0].nonzero()[0])
-        if so_far.crossovers is not None and bool(so_far.crossovers.sure[0, lowest]):
-            holds_mach = bool(so_far.crossovers.holds_mach[0, lowest])
+        """The same after a part was flown: only whether they descend all the way, as prediction asks."""
+        n_levels = self.grid.n_levels
 
         def broken(drawn: Drawn, which: np.ndarray) -> np.ndarray:
             below = np.arange(n_levels) <= drawn.entry[:, None]
             rules = np.zeros((len(which), len(RULES)), dtype=bool)
             rules[:, RULES.index("descends_too_slowly")] = (~(drawn.flown.rate[:, :n_levels] < 0) & below).any(1)
-            if holds_mach is not None and drawn.flown.ahead is not None:
-                rules[:, RULES.index("speed_changes_too_fast")] = (drawn.flown.ahead[:, lowest] < 0) != holds_mach
             return rules
 
         return broken

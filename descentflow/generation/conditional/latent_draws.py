@@ -193,8 +193,7 @@ def rows_of(drawn: Drawn, index: np.ndarray) -> Drawn:
 
 def _values(flown: Flown) -> list[Array]:
     """All that was flown, in the order of its fields."""
-    found = [flown.drag, flown.cas, flown.mach, flown.tas, flown.rate, flown.seconds]
-    return found if flown.ahead is None else [*found, flown.ahead]
+    return [flown.drag, flown.cas, flown.mach, flown.tas, flown.rate, flown.seconds]
 
 
 def resampled(log_weight: Array, uniform: Array) -> tuple[np.ndarray, Array]:

@@ -128,20 +128,20 @@ def parts_after(
         True
     """
     noisier = replace(curves, noise_variance=noise_multiple * curves.noise_variance)
-    seen = noisier.information(decoder.observed(flown))
+    seen = noisier.information(decoder.drag_scale.observed(flown))
     posterior = posterior_of(prior, seen.precisions[0], seen.shift[0])
     # Precision L L': the transposed inverse of L is a root of the covariance.
     roots = torch.linalg.inv(posterior.precision_trils).mT
     loadings, offset = _numbers(curves.loadings), _numbers(curves.offset)
-    lines = [
+    drag, cas = (
         LinearProfile(grid.columns(offset[part]), grid.columns(loadings[part].T))
-        for part in np.split(np.arange(len(offset)), curves.n_profiles)
-    ]
+        for part in np.split(np.arange(len(offset)), 2)
+    )
     return LatentParts(
         _numbers(posterior.log_probs),
         _numbers(posterior.means),
         np.ascontiguousarray(_numbers(roots)),
-        _in_order(lines),
+        LatentProfiles(drag, cas),
         curves.n_weights,
         prior if prior.exact is not None else None,
     )
@@ -163,12 +163,7 @@ def sample_profiles(decoder: DescentDecoder, grid: FlownProfiles) -> LatentProfi
     for values in decoder.profiles(rows[:, :d], rows[:, d:]):
         offset, loadings = _numbers(values[0]), _numbers(values[1:] - values[0])
         lines.append(LinearProfile(grid.columns(offset), grid.columns(loadings)))
-    return _in_order(lines)
-
-
-def _in_order(lines: list[LinearProfile]) -> LatentProfiles:
-    """Profiles in the order of the decoder's bases: drag, the Mach number if there is one, CAS."""
-    return LatentProfiles(lines[0], lines[-1], lines[1] if len(lines) == 3 else None)
+    return LatentProfiles(*lines)
 
 
 def _numbers(values: Tensor) -> Array:

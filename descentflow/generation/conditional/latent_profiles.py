@@ -1,8 +1,4 @@
-"""Drag and speed as linear functions of latent numbers, with the same bits for a draw in whatever batch it is.
-
-A flight's speed is one CAS, or a Mach number and a CAS of which the lower is flown. Both of these are linear; what is
-flown is not.
-"""
+"""Drag and speed as linear functions of latent numbers, with the same bits for a draw in whatever batch it is."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -41,26 +37,24 @@ class LinearProfile:
 
 
 class Curves(NamedTuple):
-    """Profiles (n, W) of n descents: drag (N, on the decoder's scale), CAS (m/s), and the Mach number, if there is one.
+    """Profiles (n, W) of n descents: drag (N, on the decoder's scale) and CAS (m/s).
 
     Example:
         >>> one = Curves(np.array([[9000.0]]), np.array([[140.0]]))
         >>> one.moved(2.0, Curves(np.array([[200.0]]), np.array([[0.5]])))
-        Curves(drag=array([[9400.]]), cas=array([[141.]]), mach=None)
+        Curves(drag=array([[9400.]]), cas=array([[141.]]))
     """
 
     drag: Array
     cas: Array
-    mach: Array | None = None
 
     def moved(self, s: Array | float, change: "Curves") -> "Curves":
         """Moved by s (n, 1) times a change."""
-        mach = None if self.mach is None or change.mach is None else self.mach + s * change.mach
-        return Curves(self.drag + s * change.drag, self.cas + s * change.cas, mach)
+        return Curves(self.drag + s * change.drag, self.cas + s * change.cas)
 
     def rows(self, index: np.ndarray) -> "Curves":
         """Of the descents at these positions."""
-        return Curves(self.drag[index], self.cas[index], None if self.mach is None else self.mach[index])
+        return Curves(self.drag[index], self.cas[index])
 
 
 @dataclass(frozen=True)
@@ -70,7 +64,6 @@ class LatentProfiles:
     Attributes:
         drag: Of N, on the scale of the decoder, see :class:`~descentflow.representation.drag_scale.DragScale`.
         cas: Of m/s.
-        mach: Of the Mach number, where the lower of both speeds is flown; None where speed is one CAS profile.
 
     Example:
         >>> line = LinearProfile(np.zeros(2), np.array([[1.0, 2.0]]))
@@ -80,13 +73,11 @@ class LatentProfiles:
 
     drag: LinearProfile
     cas: LinearProfile
-    mach: LinearProfile | None = None
 
     def of(self, u: Array) -> Curves:
         """Profiles of (n, D)."""
-        return Curves(self.drag.of(u), self.cas.of(u), None if self.mach is None else self.mach.of(u))
+        return Curves(self.drag.of(u), self.cas.of(u))
 
     def change(self, direction: Array) -> Curves:
         """Change of the profiles along directions (n, D)."""
-        mach = None if self.mach is None else self.mach.change(direction)
-        return Curves(self.drag.change(direction), self.cas.change(direction), mach)
+        return Curves(self.drag.change(direction), self.cas.change(direction))

@@ -29,10 +29,6 @@ STEP_SD = 0.05
 """Step along the line, in standard deviations, over which the slope of the weight is taken."""
 TOLERANCE = {"time_s": 1e-3, "distance_nm": 1.0}
 """Largest distance (s, m) of a draw from the value asked: less than anyone measures, more than the last step leaves."""
-TOLERANCE_AT_CROSSOVERS = {"time_s": 0.05, "distance_nm": 10.0}
-"""The same where flights have crossovers of their own: a time jumps by some 0.01 s as its crossover passes a level."""
-STEP_LATENT = 0.2
-"""Step of latent numbers over which slopes are taken there: a crossover moves across several levels."""
 LEVELS_OF_A_BAND = 9
 """Levels of a band at which the shares of the Gaussians are found."""
 LEAST_SPREAD = 1e-6
@@ -50,7 +46,6 @@ class Flown:
         tas: (n, W) m/s.
         rate: (n, W) m/s, negative in descent.
         seconds: (n, L) of :meth:`FlownProfiles.seconds`: zero at the lowest level.
-        ahead: (n, W) m/s, below zero where a Mach number is held; None where speed is one CAS profile.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
@@ -67,15 +62,13 @@ class Flown:
     tas: Array
     rate: Array
     seconds: Array
-    ahead: Array | None = None
 
     @classmethod
     def of(cls, grid: FlownProfiles, curves: Curves) -> "Flown":
         """Fly profiles (n, W)."""
-        cas, ahead = (curves.cas, None) if curves.mach is None else grid.lower(curves.mach, curves.cas)
-        drag = grid.drag_n(curves.drag, cas)
-        mach, tas, rate, slowness = grid.fly(drag, cas, ahead)
-        return cls(drag, cas, mach, tas, rate, grid.seconds(slowness, ahead), ahead)
+        drag = grid.drag_n(curves.drag, curves.cas)
+        mach, tas, rate, slowness = grid.fly(drag, curves.cas)
+        return cls(drag, curves.cas, mach, tas, rate, grid.seconds(slowness))
 
 
 class PointCondition:
@@ -121,7 +114,7 @@ class PointCondition:
         mean = parts.means + self.moved
         curves = parts.profiles.of(mean)
         self.profile = self._since_entry(Flown.of(grid, curves))
-        self.slope = self._slope(curves) if curves.mach is None else self._slope_with_crossovers(mean)
+        self.slope = self._slope(curves)
         spread = parts.roots @ (parts.roots.mT @ self.slope[:, :, None])
         direction = (spread - speeds.gain @ (speeds.rows.matrix @ spread))[:, :, 0]
         middle_level = np.full(n_cells, self.levels.mean())
@@ -168,8 +161,7 @@ class PointCondition:
             log_weight += 0.5 * np.log(variance / (2 * pi)) - 0.5 * variance * s**2 - np.log(slope_s) - self.own[cell]
             if self.is_level_band:
                 log_weight += np.log(np.abs(_by_level(self._since_entry(flown), level)) * self.measure.slope(target))
-        tolerance = TOLERANCE if parts.profiles.mach is None else TOLERANCE_AT_CROSSOVERS
-        met = np.isfinite(log_weight) & (np.abs(off) <= tolerance[self.asked.name])
+        met = np.isfinite(log_weight) & (np.abs(off) <= TOLERANCE[self.asked.name])
         return u + s[:, None] * direction, flown, np.where(met, log_weight, -np.inf)
 
     def _target(self, expected: Array, sd: Array, uniform: Array) -> tuple[Array, Array]:
@@ -183,7 +175,7 @@ class PointCondition:
     def _solve(
         self, curves: Curves, by_s: Curves, s: Array, target: Array, level: Array, variance: Array
     ) -> tuple[Array, Flown, Array, Array]:
-        """A step by the slope at the mean, and one or two of Newton; the slope there, and how far off the result is."""
+        """A step by the slope at the mean, and one of Newton; the slope there, and how far off the result is."""
 
         def at(s: Array) -> tuple[Flown, Array]:
             flown = Flown.of(self.grid, curves.moved(s[:, None], by_s))
@@ -191,10 +183,9 @@ class PointCondition:
 
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             found, ahead = s + (target - at(s)[1]) / variance, STEP_SD / np.sqrt(variance)
-            for _ in range(1 if curves.mach is None else 2):
-                value = at(found)[1]
-                slope = (at(found + ahead)[1] - value) / ahead
-                found = found + (target - value) / slope
+            value = at(found)[1]
+            slope = (at(found + ahead)[1] - value) / ahead
+            found = found + (target - value) / slope
             flown, value = at(found)
             return found, flown, slope, self.measure.back(value) - self.measure.back(target)
 
@@ -224,20 +215,6 @@ class PointCondition:
         by_cas = weights * (faster - here) / STEP_MPS @ self.parts.profiles.cas.loadings.T
         value = self._measured(self.profile, np.full(len(here), self.levels.mean()))
         found: Array = -(by_drag + by_cas) * self.measure.slope(value)[:, None]
-        return found
-
-    def _slope_with_crossovers(self, mean: Array) -> Array:
-        """The same by steps of every latent number: the integrand jumps at crossovers, which move."""
-        middle = np.full(len(mean), self.levels.mean())
-        found = np.zeros_like(mean)
-        for number in range(mean.shape[1]):
-            step = np.zeros(mean.shape[1])
-            step[number] = STEP_LATENT
-            after, before = (
-                self._measured(self._since_entry(Flown.of(self.grid, self.parts.profiles.of(u))), middle)
-                for u in (mean + step, mean - step)
-            )
-            found[:, number] = (after - before) / (2 * STEP_LATENT)
         return found
 
     def _measured(self, values: Array, level: Array) -> Array:

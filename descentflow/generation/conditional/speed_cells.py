@@ -1,42 +1,18 @@
-r"""Speeds asked at levels as rows of linear conditions, in whichever way each is held.
+"""Speeds asked at levels as rows of linear conditions on a CAS profile: one row for each."""
 
-Where speed is one CAS profile, a speed at a level is one row. Where the lower of a Mach number and a CAS is flown, a
-band of it is met in one of two cases, of which no draw can be both,
-
-.. math:: c \in [a, b],\ m \ge a \qquad\text{or}\qquad c > b,\ m \in [a, b],
-
-with c the CAS and m that of the Mach number, which at a level is a Mach number too. Together they are
-:math:`\min(c, m) \in [a, b]`; a value is a band of no width. Each way has two rows, linear in the latent numbers, so
-that every Gaussian becomes as many as there are cases that hold all the speeds that are asked.
-"""
-
-from itertools import chain, product
 from math import inf
 from typing import NamedTuple
 
 import numpy as np
-import torch
-from scipy.special import log_ndtr
-from torch import Tensor
 
-from descentflow.core.errors import ConfigError
-from descentflow.core.units import FL_M
 from descentflow.generation.conditional.constraints import SpeedAsked
 from descentflow.generation.conditional.flown_profiles import Array, FlownProfiles
 from descentflow.generation.conditional.latent_parts import LatentParts
-from descentflow.generation.conditional.latent_profiles import LinearProfile
-from descentflow.generation.conditional.speed_conditions import LEAST_SD, Rows
-from descentflow.physics.airspeed import cas_to_mach, mach_to_cas_mps
+from descentflow.generation.conditional.speed_conditions import Rows
 from descentflow.representation.plausibility import Plausibility
 
 NEVER = 1e6
 """CAS (m/s) that no descent has, which leaves a level of entry without probability."""
-LEAST_LOG_SHARE = -40.0
-"""Log probability of a way of holding a speed below which it is left out where the other way is more likely."""
-MOST_CELLS = 40_000
-"""Gaussians that are conditioned at once."""
-STEP_MACH = 1e-4
-"""Step over which the change of CAS with the Mach number is taken."""
 
 
 class NothingPlausible(Exception):
@@ -80,15 +56,6 @@ class Cells(NamedTuple):
     asked: tuple[SpeedAsked, ...]
 
 
-class _Row(NamedTuple):
-    """One row of each of C cells: (C, D), and (C,) at their means and as bounds."""
-
-    matrix: Array
-    centre: Array
-    low: Array
-    high: Array
-
-
 def speed_cells(
     speeds: tuple[SpeedAsked, ...],
     parts: LatentParts,
@@ -98,7 +65,7 @@ def speed_cells(
     log_probs: Array,
     bounds: Plausibility | None,
 ) -> Cells:
-    """Rows of the speeds for each Gaussian, level of entry and way of holding them; bands cut to the bounds.
+    """Rows of the speeds for each Gaussian and level of entry; bands cut to the bounds.
 
     Args:
         speeds: What is asked.
@@ -111,7 +78,6 @@ def speed_cells(
 
     Raises:
         NothingPlausible: If a speed is beyond the bounds.
-        ConfigError: If there are more cases than can be conditioned at once.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
@@ -125,15 +91,10 @@ def speed_cells(
     # Values before bands.
     order = tuple(sorted(speeds, key=lambda speed: speed.low < speed.high))
     level, low, high = _asked(order, grid, entry, bounds)
-    means, profiles = parts.means[component], parts.profiles
-    held: list[list[tuple[_Row, ...]]] = []
-    for k, lowest, highest in zip(level.T, low.T, high.T, strict=True):
-        if profiles.mach is None:
-            held.append([(_row(profiles.cas, means, k, np.ones(len(k)), lowest, highest),)])
-        else:
-            altitude = torch.from_numpy(grid.levels_fl[k] * FL_M)
-            held.append(_either_way(profiles.cas, profiles.mach, means, k, altitude, lowest, highest))
-    return _in_every_way(held, Cells(component, entry, log_probs, _stacked([], *means.shape), order), parts)
+    cas, means = parts.profiles.cas, parts.means[component]
+    matrix = cas.loadings.T[level]
+    centre = cas.offset[level] + (matrix * means[:, None]).sum(2)
+    return Cells(component, entry, log_probs, Rows(matrix, centre, low, high), order)
 
 
 def _asked(
@@ -156,78 +117,3 @@ def _asked(
             at = level[:, j] == k
             low[at, j], high[at, j] = lowest, highest
     return level, low, high
-
-
-def _row(line: LinearProfile, means: Array, level: np.ndarray, unit: Array, low: Array, high: Array) -> _Row:
-    """A profile at a level of each cell, times a unit (C,), between two bounds."""
-    matrix = line.loadings[:, level].T * unit[:, None]
-    return _Row(matrix, line.offset[level] * unit + (matrix * means).sum(1), low, high)
-
-
-def _either_way(
-    cas: LinearProfile, mach: LinearProfile, means: Array, level: np.ndarray, altitude: Tensor, low: Array, high: Array
-) -> list[tuple[_Row, ...]]:
-    """Split into held and free, where the CAS is held and where the Mach number is."""
-    about = np.where(np.isfinite(high), np.minimum(high, NEVER), np.where(np.isfinite(low), low, 100.0))
-    at = cas_to_mach(torch.from_numpy(about), altitude)
-    faster, slower = (mach_to_cas_mps(at + step, altitude) for step in (STEP_MACH, -STEP_MACH))
-    # In m/s, so that a value's density is per m/s in either way.
-    unit, one = ((faster - slower) / (2 * STEP_MACH)).numpy(), np.ones(len(level))
-
-    def number(cas_mps: Array) -> Array:
-        """The Mach number of a CAS at the level, in those units."""
-        known = np.where(np.isfinite(cas_mps), cas_mps, about)
-        found: Array = unit * cas_to_mach(torch.from_numpy(known), altitude).numpy()
-        return np.where(np.isfinite(cas_mps), found, cas_mps)
-
-    no_end, beyond = np.full(len(level), inf), np.minimum(high, NEVER)
-    return [
-        (_row(cas, means, level, one, low, high), _row(mach, means, level, unit, number(low), no_end)),
-        (_row(mach, means, level, unit, number(low), number(high)), _row(cas, means, level, one, beyond, no_end)),
-    ]
-
-
-def _in_every_way(held: list[list[tuple[_Row, ...]]], plain: Cells, parts: LatentParts) -> Cells:
-    """The cells once for each way of holding all speeds: rows of what is held first, then of what is not."""
-    likely = [_likely(ways, parts.roots[plain.component]) for ways in held]
-    found: list[Cells] = []
-    for ways in product(*(range(len(one)) for one in held)):
-        kept = np.ones(len(plain.entry), dtype=bool)
-        for number, way in enumerate(ways):
-            kept &= likely[number][way]
-        rows = list(chain(*zip(*(held[number][way] for number, way in enumerate(ways)), strict=True)))
-        index = np.flatnonzero(kept)
-        chosen = _stacked([_Row(*(values[index] for values in row)) for row in rows], len(index), parts.means.shape[1])
-        asked = plain.asked * (len(rows) // max(len(held), 1))
-        found.append(Cells(plain.component[index], plain.entry[index], plain.log_probs[index], chosen, asked))
-    total = sum(len(cells.entry) for cells in found)
-    if total > MOST_CELLS:
-        raise ConfigError(
-            f"{len(held)} speeds at once of a model that holds each as a Mach number or as a CAS, in {total} cases",
-            expected=f"at most {MOST_CELLS} cases, of all components and levels of entry",
-            mend="ask for fewer speeds, or give entry_fl as well",
-        )
-    if len(found) == 1:
-        return found[0]
-    rows_of_all = Rows(*(np.concatenate(values) for values in zip(*(cells.rows for cells in found), strict=True)))
-    component, entry, log_probs = (np.concatenate([cells[k] for cells in found]) for k in range(3))
-    return Cells(component, entry, log_probs, rows_of_all, found[0].asked)
-
-
-def _likely(ways: list[tuple[_Row, ...]], roots: Array) -> list[np.ndarray]:
-    """For each way of holding a speed, the cells (C,) in which it can be: what is not held may be where it must be."""
-    if len(ways) == 1:
-        return [np.ones(len(roots), dtype=bool)]
-    shares = []
-    for _, beside in ways:
-        sd = np.linalg.norm((beside.matrix[:, None] @ roots)[:, 0], axis=1)
-        shares.append(log_ndtr((beside.centre - beside.low) / np.maximum(sd, LEAST_SD)))
-    most = np.maximum(*shares)
-    return [(share >= LEAST_LOG_SHARE) | (share == most) for share in shares]
-
-
-def _stacked(rows: list[_Row], n_cells: int, size: int) -> Rows:
-    """Rows (C, J, D) and (C, J)."""
-    if not rows:
-        return Rows(np.zeros((n_cells, 0, size)), *(np.zeros((n_cells, 0)) for _ in range(3)))
-    return Rows(*(np.stack(values, 1) for values in zip(*rows, strict=True)))

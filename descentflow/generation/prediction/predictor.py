@@ -20,11 +20,11 @@ from descentflow.generation.prediction.interval_spread import (
     holding_spread,
     misses,
 )
-from descentflow.generation.prediction.posterior import Posterior, Prior, posterior_of, prior_of
+from descentflow.generation.prediction.posterior import Prior, posterior_of, prior_of
 from descentflow.representation.decoder.trajectories import Trajectories, integrate
 from descentflow.representation.linear_curves import LinearCurves, linear_curves
 from descentflow.representation.own_air import check_standard_air
-from descentflow.representation.profiles import Profiles, observed_profiles
+from descentflow.representation.profiles import Profiles
 
 CALIBRATION_FLIGHTS = 1000
 """Flights by which intervals are calibrated at most: a share of 90 % is then known to 0.9 %."""
@@ -34,8 +34,6 @@ CALIBRATION_LEVELS = 5
 """Levels observed of flights that begin below the level that others are predicted from."""
 FEWEST_TO_CALIBRATE = 10
 """Flights without which nothing is calibrated."""
-MORE_DRAWS = 5
-"""Times as many draws where those are left out that contradict the regime of speed that was seen."""
 MIN_CONTINUATIONS = 50
 """Continuations that must descend all the way: a 90 % interval of fewer has its ends between the last few."""
 
@@ -166,12 +164,12 @@ class DescentPredictor:
             SamplingError: If fewer than 50 continuations descend all the way.
         """
         mask = self._observed(flight, from_fl)
-        so_far = self._so_far(flight, mask)
-        seen = self.curves.information(self.representation.decoder.observed(so_far))
+        so_far = replace(flight, mask=mask[None])
+        seen = self.curves.information(self.representation.decoder.drag_scale.observed(so_far))
         posterior = posterior_of(self._prior(context), seen.precisions[0], seen.shift[0])
         # With the same numbers for all, what the ends of one flight's interval are off by, all flights' would be.
         generator = torch.Generator().manual_seed(seed_for_name(seed, flight.flight_ids[0]))
-        drawn, effective = self._draw(posterior, so_far, n, generator)
+        drawn, effective = posterior.draw(n, generator)
         flown = self._fly(drawn, int(mask.nonzero()[0]))
         # Not the sampler's bounds: an observed flight may lie outside what training flights did, and still goes on.
         good = ((flown.rate_mps < 0) | ~flown.mask).all(1)
@@ -206,42 +204,12 @@ class DescentPredictor:
             )
         return mask
 
-    def _so_far(self, flight: Profiles, mask: Tensor) -> Profiles:
-        """The flight as it is known at the last observed level: its crossover too, if speed has one."""
-        decoder = self.representation.decoder
-        if decoder.speed == "cas":
-            return replace(flight, mask=mask[None])
-        ids, levels, time_s = flight.flight_ids, flight.levels_fl, flight.time_s
-        return observed_profiles(
-            decoder.aircraft, ids, levels, time_s, flight.cas_mps, flight.rate_mps, mask[None], speed=decoder.speed
-        )
-
-    def _draw(self, posterior: Posterior, so_far: Profiles, n: int, generator: torch.Generator) -> tuple[Tensor, float]:
-        """Draws (n, D) and how many of them are effective: with a crossover, of those that agree with what was seen.
-
-        A flight that is still at its Mach number has a CAS above what it shows. That is no Gaussian statement: draws
-        that contradict it are left out.
-        """
-        if so_far.crossovers is None:
-            return posterior.draw(n, generator)
-        drawn, effective = posterior.draw(MORE_DRAWS * n, generator)
-        lowest = int(so_far.mask[0].nonzero()[0])
-        agrees = torch.ones(len(drawn), dtype=torch.bool)
-        if bool(so_far.crossovers.sure[0, lowest]):
-            flown = self.representation.decoder.flown(*self.curves.profiles(drawn))
-            assert flown.ahead_mps is not None
-            agrees = (flown.ahead_mps[:, lowest] < 0) == so_far.crossovers.holds_mach[0, lowest]
-        drawn = drawn[agrees][:n]
-        return drawn, min(effective, float(len(drawn)))
-
     def _fly(self, drawn: Tensor, entry: int) -> Trajectories:
         decoder = self.representation.decoder
-        drag_n, cas_mps, ahead_mps = decoder.flown(*self.curves.profiles(drawn))
+        drag_n, cas_mps = decoder.flown(*self.curves.profiles(drawn))
         start = torch.full((len(drawn),), entry)
         altitude_m, grid = decoder.levels_fl * FL_M, decoder.grid(drag_n)
-        return integrate(
-            decoder.aircraft, decoder.levels_fl, altitude_m, drag_n, cas_mps, start, grid=grid, ahead_mps=ahead_mps
-        )
+        return integrate(decoder.aircraft, decoder.levels_fl, altitude_m, drag_n, cas_mps, start, grid=grid)
 
 
 def _starts(flights: Profiles, from_fl: float) -> list[tuple[int, int]]:

@@ -2,7 +2,6 @@
 
 Reading order: :mod:`~descentflow.representation.decoder.descent_decoder`,
 :mod:`~descentflow.representation.decoder.trajectories` (integration),
-:mod:`~descentflow.representation.decoder.lower_speed` (Mach number and CAS, each flight's crossover),
 :mod:`~descentflow.representation.decoder.flight_grid` (what is computed once of the levels, and where the rate jumps).
 
 Descents alone are flown: what climbs need is in :mod:`descentflow.physics`.

@@ -10,21 +10,17 @@ from descentflow.core.tensors import Number
 from descentflow.core.units import FL_M
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.decoder.flight_grid import FlightGrid, flight_grid
-from descentflow.representation.decoder.lower_speed import FlownCurves, lower_of
 from descentflow.representation.decoder.trajectories import Trajectories, integrate
 from descentflow.representation.drag_scale import DragScale
 from descentflow.representation.fpca.basis import FunctionalBasis
-from descentflow.representation.fpca.constant_basis import ConstantBasis
-from descentflow.representation.observed_channels import Observed, observed_channels
-from descentflow.representation.profiles import Profiles, Speed
+from descentflow.representation.profiles import Profiles
 
 
 class DescentDecoder(nn.Module):
     """Map standardised weights to descents, and descents to standardised weights.
 
     A weight vector holds the weights of drag first, then those of CAS (paper, section 2.3), each minus its mean and
-    divided by its standard deviation over the training flights. With speed as a Mach number and a CAS, the weight of
-    the Mach number stands between them, and the lower of both speeds is flown.
+    divided by its standard deviation over the training flights.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
@@ -43,7 +39,6 @@ class DescentDecoder(nn.Module):
     weight_scale: Tensor
     drag_basis: FunctionalBasis
     cas_basis: FunctionalBasis
-    mach_basis: FunctionalBasis | None
     residual: Tensor
     speed_residual: Tensor
 
@@ -58,7 +53,6 @@ class DescentDecoder(nn.Module):
         weight_scale: Tensor,
         mass_kg: float | None = None,
         residual: Tensor | None = None,
-        mach_basis: FunctionalBasis | None = None,
         speed_residual: Tensor | None = None,
     ) -> None:
         """Build from fitted parts.
@@ -74,14 +68,11 @@ class DescentDecoder(nn.Module):
             mass_kg: Mass that inferred the drag and flies it; the reference mass if absent.
             residual: (r, L) drag that samples have beyond the components, each row times a standard normal of its own
                 (:func:`descentflow.representation.residual.residual_drag`); none if absent.
-            mach_basis: Basis of the Mach number that is held above each flight's crossover; speed is one CAS profile
-                if absent.
-            speed_residual: (s, L) deviations of the CAS (m/s) that samples have, likewise; (s, 2 L) of the Mach number
-                and of the CAS where both are held.
+            speed_residual: (s, L) deviations of the CAS (m/s) that samples have, likewise.
         """
         super().__init__()
         self.aircraft = aircraft if mass_kg is None else aircraft.at_mass(mass_kg)
-        self.drag_basis, self.cas_basis, self.mach_basis = drag_basis, cas_basis, mach_basis
+        self.drag_basis, self.cas_basis = drag_basis, cas_basis
         self.register_buffer("levels_fl", levels_fl.to(torch.float64), persistent=False)
         self.keep_residual(levels_fl.new_zeros(0, len(levels_fl)) if residual is None else residual, speed_residual)
         self.register_buffer("weight_mean", weight_mean.to(torch.float64), persistent=False)
@@ -102,7 +93,7 @@ class DescentDecoder(nn.Module):
         key = (like.dtype, like.device)
         aircraft, found = self._grids.get(key, (None, None))
         if found is None or aircraft is not self.aircraft:
-            found = flight_grid(self.aircraft, (self.levels_fl * FL_M).to(like), at_transition=self.speed == "cas")
+            found = flight_grid(self.aircraft, (self.levels_fl * FL_M).to(like))
             if found.is_plain:
                 self._grids[key] = (self.aircraft, found)
         return found
@@ -113,15 +104,9 @@ class DescentDecoder(nn.Module):
         return sum(basis.n_components for basis in self.bases.values())
 
     @property
-    def speed(self) -> Speed:
-        """Kind of speed that flights hold."""
-        return "cas" if self.mach_basis is None else "mach_cas"
-
-    @property
     def bases(self) -> dict[str, FunctionalBasis]:
         """Basis of each profile by its name, in the order of the weights."""
-        of_mach = {} if self.mach_basis is None else {"Mach": self.mach_basis}
-        return {"drag": self.drag_basis, **of_mach, "CAS": self.cas_basis}
+        return {"drag": self.drag_basis, "CAS": self.cas_basis}
 
     @property
     def sizes(self) -> str:
@@ -139,35 +124,21 @@ class DescentDecoder(nn.Module):
         return float(self.aircraft.transition_altitude_m()) / FL_M
 
     def keep_residual(self, residual: Tensor, speed_residual: Tensor | None = None) -> None:
-        """Fly samples with drag (r, L) and deviations of speed (s, L or 2 L) beyond the components, see the class."""
-        n_speeds = len(self.bases) - 1
-        speed = residual.new_zeros(0, n_speeds * len(self.levels_fl)) if speed_residual is None else speed_residual
+        """Fly samples with drag (r, L) and deviations of speed (s, L) beyond the components, see the class."""
+        speed = residual.new_zeros(0, len(self.levels_fl)) if speed_residual is None else speed_residual
         self.register_buffer("residual", residual.to(torch.float64), persistent=False)
         self.register_buffer("speed_residual", speed.to(torch.float64), persistent=False)
 
-    def observed(self, flights: Profiles) -> Observed:
-        """Observed values of each profile: of Mach and CAS only where it is known which of them flights held.
-
-        Raises:
-            ConfigError: If the drag of the flights was inferred in other regimes than this decoder flies.
-        """
-        return observed_channels(flights, self.speed, self.drag_scale)
-
     def encode(self, profiles: Profiles) -> Tensor:
         """Standardised weights (n, d) of observed profiles on this decoder's grid, gaps allowed."""
-        found = self.observed(profiles)
-        parts = zip(self.bases.values(), found.values, found.masks, strict=True)
-        raw = torch.cat([basis.encode(values, mask) for basis, values, mask in parts], 1)
+        found = self.drag_scale.observed(profiles)
+        parts = zip(self.bases.values(), found.values, strict=True)
+        raw = torch.cat([basis.encode(values, found.mask) for basis, values in parts], 1)
         standardised: Tensor = (raw - self.weight_mean) / self.weight_scale
         return standardised
 
-    def curves(self, weights: Tensor) -> tuple[Tensor, Tensor]:
-        """Drag (n, L) in N and CAS (n, L) in m/s of standardised weights (n, d) (paper, equation 4)."""
-        found = self.flown_curves(weights)
-        return found.drag_n, found.cas_mps
-
-    def flown_curves(self, weights: Tensor, white: Tensor | None = None) -> FlownCurves:
-        """Drag, CAS and crossovers of standardised weights (n, d).
+    def curves(self, weights: Tensor, white: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """Drag (n, L) in N and CAS (n, L) in m/s of standardised weights (n, d) (paper, equation 4).
 
         Args:
             weights: (n, d).
@@ -175,32 +146,25 @@ class DescentDecoder(nn.Module):
         """
         return self.flown(*self.profiles(weights, white))
 
-    def profiles(self, weights: Tensor, white: Tensor | None = None) -> list[Tensor]:
+    def profiles(self, weights: Tensor, white: Tensor | None = None) -> tuple[Tensor, Tensor]:
         """Profiles (n, L) in the order of :attr:`bases`, linear in weights (n, d) and ``white`` (n, r + s).
 
         Drag is on the scale on which it is linear, see :meth:`flown`.
         """
         raw = weights * self.weight_scale.to(weights) + self.weight_mean.to(weights)
-        sizes = [basis.n_components for basis in self.bases.values()]
-        parts = zip(self.bases.values(), torch.split(raw, sizes, 1), strict=True)
-        values = [basis.decode(part) for basis, part in parts]
+        n_drag = self.drag_basis.n_components
+        drag, cas = self.drag_basis.decode(raw[:, :n_drag]), self.cas_basis.decode(raw[:, n_drag:])
         if white is not None:
             of_drag, of_speed = torch.split(white.to(weights), [len(self.residual), len(self.speed_residual)], 1)
             if len(self.residual):
-                values[0] = values[0] + of_drag @ self.residual.to(weights)
+                drag = drag + of_drag @ self.residual.to(weights)
             if len(self.speed_residual):
-                extra = (of_speed @ self.speed_residual.to(weights)).chunk(len(values) - 1, 1)
-                values[1:] = [value + part for value, part in zip(values[1:], extra, strict=True)]
-        return values
+                cas = cas + of_speed @ self.speed_residual.to(weights)
+        return drag, cas
 
-    def flown(self, *values: Tensor) -> FlownCurves:
-        """Profiles (n, L) as they are flown, in the order of the weights."""
-        linear, *speeds = values
-        if self.mach_basis is None:
-            return FlownCurves(self.drag_scale.drag_n(linear, *speeds), *speeds)
-        mach, cas = speeds
-        schedule = lower_of(mach, cas, (self.levels_fl * FL_M).to(cas))
-        return FlownCurves(self.drag_scale.drag_n(linear, schedule.cas_mps), schedule.cas_mps, schedule.ahead_mps)
+    def flown(self, drag_on_scale: Tensor, cas_mps: Tensor) -> tuple[Tensor, Tensor]:
+        """Drag in N and CAS, each (n, L), of profiles that are linear in weights."""
+        return self.drag_scale.drag_n(drag_on_scale, cas_mps), cas_mps
 
     def forward(
         self,
@@ -230,7 +194,7 @@ class DescentDecoder(nn.Module):
             white: (n, r + s) standard normals for what lies beyond the components, see :attr:`n_white`; without them
                 the components fly alone.
         """
-        curves = self.flown_curves(weights, white)
+        drag_n, cas_mps = self.curves(weights, white)
         if entry is None:
             entry = torch.full((len(weights),), len(self.levels_fl) - 1, device=weights.device)
         own = aircraft is None and mass_kg is None and not isinstance(deviation_k, Tensor) and deviation_k == 0.0
@@ -241,12 +205,11 @@ class DescentDecoder(nn.Module):
             flown,
             self.levels_fl,
             altitude_m,
-            curves.drag_n,
-            curves.cas_mps,
+            drag_n,
+            cas_mps,
             entry,
             mass_kg,
             deviation_k,
-            ahead_mps=curves.ahead_mps,
             wind_mps=wind_mps,
             exact_energy_share=exact_energy_share,
             out=out,
@@ -266,25 +229,21 @@ class DescentDecoder(nn.Module):
         }
         if len(self.residual):
             state["residual"] = self.residual.cpu()
-        if self.mach_basis is not None:
-            state["mach_basis"] = self.mach_basis.to_state()
-        if self.mach_basis is not None or len(self.speed_residual):
+        if len(self.speed_residual):
             state["speed_residual"] = self.speed_residual.cpu()
         return state
 
     @classmethod
     def from_state(cls, state: dict[str, Any]) -> "DescentDecoder":
         """Rebuild from :meth:`to_state`."""
-        of_speed = ConstantBasis if "mach_basis" in state else FunctionalBasis
         return cls(
             aircraft_from_state(state["aircraft"]),
             state["levels_fl"],
             FunctionalBasis.from_state(state["drag_basis"]),
-            of_speed.from_state(state["cas_basis"]),
+            FunctionalBasis.from_state(state["cas_basis"]),
             DragScale.from_state(state["drag_scale"]),
             state["weight_mean"],
             state["weight_scale"],
             residual=state.get("residual"),
-            mach_basis=ConstantBasis.from_state(state["mach_basis"]) if "mach_basis" in state else None,
             speed_residual=state.get("speed_residual"),
         )

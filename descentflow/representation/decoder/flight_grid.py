@@ -63,7 +63,7 @@ class Breaks(NamedTuple):
         return legs
 
 
-def rate_breaks(aircraft: PerformanceModel, altitude_m: Tensor, *, at_transition: bool = True) -> Breaks:
+def rate_breaks(aircraft: PerformanceModel, altitude_m: Tensor) -> Breaks:
     """Find the jumps of idle thrust and energy share factor inside a grid.
 
     They are BADA's own: transition altitude, tropopause and H_p,des. A trapezoid across the transition, where the
@@ -72,8 +72,6 @@ def rate_breaks(aircraft: PerformanceModel, altitude_m: Tensor, *, at_transition
     Args:
         aircraft: Coefficients; of tensor coefficients the first entry places the jumps, and gets their gradient.
         altitude_m: (L,) ascending altitudes.
-        at_transition: Whether the energy share factor jumps at the type's transition; it does not where every flight
-            has a crossover of its own (:mod:`descentflow.representation.decoder.lower_speed`).
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
@@ -81,9 +79,7 @@ def rate_breaks(aircraft: PerformanceModel, altitude_m: Tensor, *, at_transition
         >>> [round(float(h)) for h in breaks.altitude_m[::2] / 30.48]  # H_p,des is below, the tropopause above
         [318]
     """
-    places: tuple[Number, ...] = (TROPOPAUSE_M, *aircraft.thrust_breaks_m())
-    if at_transition:
-        places = (aircraft.transition_altitude_m(), *places)
+    places: tuple[Number, ...] = (aircraft.transition_altitude_m(), TROPOPAUSE_M, *aircraft.thrust_breaks_m())
     # Placed in float64: in float32 the two sides of a jump at 10 km would be one number.
     jumps = [torch.as_tensor(place).reshape(-1)[0].to("cpu", torch.float64) for place in places]
     levels = altitude_m.detach().to("cpu", torch.float64).contiguous()
@@ -153,8 +149,6 @@ def flight_grid(
     altitude_m: Tensor,
     mass_kg: Number | None = None,
     deviation_k: Number = 0.0,
-    *,
-    at_transition: bool = True,
 ) -> FlightGrid:
     """Tabulate a grid (L,) in its precision and on its device.
 
@@ -163,7 +157,6 @@ def flight_grid(
         altitude_m: (L,) ascending pressure altitudes.
         mass_kg: Mass, () or (n, 1); the reference mass if absent.
         deviation_k: ISA temperature deviation, likewise.
-        at_transition: Whether the rate jumps at the type's transition, see :func:`rate_breaks`.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
@@ -171,6 +164,6 @@ def flight_grid(
         >>> len(grid.altitude_m), len(grid.breaks.altitude_m)  # one jump, two sides
         (201, 2)
     """
-    breaks = rate_breaks(aircraft, altitude_m, at_transition=at_transition)
+    breaks = rate_breaks(aircraft, altitude_m)
     levels, sides = (level_table(aircraft, h, mass_kg, deviation_k) for h in (altitude_m, breaks.altitude_m))
     return FlightGrid(altitude_m, (altitude_m.double().diff() / 2).to(altitude_m), levels, breaks, sides)

@@ -1,6 +1,6 @@
 """Batched integration of BADA's rate equation from drag and CAS on the grid (paper, equation 2)."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import torch
@@ -9,10 +9,9 @@ from torch import Tensor
 from descentflow.core.tensors import Number
 from descentflow.physics.airspeed import cas_to_mach
 from descentflow.physics.energy import energy_share_factor, energy_share_factor_local, slope_per_m
-from descentflow.physics.level_table import NEW, LevelTable, level_rate
+from descentflow.physics.level_table import NEW, level_rate
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.decoder.flight_grid import FlightGrid, flight_grid
-from descentflow.representation.decoder.lower_speed import with_crossovers
 
 CHUNK_VALUES = 1 << 17
 """Values of a quantity in one chunk for each thread of the CPU: the handful of arrays in use stay in the caches."""
@@ -87,7 +86,6 @@ def integrate(
     exact_energy_share: bool = False,
     out: Trajectories | None = None,
     grid: FlightGrid | None = None,
-    ahead_mps: Tensor | None = None,
 ) -> Trajectories:
     """Fly drag and CAS profiles down the grid.
 
@@ -114,9 +112,6 @@ def integrate(
             allocating memory can take longer than the computation.
         grid: What was tabulated of the levels for the same coefficients, mass and deviation, in the profiles'
             precision; computed here if absent.
-        ahead_mps: (n, L) where each flight holds a Mach number of its own, see
-            :class:`~descentflow.representation.decoder.lower_speed.LowerSpeed`; the energy share factor is then
-            that of the flight's own regime, and the jump of the rate is at the flight's own crossover.
 
     Returns:
         The trajectories. A rate that is not negative gives times that are not finite or not increasing; the
@@ -130,16 +125,16 @@ def integrate(
         >>> round(float(flown.time_s[0, 0]) / 60)  # minutes from FL350 to FL150
         8
     """
-    grid = grid or flight_grid(aircraft, altitude_m, mass_kg, deviation_k, at_transition=ahead_mps is None)
+    grid = grid or flight_grid(aircraft, altitude_m, mass_kg, deviation_k)
     if wind_mps is not None or exact_energy_share:
         slope = slope_per_m(cas_mps, altitude_m) if exact_energy_share else None
         wind = torch.zeros_like(altitude_m) if wind_mps is None else slope_per_m(wind_mps, altitude_m)
-        shares = _shares(aircraft, grid, cas_mps, deviation_k, wind, slope, ahead_mps)
-        found = fly(grid, drag_n, cas_mps, entry, ahead_mps, shares)
+        shares = _shares(aircraft, grid, cas_mps, deviation_k, wind, slope)
+        found = fly(grid, drag_n, cas_mps, entry, shares)
     elif grid.is_plain and not drag_n.requires_grad and not cas_mps.requires_grad:
-        found = _fly_chunks(grid, drag_n, cas_mps, entry, ahead_mps, out)
+        found = _fly_chunks(grid, drag_n, cas_mps, entry, out)
     else:
-        found = fly(grid, drag_n, cas_mps, entry, ahead_mps)
+        found = fly(grid, drag_n, cas_mps, entry)
     return Trajectories(levels_fl, entry, found.time_s, cas_mps, found.mach, found.tas_mps, found.rate_mps, drag_n)
 
 
@@ -162,7 +157,6 @@ def fly(
     drag_n: Tensor,
     cas_mps: Tensor,
     entry: Tensor,
-    ahead_mps: Tensor | None = None,
     energy_shares: tuple[Tensor | None, Tensor | None] = (None, None),
     out: tuple[Tensor | None, ...] = NEW,
 ) -> Flown:
@@ -173,7 +167,6 @@ def fly(
         drag_n: (n, L).
         cas_mps: (n, L).
         entry: (n,) index of the entry level.
-        ahead_mps: (n, L), see :func:`integrate`.
         energy_shares: Energy share factor at the levels and at both sides of the jumps; the grid's if absent.
         out: Arrays for the result, in its order, where nothing is differentiated or traced.
 
@@ -187,39 +180,32 @@ def fly(
         (8, True)
     """
     of_time, *others = out
-    table = _own_regime(grid.levels, ahead_mps)
-    mach, tas_mps, rate_mps, slowness = level_rate(table, drag_n, cas_mps, energy_shares[0], (*others, of_time))
+    mach, tas_mps, rate_mps, slowness = level_rate(grid.levels, drag_n, cas_mps, energy_shares[0], (*others, of_time))
     extra = slowness[:, :0]
     if grid.breaks.base:
         at_sides = grid.breaks.continued
-        table = _own_regime(grid.sides, None if ahead_mps is None else at_sides(ahead_mps))
-        extra = level_rate(table, at_sides(drag_n), at_sides(cas_mps), energy_shares[1])[3]
-    climbed = climbed_s(grid, slowness, extra, ahead_mps, of_time)
+        extra = level_rate(grid.sides, at_sides(drag_n), at_sides(cas_mps), energy_shares[1])[3]
+    climbed = climbed_s(grid, slowness, extra, of_time)
     time_s = torch.sub(climbed, climbed.gather(1, entry[:, None]), out=of_time)
     return Flown(time_s, mach, tas_mps, rate_mps)
 
 
-def climbed_s(
-    grid: FlightGrid, slowness: Tensor, extra: Tensor, ahead_mps: Tensor | None, out: Tensor | None = None
-) -> Tensor:
+def climbed_s(grid: FlightGrid, slowness: Tensor, extra: Tensor, out: Tensor | None = None) -> Tensor:
     """Time (n, L) from the lowest level up to each, negative because the rate is: it grows downwards.
 
     Args:
         grid: Of the levels.
         slowness: (n, L) seconds per metre at the levels, negative.
         extra: (n, b) the same at both sides of the jumps.
-        ahead_mps: (n, L), see :func:`integrate`.
         out: Array for the result, which may be that of the slowness.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
         >>> grid = flight_grid(aircraft("A320"), torch.arange(150, 153).double() * 30.48)
-        >>> climbed_s(grid, torch.full((1, 3), -0.1), torch.zeros(1, 0), None).round(decimals=1)
+        >>> climbed_s(grid, torch.full((1, 3), -0.1), torch.zeros(1, 0)).round(decimals=1)
         tensor([[ 0.0000, -3.0000, -6.1000]])
     """
     legs = grid.breaks.leg_times(slowness, extra, grid.half_step_m)
-    if ahead_mps is not None:
-        legs = with_crossovers(legs, slowness, ahead_mps, grid.half_step_m)
     if out is None:
         return torch.nn.functional.pad(legs.cumsum(1), (1, 0))
     out[:, 0] = 0
@@ -227,9 +213,7 @@ def climbed_s(
     return out
 
 
-def _fly_chunks(
-    grid: FlightGrid, drag_n: Tensor, cas_mps: Tensor, entry: Tensor, ahead_mps: Tensor | None, out: Trajectories | None
-) -> Flown:
+def _fly_chunks(grid: FlightGrid, drag_n: Tensor, cas_mps: Tensor, entry: Tensor, out: Trajectories | None) -> Flown:
     """The same without gradients, in chunks that the processor's caches hold.
 
     On the CPU the system may take longer to hand out new memory than the descents take to compute.
@@ -241,15 +225,9 @@ def _fly_chunks(
     with torch.no_grad():
         for start in range(0, len(drag_n), size):
             part = slice(start, start + size)
-            ahead = None if ahead_mps is None else ahead_mps[part]
             arrays = tuple(values[part] for values in whole)
-            fly(grid, drag_n[part], cas_mps[part], entry[part], ahead, out=arrays)
+            fly(grid, drag_n[part], cas_mps[part], entry[part], out=arrays)
     return whole
-
-
-def _own_regime(table: LevelTable, ahead_mps: Tensor | None) -> LevelTable:
-    """The table with the energy share factor of each flight's own regime."""
-    return table if ahead_mps is None else replace(table, compression=(ahead_mps >= 0).to(ahead_mps))
 
 
 def _shares(
@@ -259,19 +237,18 @@ def _shares(
     deviation_k: Number,
     wind_slope_per_s: Tensor,
     cas_slope_per_s: Tensor | None,
-    ahead_mps: Tensor | None,
 ) -> tuple[Tensor, Tensor]:
     """Energy share factor in a wind, or that of the CAS profile itself, at the levels and at the jumps' sides."""
 
-    def share(altitude_m: Tensor, cas: Tensor, wind: Tensor, slope: Tensor | None, ahead: Tensor | None) -> Tensor:
+    def share(altitude_m: Tensor, cas: Tensor, wind: Tensor, slope: Tensor | None) -> Tensor:
         if slope is not None:
             return energy_share_factor_local(cas, altitude_m, slope, wind, deviation_k)
-        at_mach = aircraft.holds_mach(altitude_m) if ahead is None else ahead < 0
+        at_mach = aircraft.holds_mach(altitude_m)
         return energy_share_factor(cas_to_mach(cas, altitude_m), altitude_m, at_mach, deviation_k, wind)
 
-    at_sides, others = grid.breaks.continued, (cas_slope_per_s, ahead_mps)
-    sides = [None if one is None else at_sides(one) for one in others]
+    at_sides = grid.breaks.continued
+    slope_at_sides = None if cas_slope_per_s is None else at_sides(cas_slope_per_s)
     return (
-        share(grid.altitude_m, cas_mps, wind_slope_per_s, *others),
-        share(grid.breaks.altitude_m, at_sides(cas_mps), at_sides(wind_slope_per_s), *sides),
+        share(grid.altitude_m, cas_mps, wind_slope_per_s, cas_slope_per_s),
+        share(grid.breaks.altitude_m, at_sides(cas_mps), at_sides(wind_slope_per_s), slope_at_sides),
     )

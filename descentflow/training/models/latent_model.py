@@ -186,9 +186,7 @@ class LatentModel(LightningModule, InNotebook, ABC, Generic[D]):
         from descentflow.evaluation.figures.components import components_figure  # matplotlib loads where it draws
 
         decoder = (self.final or self.density).representation.decoder
-        return components_figure(
-            decoder.drag_basis, decoder.cas_basis, decoder.levels_fl, decoder.drag_scale, decoder.mach_basis
-        )
+        return components_figure(decoder.drag_basis, decoder.cas_basis, decoder.levels_fl, decoder.drag_scale)
 
     def __repr__(self) -> str:
         """Model and data in two lines; not the tree of modules."""
@@ -328,7 +326,7 @@ def _check_same_weights(fitted: Representation, given: Representation) -> None:
         return
     raise ConfigError(
         got,
-        expected="its descents, seed, data.speed, data.fpca, data.explained_variance and data.cas_explained_variance",
+        expected="its descents, seed, data.fpca, data.explained_variance and data.cas_explained_variance",
         mend="use its run's config.yaml, its DataModule or DescentDataModule(..., checkpoint=FILE), or fit a new model",
     )
 

@@ -229,7 +229,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         """Of some flights (m,)."""
         data = data_of(self.trainer)
         decoder, flights = data.representation.decoder, data.profiles("train").subset(some)
-        seen = linear_curves(decoder).information(decoder.observed(flights))
+        seen = linear_curves(decoder).information(decoder.drag_scale.observed(flights))
         of_some = None if context is None else context.cpu()[some]
         return learn_residual_law(seen, residual_profiles(decoder), mixture, shares, of_some)
 

@@ -64,7 +64,6 @@ RECIPES = {
             "bounds": "paper",
             "drag_scale": "newton",
             "residual": False,
-            "speed": "cas",
             "cas_explained_variance": 0.8,
         },
     ),

@@ -23,17 +23,16 @@ from descentflow.representation.drag_scale import DragScale, fit_drag_scale
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.gappy import GappyFPCA
 from descentflow.representation.linear_curves import evidence_of
-from descentflow.representation.observed_channels import observed_channels
 from descentflow.representation.plausibility import Plausibility
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import (
     Representation,
     Split,
-    fitted_constants,
-    held_speed,
     standardised_decoder,
 )
 
+Bases = tuple[FunctionalBasis, FunctionalBasis]
+"""Of drag and of CAS."""
 SAMPLES = 1_000
 RESTARTS = 2
 """k-means++ starts of each mixture: 65 mixtures per share are compared, and none is kept."""
@@ -65,7 +64,7 @@ def fold_scores(
     """Fit a mixture to all folds but one at every share of variance, and score its samples against that one.
 
     Args:
-        profiles: Flights of a training part; with crossovers, speed is a Mach number and a CAS, else one CAS profile.
+        profiles: Flights of a training part.
         aircraft: Their coefficients.
         transition_fl: Transition level of the type.
         fold: Which fold is held out, from 0.
@@ -121,15 +120,13 @@ def truncated(basis: FunctionalBasis, share: float) -> FunctionalBasis:
     )
 
 
-def _bases(train: Profiles, scale: DragScale, shares: tuple[float, ...]) -> dict[float, list[FunctionalBasis]]:
+def _bases(
+    train: Profiles, scale: DragScale, shares: tuple[float, ...]
+) -> dict[float, tuple[FunctionalBasis, FunctionalBasis]]:
     """Bases of drag and of speed for each share, in the order of the weights; drag as the paper has it."""
-    drag, *speeds = zip(*observed_channels(train, held_speed(train), scale), strict=True)
-    of_drag = _truncated_bases(*drag, shares)
-    if train.crossovers is None:
-        of_cas = _truncated_bases(*speeds[0], shares)
-        return {share: [of_drag[share], of_cas[share]] for share in shares}
-    constants = fitted_constants(speeds)
-    return {share: [of_drag[share], *constants] for share in shares}
+    found = scale.observed(train)
+    drag, cas = (_truncated_bases(values, found.mask, shares) for values in found.values)
+    return {share: (drag[share], cas[share]) for share in shares}
 
 
 def _truncated_bases(values: Tensor, mask: Tensor, shares: tuple[float, ...]) -> dict[float, FunctionalBasis]:
@@ -144,9 +141,7 @@ def _truncated_bases(values: Tensor, mask: Tensor, shares: tuple[float, ...]) ->
     return found
 
 
-def _representation(
-    train: Profiles, aircraft: PerformanceModel, scale: DragScale, bases: list[FunctionalBasis]
-) -> Representation:
+def _representation(train: Profiles, aircraft: PerformanceModel, scale: DragScale, bases: Bases) -> Representation:
     decoder = standardised_decoder(train, aircraft, bases, scale)
     return Representation(decoder, Plausibility.from_profiles(train), Split((), (), ()), {})
 

@@ -9,6 +9,7 @@ from markupsafe import escape
 import descentflow as df
 from descentflow.effects import EFFECTS
 from descentflow.surveillance.descents.prepared_descents import read_descents
+from descentflow.surveillance.rows.drop_report import DropReport, Step
 
 pytestmark = pytest.mark.usefixtures("components_once")
 
@@ -18,6 +19,7 @@ def test_results_are_shown_with_a_figure_and_their_lines(tmp_path: Path) -> None
     model = df.fit(descents, "gaussian")
     results = [
         descents,
+        DropReport([Step("duplicate", 2, None, 98, None), Step("transient", 8, 0, 90, 3)]),
         model,
         df.sample(model, 60),
         df.evaluate(model, descents, n=200, n_splits=2),
@@ -33,3 +35,4 @@ def test_results_are_shown_with_a_figure_and_their_lines(tmp_path: Path) -> None
 
 def test_what_has_no_figure_is_shown_in_words() -> None:
     assert df.Gaussian()._repr_html_() == "<pre>Gaussian, not fitted yet</pre>"
+    assert DropReport()._repr_html_().startswith("<pre>")

@@ -3,9 +3,14 @@
 import weakref
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import polars as pl
+
+from descentflow.reporting.in_notebook import InNotebook
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 MAX_NAMED = 4
 """Steps that a summary names."""
@@ -28,7 +33,7 @@ class Step:
 
 
 @dataclass
-class DropReport:
+class DropReport(InNotebook):
     """Number of rows and flights after every step of `prepare`.
 
     Example:
@@ -126,6 +131,22 @@ class DropReport:
         dropped = ", ".join(f"{s.step} {s.rows_dropped:,}" for s in most) or "nothing"
         left = self.steps[-1].rows_left
         return [f"  rows: {self.steps[0].rows_left:,} read, {left:,} left", f"  dropped most by: {dropped}"]
+
+    def notebook_figure(self) -> "Figure | None":
+        """Rows that each step dropped; nothing where none was."""
+        from matplotlib.figure import Figure
+
+        from descentflow.reporting.figure_style import BLUE, tidy
+
+        dropped = {step.step: step.rows_dropped for step in reversed(self.steps) if step.rows_dropped}
+        if not dropped:
+            return None
+        figure = Figure(figsize=(8.4, 0.3 * len(dropped) + 0.9), layout="constrained")
+        ax = figure.subplots()
+        tidy([ax])
+        ax.barh(list(dropped), list(dropped.values()), color=BLUE)
+        ax.set_xlabel("Rows dropped")
+        return figure
 
     def __str__(self) -> str:
         """The table for a terminal."""

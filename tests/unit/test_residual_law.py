@@ -186,7 +186,7 @@ def test_residual_numbers_are_those_of_the_law(named: bool) -> None:
 
 def test_a_fitted_mixture_has_a_law_and_keeps_it(tmp_path: Path) -> None:
     path = toys.write_descents_file(tmp_path / "descents.parquet", 200)
-    model = fit(path, GaussianMixture(n_clusters=2))
+    model = fit(path, GaussianMixture(n_clusters=2), final=False)
     law = model.density.residual_law
     assert law is not None
     content = content_of(model.density)

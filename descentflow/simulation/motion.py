@@ -78,7 +78,9 @@ class Dynamics:
     """
 
     def __init__(self, aircraft: PerformanceModel, parameters: FlightParameters) -> None:
-        self.aircraft = aircraft.with_factors(parasitic=parameters.cd0_factor)
+        # Tensors, for every step would make them of numbers again.
+        one = torch.ones(1, dtype=torch.float64)
+        self.aircraft = aircraft.with_factors(parasitic=parameters.cd0_factor, induced=one, idle=one)
         self.parameters = parameters
         self._known: tuple[Motion, Tensor, Tensor] | None = None
         self._known_deviation: tuple[Tensor, Tensor] | None = None

@@ -164,8 +164,8 @@ class Bada3Aircraft(Speeds):
 
     def _temperature_loss(self, deviation_k: Tensor) -> Tensor:
         """Share of the climb thrust lost to heat (manual 3.7-4 to 3.7-7)."""
-        ct4, ct5 = as_tensors(self.ct4, self.ct5)
-        return (ct5.clamp(min=0.0) * (deviation_k - ct4)).clamp(0.0, MAX_TEMPERATURE_LOSS)
+        scale = self.ct5.clamp(min=0.0) if isinstance(self.ct5, Tensor) else max(self.ct5, 0.0)
+        return (scale * (deviation_k - self.ct4)).clamp(0.0, MAX_TEMPERATURE_LOSS)
 
     def descent_thrust_floor_ft(self) -> Tensor:
         """Altitude above which high-altitude descent thrust holds (manual 3.7.3).
@@ -209,17 +209,12 @@ class Bada3Aircraft(Speeds):
             >>> open_aircraft("A320").idle_thrust_n(torch.linspace(3e3, 1e4, 5), 200.0).shape
             torch.Size([5])
         """
-        altitude, tas, deviation, high, low, approach, landing = as_tensors(
-            altitude_m,
-            tas_mps,
-            deviation_k,
-            self.ct_des_high,
-            self.ct_des_low,
-            self.ct_des_app,
-            self.ct_des_ld,
+        flaps = () if isinstance(configuration, str) and configuration == "CR" else (self.ct_des_app, self.ct_des_ld)
+        altitude, tas, deviation, high, low, *others = as_tensors(
+            altitude_m, tas_mps, deviation_k, self.ct_des_high, self.ct_des_low, *flaps
         )
         is_high = is_above(altitude, self.descent_thrust_floor_ft() * FT_M)
-        fraction = torch.where(is_high, high, by_configuration(configuration, low, approach, landing))
+        fraction = torch.where(is_high, high, by_configuration(configuration, low, *others) if others else low)
         return fraction * self.climb_thrust_n(altitude, tas, deviation)
 
     def idle_thrust_terms(self, altitude_m: Tensor, deviation_k: Number = 0.0) -> dict[int, Tensor]:

@@ -7,8 +7,9 @@ from pathlib import Path
 from markupsafe import Markup
 
 from descentflow.aircraft_types.open_types.open_aircraft import CoefficientSource, open_type, open_typecodes
-from descentflow.reporting.pages import HtmlPage, element, figure, table
+from descentflow.reporting.pages import figure
 from studies.aircraft.open_aircraft_figures import open_aircraft_figure
+from studies.page_elements import HtmlPage, element, table
 
 INTRODUCTION = """
 These coefficients have the form of BADA 3 and are not EUROCONTROL's BADA: they come from open sources, each with a

@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from descentflow.reporting.pages import HtmlPage, figure, table
+from descentflow.reporting.pages import figure
 from studies.blind_diagnosis.figures import blind_figures as figures
-from studies.page_elements import Html, code, marked, number, paragraph, percent
+from studies.page_elements import Html, HtmlPage, code, marked, number, paragraph, percent, table
 
 WORLDS = {"own": "our own world", "foreign": "JSBSim's aircraft"}
 

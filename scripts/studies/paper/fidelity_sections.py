@@ -6,8 +6,7 @@ import polars as pl
 
 from descentflow.evaluation.metrics.noise_floor import SIZE
 from descentflow.evaluation.metrics.score_registry import STATISTICS as REGISTERED
-from descentflow.reporting.pages import table
-from studies.page_elements import Html, cell, number, paragraph
+from studies.page_elements import Html, cell, number, paragraph, table
 from studies.paper.fidelity_tables import QUANTITIES, STATISTICS, summary, whole_descents
 from studies.paper.study_plan import MODELS, StudyPlan
 

@@ -7,8 +7,7 @@ import polars as pl
 
 from descentflow.core.errors import DataError
 from descentflow.core.files import whole_file
-from descentflow.reporting.pages import HtmlPage
-from studies.page_elements import Html, paragraph
+from studies.page_elements import Html, HtmlPage, paragraph
 from studies.paper import fidelity_sections as fidelity
 from studies.paper import study_sections as sections
 from studies.paper.fidelity_tables import ratios

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import polars as pl
 
-from descentflow.reporting.pages import figure, table
-from studies.page_elements import Html, cell, number, paragraph
+from descentflow.reporting.pages import figure
+from studies.page_elements import Html, cell, number, paragraph, table
 from studies.paper.figures.sweep_curves import STATISTICS, flow_sizes_figure, variance_figure
 from studies.paper.hidden_levels import METHODS
 from studies.paper.study_plan import StudyPlan

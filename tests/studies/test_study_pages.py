@@ -1,4 +1,4 @@
-"""Pages: text is escaped, sections can be linked to, files are whole or not there."""
+"""Pages of studies: text is escaped, sections can be linked to, files are whole or not there."""
 
 import re
 from pathlib import Path
@@ -9,7 +9,8 @@ from html_toys import Elements
 from jinja2 import UndefinedError
 
 from descentflow.core.errors import DataError
-from descentflow.reporting.pages import HtmlPage, drawing, element, figure, png, rendered, table
+from descentflow.reporting.pages import drawing, figure, png, rendered
+from studies.page_elements import HtmlPage, element, table
 
 HOSTILE = '<script>alert("x")</script>&"'
 
@@ -72,8 +73,8 @@ def test_numbers_stand_on_the_right_and_groups_show_their_name_once() -> None:
 
 
 def test_a_name_that_a_template_does_not_get_is_an_error() -> None:
-    with pytest.raises(UndefinedError, match="sections"):
-        rendered("reporting/sections.html.j2", title="Few", lead=[])
+    with pytest.raises(UndefinedError, match="report"):
+        rendered("surveillance/figures/cleaning_page.html.j2", flights=[])
 
 
 def test_the_same_figure_is_the_same_image(tmp_path: Path) -> None:

@@ -68,13 +68,14 @@ def test_a_fit_tells_its_folder_before_it_reads_descents(taken: str, capsys: pyt
 @pytest.mark.parametrize(
     "call",
     [
-        lambda out: df.fit("none.parquet", "gaussian", out=out),
+        lambda out: df.fit("none.parquet", "gaussian", out=f"{out}.ckpt"),
         lambda out: df.simulate("A320", 1, out=f"{out}.parquet"),
     ],
 )
 def test_a_call_tells_its_output_first(taken: str, call: Callable[[str], object]) -> None:
     Path("folder").mkdir()
     Path("folder.parquet").mkdir()
+    Path("folder.ckpt").mkdir()
     with pytest.raises(DataError, match="is a folder"):
         call("folder")
 

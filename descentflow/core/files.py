@@ -153,7 +153,10 @@ class _Temporary:
 
     def _remove_others(self, number: int) -> None:
         """Remove what killed runs left that wrote the same file at the same time."""
-        while number < MAX_WRITERS and (path := _temporary(self.target, number)).exists():
+        while number < MAX_WRITERS:
+            path = _temporary(self.target, number)
+            if not path.exists() and not path.with_name(path.name + LOCK).exists():
+                break
             _remove_unclaimed(path)
             number += 1
 

@@ -101,6 +101,7 @@ def test_of_several_killed_writers_nothing_is_left(tmp_path: Path) -> None:
     target = tmp_path / "note.txt"
     for number in range(3):
         (tmp_path / f".note.descentflow-part{number}.txt").write_text("left by a killed run")
+    (tmp_path / ".note.descentflow-part3.txt.lock").write_text("")  # of one killed after it had renamed its file
     with whole_file(target) as temporary:
         temporary.write_text("whole")
     assert names(tmp_path) == ["note.txt"]

@@ -81,21 +81,26 @@ def remove_work(out: Path) -> None:
 
     Example:
         >>> (work_folder(Path("made")) / "parts").mkdir(parents=True)
+        >>> _ = Path(".made.work.lock").write_text("")
         >>> remove_work(Path("made"))
-        >>> work_folder(Path("made")).exists()
-        False
+        >>> work_folder(Path("made")).exists(), Path(".made.work.lock").exists()
+        (False, False)
     """
     folder = work_folder(out)
     _remove_retired(folder)
-    if folder.is_dir():
+    if folder.is_dir() or _lock_of(folder).exists():
         with suppress(ConfigError), _alone(folder, out):
             _remove(folder)
+
+
+def _lock_of(folder: Path) -> Path:
+    return folder.with_name(f".{folder.name}.lock")
 
 
 @contextmanager
 def _alone(folder: Path, out: Path) -> Iterator[None]:
     """Hold the lock of the work, which lies beside its folder: that is renamed before it is removed."""
-    claim = Claim(folder.with_name(f".{folder.name}.lock"))
+    claim = Claim(_lock_of(folder))
     if not claim.take():
         raise ConfigError(
             f"another run is at work on {out}",

@@ -102,6 +102,19 @@ AIRFRAMES = {
             elevator_rad=(-0.35, 0.35),
             rated_n=2 * 15_000 * _LBF_N,
         ),
+        Airframe(
+            name="fokker100",
+            typecode="F100",
+            reference="E190",
+            mass_kg=(29e3, 39.9e3),
+            mach=0.72,
+            cas_kt=(260, 275, 290),
+            tops_fl=(310, 350),
+            zero_lift_drag=0.0192,
+            brake_drag=0.12,
+            elevator_rad=(-0.35, 0.35),
+            rated_n=2 * 13_850 * _LBF_N,
+        ),
     )
 }
 """Models by name."""

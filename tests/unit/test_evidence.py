@@ -108,12 +108,14 @@ def test_flights_of_one_day_are_known_by_their_aircraft() -> None:
 def test_layers_of_air_that_a_simulator_lacks_are_no_cause() -> None:
     sides = example_sides()
     layers = torch.zeros(len(sides.entries), dtype=torch.float64)
-    layers[sides.columns("tas")] = 0.02 * torch.sin(torch.linspace(0, 6, 11, dtype=torch.float64))
+    layers[sides.columns("tas")] = 0.004 * torch.sin(torch.linspace(0, 6, 11, dtype=torch.float64))
     found = explain(replace(sides, y=sides.y + torch.where(sides.real[:, None], layers, 0.0)), EFFECTS)
     assert found.verdict == "none"
     assert "tas" in found.best.unknown
-    # The same of the rate has a cause, and no known one.
-    at_rate = layers.roll(int(sides.columns("rate")[0] - sides.columns("tas")[0])) * 5.0
+    # Layers of 10 K have a cause, and so has the like of the rate; neither is a known one.
+    found = explain(replace(sides, y=sides.y + torch.where(sides.real[:, None], 5.0 * layers, 0.0)), EFFECTS)
+    assert found.verdict == "unknown"
+    at_rate = layers.roll(int(sides.columns("rate")[0] - sides.columns("tas")[0])) * 25.0
     found = explain(replace(sides, y=sides.y + torch.where(sides.real[:, None], at_rate, 0.0)), EFFECTS)
     assert found.verdict == "unknown"
 

@@ -14,7 +14,7 @@ from descentflow.diagnosis.evidence.flight_effects import FlightShapes, differin
 from descentflow.diagnosis.evidence.moments import Moments, moments
 from descentflow.diagnosis.evidence.naming import Named, name_effects, verdict_of
 from descentflow.diagnosis.evidence.nuisances import lacks, layers_of_air, set_apart
-from descentflow.diagnosis.evidence.set_fit import OF_AIR, SetFit, SetFits
+from descentflow.diagnosis.evidence.set_fit import SetFit, SetFits
 from descentflow.diagnosis.evidence.signatures import Signatures
 from descentflow.diagnosis.findings.findings import Verdict
 from descentflow.diagnosis.findings.gap_found import Lack
@@ -94,7 +94,7 @@ class Explainer:
         has_cause = verdict in ("effect", "partial")
         names = tuple(named.groups) if has_cause else ()
         keeps_all = verdict in ("partial", "unknown")
-        unknown = {q: scale for q, scale in heaviest.unknown.items() if keeps_all or q in OF_AIR}
+        unknown = {q: scale for q, scale in heaviest.unknown.items() if keeps_all or q in heaviest.air}
         best = fits.fit(names, unknown, heaviest.sizes)
         return Explanation(
             verdict,

@@ -7,7 +7,7 @@ import numpy as np
 
 from descentflow.diagnosis.evidence.assumptions import Assumptions
 from descentflow.diagnosis.evidence.moments import Moments
-from descentflow.diagnosis.evidence.set_fit import OF_AIR, Names, SetFit, SetFits
+from descentflow.diagnosis.evidence.set_fit import Names, SetFit, SetFits
 from descentflow.diagnosis.findings.findings import Verdict
 from descentflow.diagnosis.inference.linear_gaussian import Array
 
@@ -106,7 +106,7 @@ def verdict_of(named: Named, best: SetFit, known: Moments, fits: SetFits) -> Ver
         return "effect"
     shift = sum((best.shifts[name] for name in named.groups), np.zeros(len(known.difference)))
     rest = known.difference - best.shift
-    of_cause = {name: scale for name, scale in best.unknown.items() if name not in OF_AIR}
+    of_cause = {name: scale for name, scale in best.unknown.items() if name not in best.air}
     left = fits.unknown_covariance(of_cause) @ np.linalg.solve(best.noise, rest)
     explained, unexplained = (float(x @ np.linalg.solve(known.covariance, x)) for x in (shift, left))
     return "unknown" if unexplained > explained else "partial"

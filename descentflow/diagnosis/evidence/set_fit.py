@@ -8,7 +8,8 @@ For a set M, about the sizes at which it is most probable,
 
 An unknown cause is a free smooth process in every quantity of altitude. Its scales :math:`a_q` are the likeliest of a
 short grid; each that is not zero costs the logarithm of the grid's length. What the air alone moves (TAS over that of
-the Mach number, wind, geometric height) is free in every set: layers of air that the simulator lacks are no cause.
+the Mach number, wind, geometric height) is free in every set up to a scale: layers of air that the simulator lacks are
+no cause.
 """
 
 import itertools
@@ -60,6 +61,8 @@ class SetFit:
     log_weight: float
     unknown: Mapping[str, float]
     noise: Array = field(repr=False)
+    air: frozenset[str] = frozenset()
+    """Quantities of ``unknown`` that layers of air explain."""
 
     @property
     def is_null(self) -> bool:
@@ -69,7 +72,7 @@ class SetFit:
     @property
     def has_unknown(self) -> bool:
         """True if an unknown cause moves more than what measures the air."""
-        return not OF_AIR.issuperset(self.unknown)
+        return not self.air.issuperset(self.unknown)
 
     @property
     def shift(self) -> Array:
@@ -129,12 +132,13 @@ class SetFits:
                 sizes[name] = self.candidates[name].clamp(sizes[name] + share * (part - sizes[name]))
         last, noise = self._step(sizes, scales)
         gained = sum(self.candidates[name].log_gain for name in names)
-        causes = len(names) + (not OF_AIR.issuperset(scales))
+        air = frozenset(q for q, scale in scales.items() if q in OF_AIR and scale <= self.assumed.layers)
+        causes = len(names) + (not air.issuperset(scales))
         prior = self._log_odds * causes - self._log_grid * len(scales)
         errors = self._split(names, np.sqrt(np.maximum(last.covariance.diagonal(), 0.0)))
         shifts = {name: self.candidates[name].at(sizes[name]).shift for name in names}
         weight = last.log_evidence + gained + prior
-        return SetFit(names, sizes, dict(zip(names, errors, strict=True)), shifts, weight, scales, noise)
+        return SetFit(names, sizes, dict(zip(names, errors, strict=True)), shifts, weight, scales, noise, air)
 
     def unknown_covariance(self, scales: Mapping[str, float]) -> Array:
         """Covariance (p, p) of an unknown cause."""
@@ -142,7 +146,7 @@ class SetFits:
         return np.outer(size, size) * self.known.kernel
 
     def unknown_scales(self, fit: SetFit, *, air: bool) -> dict[str, float]:
-        """The likeliest scales beside a set, one quantity after the other: of the air, or of what it leaves as well."""
+        """The likeliest scales beside a set, one quantity after the other: of layers of air alone, or of everything."""
         rest, noise = self.known.difference - fit.shift, fit.noise - self.unknown_covariance(fit.unknown)
         for name in fit.names:
             candidate = self.candidates[name]
@@ -150,11 +154,12 @@ class SetFits:
             rest = rest + jacobian @ (fit.sizes[name] - candidate.prior_mean)
             noise = noise + (jacobian * candidate.prior_sd**2) @ jacobian.T
         every = [name for name in dict.fromkeys(map(str, self.known.quantity)) if QUANTITIES[name].by_band]
-        quantities = [name for name in every if (name in OF_AIR) == air]
+        quantities = [name for name in every if name in OF_AIR] if air else every
+        sizes = [scale for scale in self.assumed.unknown_scales if not air or scale <= self.assumed.layers]
         scales = dict(fit.unknown)
         for _, name in itertools.product(range(SWEEPS), quantities):
             others = {other: scale for other, scale in scales.items() if other != name}
-            tries = [others, *({**others, name: scale} for scale in self.assumed.unknown_scales)]
+            tries = [others, *({**others, name: scale} for scale in sizes)]
             scores = [evidence(rest, noise + self.unknown_covariance(one)) - self._log_grid * len(one) for one in tries]
             scales = tries[int(np.argmax(scores))]
         return scales

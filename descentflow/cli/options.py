@@ -59,7 +59,8 @@ class CommandParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print what is wrong in a line, and end with status 2."""
-        print(f"{self.prog}: {message}; see {self.prog} --help", file=sys.stderr)
+        error = ConfigError(message, expected="arguments as its help lists them", mend=f"see {self.prog} --help")
+        print(f"{self.prog}: {error}", file=sys.stderr)
         raise SystemExit(2)
 
     def _add_group(self, group: Any) -> None:

@@ -29,7 +29,7 @@ def test_a_mistake_is_told_in_a_line(command: str, words: list[str], capsys: pyt
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["sample", "m.ckpt", "-n", ""], "argument -n/--number: invalid int value: ''; see descentflow sample --help"),
+        (["sample", "m.ckpt", "-n", ""], "argument -n/--number: invalid int value: ''; expected arguments as"),
         (["sample", "m.ckpt", "--end", "x; expected y"], "'x; expected y'; expected LAT,LON in degrees"),
         (["sample", "m.ckpt", "--track"], "argument --track: expected one argument"),
         (["predict-descent", "m.ckpt", "d", "--out", "x"], "the following arguments are required: --from-fl"),

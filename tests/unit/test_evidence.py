@@ -26,12 +26,13 @@ from descentflow.diagnosis.evidence.flight_mixture import (
 from descentflow.diagnosis.evidence.limits import detection_limits
 from descentflow.diagnosis.evidence.moments import Moments, moments, sums_by_clusters, sums_over
 from descentflow.diagnosis.evidence.naming import name_effects
+from descentflow.diagnosis.evidence.nuisances import lacks
 from descentflow.diagnosis.evidence.set_fit import SetFit, SetFits
 from descentflow.diagnosis.inference.example_sides import example_sides
 from descentflow.diagnosis.inference.linear_gaussian import posterior
 from descentflow.diagnosis.inference.precisions import Precisions
 from descentflow.diagnosis.inference.shrinkage import shrunk
-from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.diagnosis.inference.two_sides import Compared, Entry
 from descentflow.diagnosis.procedure import Diagnosis
 from descentflow.diagnosis.simulator import Simulator
 from descentflow.effects import EFFECTS
@@ -118,6 +119,14 @@ def test_layers_of_air_that_a_simulator_lacks_are_no_cause() -> None:
     at_rate = layers.roll(int(sides.columns("rate")[0] - sides.columns("tas")[0])) * 25.0
     found = explain(replace(sides, y=sides.y + torch.where(sides.real[:, None], at_rate, 0.0)), EFFECTS)
     assert found.verdict == "unknown"
+
+
+@pytest.mark.parametrize(("ratio", "listed"), [(1.2, ["noise_rate"]), (0.3, [])])
+def test_missing_noise_is_listed_beside_a_cause_that_raises_some(ratio: float, listed: list[str]) -> None:
+    sides = example_sides().only(torch.tensor([0]))
+    noisy = torch.where(sides.real[:, None], sides.y + ratio, sides.y)
+    of_noise = replace(sides, entries=(Entry("noise_rate", -1),), y=noisy)
+    assert [lack.quantity for lack in lacks(of_noise, Assumptions(), raised=True)] == listed
 
 
 def test_sizes_settle_where_the_misfit_grows_with_them() -> None:

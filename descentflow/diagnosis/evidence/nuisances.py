@@ -66,7 +66,8 @@ def lacks(compared: Compared, assumed: Assumptions, *, raised: bool) -> list[Lac
         noise = QUANTITIES[name].is_noise
         by_product = assumed.noise_matters if raised and name in RAISED_BY_CAUSES else 0.0
         error = variance + by_product**2
-        usual = (assumed.noise_matters if noise else USUAL * unit) ** 2
+        # Noise that is missing altogether is less by a factor of three or five: about one, as a logarithm.
+        usual = (1.0 if noise else USUAL * unit) ** 2
         odds = 0.5 * (size**2 / error - size**2 / (error + usual) - math.log1p(usual / error)) + prior_odds
         if odds > needed and (not noise or abs(size) > assumed.noise_matters / 3.0):
             found.append(Lack(name, size, math.sqrt(error)))

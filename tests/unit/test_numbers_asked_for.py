@@ -68,12 +68,12 @@ def test_numbers_of_numpy_count(model: Density) -> None:
 
 @pytest.mark.parametrize("entry", ["FL350", "350", [None], {"fl": 350}])
 def test_entry_levels_are_numbers(entry: object, model: Density) -> None:
-    with pytest.raises(ConfigError, match=r"entry_fl = .* expected a number or several, each a number"):
+    with pytest.raises(ConfigError, match=r"entry_fl = .* expected a finite number or several, each a finite number"):
         df.sample(model, 3, entry_fl=entry)
 
 
 def test_a_generator_takes_one_level_of_entry(model: Density) -> None:
-    with pytest.raises(ConfigError, match=r"entry_fl = .*expected a number or None"):
+    with pytest.raises(ConfigError, match=r"entry_fl = .*expected a finite number or None"):
         df.Generator(model).next(entry_fl=[300, 310])
 
 

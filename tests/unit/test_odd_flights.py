@@ -1,6 +1,7 @@
 """Flights worth a look: those that have what is left, by their own identifiers, in units of the trade."""
 
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import polars as pl
 import pytest
@@ -65,6 +66,7 @@ def test_identifiers_stay_with_their_flights() -> None:
             "icao24": "4b1800",
             "level_fl": [150 + k for _ in range(3) for k in range(40)],
             "time_s": [300.0 - 3 * k for _ in range(3) for k in range(40)],
+            "timestamp": [datetime(2026, 1, 1 + i, tzinfo=UTC) for i in range(3) for _ in range(40)],
             "IAS": [280.0 + i for i in range(3) for _ in range(40)],
             "vertical_rate": -2000.0,
         }
@@ -73,6 +75,8 @@ def test_identifiers_stay_with_their_flights() -> None:
     frame = frame.filter((pl.col("flight_id") != "f1") | (pl.col("level_fl") < 152))
     found = quantities_of(frame, 150, 189, CHANNELS)
     assert found.names == ("f0", "f2")
+    assert found.day is not None
+    assert found.day.diff().tolist() == [2]
     assert found.values["cas"].nanmean(1).tolist() == pytest.approx([280.0, 282.0])
     assert found.rows(torch.tensor([False, True])).names == ("f2",)
     assert found.rows(torch.tensor([1, 0, 1])).names == ("f2", "f0", "f2")

@@ -139,7 +139,7 @@ def test_a_forked_process_does_not_wait_for_threads_that_it_has_not() -> None:
 
 RANDOM = {"rand", "randn", "randint", "randperm", "multinomial", "normal", "bernoulli", "rand_like", "randn_like"}
 MOVES_THE_GLOBAL_GENERATOR = {"manual_seed", "fork_rng", "seed_everything", "seed", "RandomState"}
-TRAINS = {"training/fit.py", "densities/checkpoint.py"}
+TRAINS = {"training/fit.py", "training/final_fit.py", "densities/checkpoint.py"}
 """Fits seed what Lightning and initial parameters draw from; loading puts back what initial parameters drew."""
 
 

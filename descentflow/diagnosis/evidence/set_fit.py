@@ -4,10 +4,11 @@ For a set M, about the sizes at which it is most probable,
 
 .. math:: d \sim N\Big(0,\; V + \sum_{e \in M}\big(J_e P_e J_e^\top + F_e\big) + U\Big), \qquad
    U = \sum_q a_q^2\, \nu_q \nu_q^\top \circ K, \qquad
-   w_M \propto Z_M \Big(\frac{\pi}{1-\pi}\Big)^{|M| + [U \ne 0]}.
+   w_M \propto Z_M \Big(\frac{\pi}{1-\pi}\Big)^{|M| + |\{q: a_q \ne 0\}|}.
 
-An unknown cause is a free smooth process in every quantity of altitude. Its scales :math:`a_q` are the likeliest of a
-short grid; each that is not zero costs the logarithm of the grid's length. What the air alone moves (TAS over that of
+An unknown cause is a free smooth process in a quantity of altitude, each quantity with one of its own: to move several
+alike is what effects do. Its scales :math:`a_q` are the likeliest of a short grid; each that is not zero costs the
+logarithm of the grid's length. What the air alone moves (TAS over that of
 the Mach number, wind, geometric height) is free in every set up to a scale: layers of air that the simulator lacks are
 no cause.
 """
@@ -132,13 +133,12 @@ class SetFits:
                 sizes[name] = self.candidates[name].clamp(sizes[name] + share * (part - sizes[name]))
         last, noise = self._step(sizes, scales)
         gained = sum(self.candidates[name].log_gain for name in names)
-        air = frozenset(q for q, scale in scales.items() if q in OF_AIR and scale <= self.assumed.layers)
-        causes = len(names) + (not air.issuperset(scales))
-        prior = self._log_odds * causes - self._log_grid * len(scales)
         errors = self._split(names, np.sqrt(np.maximum(last.covariance.diagonal(), 0.0)))
         shifts = {name: self.candidates[name].at(sizes[name]).shift for name in names}
-        weight = last.log_evidence + gained + prior
-        return SetFit(names, sizes, dict(zip(names, errors, strict=True)), shifts, weight, scales, noise, air)
+        weight = last.log_evidence + gained + self._log_odds * len(names) + self._log_prior(scales)
+        return SetFit(
+            names, sizes, dict(zip(names, errors, strict=True)), shifts, weight, scales, noise, self._air(scales)
+        )
 
     def unknown_covariance(self, scales: Mapping[str, float]) -> Array:
         """Covariance (p, p) of an unknown cause."""
@@ -160,9 +160,18 @@ class SetFits:
         for _, name in itertools.product(range(SWEEPS), quantities):
             others = {other: scale for other, scale in scales.items() if other != name}
             tries = [others, *({**others, name: scale} for scale in sizes)]
-            scores = [evidence(rest, noise + self.unknown_covariance(one)) - self._log_grid * len(one) for one in tries]
+            scores = [evidence(rest, noise + self.unknown_covariance(one)) + self._log_prior(one) for one in tries]
             scales = tries[int(np.argmax(scores))]
         return scales
+
+    def _air(self, scales: Mapping[str, float]) -> frozenset[str]:
+        """Quantities that layers of air move."""
+        return frozenset(q for q, scale in scales.items() if q in OF_AIR and scale <= self.assumed.layers)
+
+    def _log_prior(self, scales: Mapping[str, float]) -> float:
+        """Of an unknown cause in these quantities."""
+        causes = len(scales) - len(self._air(scales))
+        return self._log_odds * causes - self._log_grid * len(scales)
 
     def _step(self, sizes: Mapping[str, Array], scales: Mapping[str, float]) -> tuple[Posterior, Array]:
         """Posterior about the linearisation at sizes, and the covariance of what its Jacobian leaves."""

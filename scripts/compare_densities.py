@@ -76,7 +76,7 @@ def fitted(name: str, data: DescentDataModule, seed: int) -> Density:
     """A density as `descentflow fit --config configs/model/NAME.yaml` trains it."""
     for option, value in {"batch_size": 512, "fewest_batches": 1, **training_settings(name).data}.items():
         setattr(data, option, value)
-    return fit(data, name, seed=seed).density
+    return fit(data, name, seed=seed, final=False).density
 
 
 def scores_of_seed(args: argparse.Namespace, seed: int, folder: Path) -> list[pl.DataFrame]:

@@ -146,7 +146,8 @@ def _fit(plan: StudyPlan, name: str, descents: Path, folder: Path, first: Path |
     from descentflow.training.fit import fit
 
     out, epochs, recipe = folder / "model.ckpt", plan.max_epochs, RECIPES[plan.recipe]
-    options = {"seed": plan.seed, "max_epochs": epochs, "device": "cpu", "checkpoint": first, **recipe.data}
+    # The study scores flights that no fit has seen: there is nothing to fit to all.
+    options = {"seed": plan.seed, "max_epochs": epochs, "final": False, "checkpoint": first, **recipe.data}
     with logged_to(folder / "fit.log"):
         # The checkpoint of the first model brings split, components and bounds.
         print(fit(descents, recipe.models[name], out=out, **options))  # type: ignore[arg-type]

@@ -236,7 +236,7 @@ def _flow(job: _SweepJob, common: _Sweeps) -> None:
     sized = replace(settings, model={**settings.model, "n_flows": job.flows, "hidden_per_weight": job.hidden})
     descents, checkpoint = common.own / f"{job.typecode}.parquet", job.product(common.own).with_suffix(".ckpt")
     seed, epochs = common.study.seed, common.sweep.max_epochs
-    print(fit(descents, sized.new_model(), out=checkpoint, seed=seed, max_epochs=epochs, device="cpu"))
+    print(fit(descents, sized.new_model(), out=checkpoint, seed=seed, max_epochs=epochs, final=False))
     data = DescentDataModule(descents, checkpoint=checkpoint)
     data.setup()
     model = load_model(checkpoint)

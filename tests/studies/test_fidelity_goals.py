@@ -7,6 +7,8 @@ from pathlib import Path
 import polars as pl
 import pytest
 import torch
+import toys
+from command_line_toys import fit
 from torch import Tensor
 
 from descentflow.densities.checkpoint import load_model
@@ -49,8 +51,9 @@ def test_a_top_that_nothing_shows_has_no_spread() -> None:
     assert math.isnan(top_spread(flown(noise(50, 0)), flown(noise(50, 1), nothing))["rate"])
 
 
-def test_intervals_are_those_of_flights_that_the_model_has_not_seen(run: Path, descents: Path) -> None:
-    model = load_model(run / "checkpoints" / "best.ckpt")
+def test_intervals_are_those_of_flights_that_the_model_has_not_seen(tmp_path: Path) -> None:
+    descents = toys.write_descents_file(tmp_path / "a320.parquet", 300)
+    model = load_model(fit(tmp_path, descents, "gaussian") / "checkpoints" / "best.ckpt")
     found = in_flight(model, descents, flights=12)
     split = model.representation.split
     unseen = read_descents(descents).frame["flight_id"].n_unique() - len(split.train) - len(split.validation)

@@ -26,7 +26,7 @@ class StudyWorld:
         >>> OWN.values(np.random.default_rng(0), "mass", 1.0, vary=False)
         ({'factor': 1.1}, False)
         >>> sorted(FOREIGN.models)
-        ['787-8', 'B747', 'MD11', 'global5000']
+        ['787-8', 'B747', 'MD11', 'fokker100', 'global5000']
     """
 
     name: World

@@ -5,6 +5,7 @@ import re
 from argparse import ArgumentParser
 from collections.abc import Callable, Sequence
 from copy import deepcopy
+from os.path import normpath
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from lightning.fabric.utilities.exceptions import MisconfigurationException
 from lightning.pytorch import Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.cli import LightningArgumentParser, LightningCLI
+from lightning.pytorch.loggers import CSVLogger
 
 from descentflow.cli.options import class_in
 from descentflow.configs.packaged_config import config_file
@@ -133,6 +135,8 @@ class DescentCLI(LightningCLI):
                 mend="correct the one that is named, or leave it out",
             ) from error
         check_precision(trainer)
+        if self.subcommand == "fit" and self.config["fit"].ckpt_path is None:
+            _check_metrics(trainer)
         trainer.strategy.checkpoint_io = WholeCheckpoints()
         for callback in trainer.callbacks:  # type: ignore[attr-defined]
             if isinstance(callback, RemoveFailedRun):
@@ -344,3 +348,15 @@ def _settings_beside(checkpoint: str, needed: bool) -> list[str]:
         for name, value in dict(run.get(section) or {}).items()
         if value is not None
     ]
+
+
+def _check_metrics(trainer: Trainer) -> None:
+    """Refuse a folder with the metrics of another run, which Lightning's CSVLogger would delete."""
+    for logger in trainer.loggers:
+        # A folder that ".." leaves again may not be there yet.
+        if isinstance(logger, CSVLogger) and Path(normpath(logger.log_dir), "metrics.csv").exists():
+            raise ConfigError(
+                f"a CSVLogger into {logger.log_dir}, where the metrics.csv of another run is",
+                expected="a folder of the run's own: the logger deletes what it finds",
+                mend="give the logger another name or version, or leave both out",
+            )

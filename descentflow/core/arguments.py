@@ -42,6 +42,8 @@ class Within(NamedTuple):
 Count = Annotated[int, Within(1)]
 """A number of things, at least one."""
 NotNegativeInt = Annotated[int, Within(0)]
+Seed = Annotated[int, Within(0, (1 << 32) - 1)]
+"""A seed that the generators of NumPy and torch take alike."""
 Numbered = Annotated[int, Within(0, 1 << 53)]
 """A number of a draw, which float64 and every counter hold exactly."""
 NotNegativeFloat = Annotated[float, Within(0)]

@@ -99,7 +99,7 @@ class TransformedDensity(Density):
         if self.entry_law is None:
             return self.of_white(self._white(n, generator), context)
         shares = self.entry_law.shares.to(self.device)
-        bins = torch.multinomial(shares, n, replacement=True, generator=generator)
+        bins = torch.multinomial(shares, max(n, 1), replacement=True, generator=generator)[:n]
         return self.of_white(self.entry_law.of(self._white(n, generator), bins), context)
 
     def _white(self, n: int, generator: torch.Generator) -> Tensor:

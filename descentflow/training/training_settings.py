@@ -92,7 +92,7 @@ def training_settings(name: str | Path) -> TrainingSettings:
         return TrainingSettings(f"{own.__module__}.{own.__name__}")
     try:
         path = config_file((NAMES | SETTINGS_OF).get(str(name), name))
-    except ConfigError as error:
+    except (ConfigError, OSError) as error:  # no file has a name of hundreds of letters
         near = nearest(str(name).lower(), NAMES)
         raise ConfigError(
             f"a model {str(name)!r}",

@@ -158,6 +158,10 @@ def test_what_cannot_be_fitted_is_refused(descents: Path, tmp_path: Path) -> Non
         fit(descents, "gaussian", epochs=3)
     with pytest.raises(ConfigError, match=r"an option n_clusters of fit; .*as Gaussian\(ridge=2\)"):
         fit(descents, "mixture", n_clusters=3)
+    with pytest.raises(ConfigError, match="gaussian, mixture, flow, spline"):
+        fit(descents, "x" * 300)
+    with pytest.raises(ConfigError, match="seed = -1; expected a whole number, from 0"):
+        fit(descents, "gaussian", seed=-1)
     with pytest.raises(ConfigError, match="max_epochs = 0"):
         fit(descents, "gaussian", max_epochs=0)
     with pytest.raises(ConfigError, match="device = 'tpu'; expected 'cpu' or 'cuda'"):

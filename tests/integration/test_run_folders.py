@@ -195,3 +195,15 @@ def test_a_callback_that_cannot_be_made_is_named_in_a_line(
     said = capsys.readouterr().err
     assert "cannot be made: MisconfigurationException: `mode` can be min, max, got up; expected loggers" in said
     assert "Traceback" not in said
+
+
+def test_a_csv_logger_does_not_delete_the_metrics_of_another_run(
+    descents: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("runs").mkdir()
+    Path("runs", "metrics.csv").write_text("another's")
+    logger = ["--trainer.logger", "CSVLogger", "--trainer.logger.save_dir", "runs", "--trainer.logger.version", ".."]
+    assert main(["fit", "--model", "gaussian", "--data.descents", str(descents), *logger]) == 2
+    assert "metrics.csv of another run" in capsys.readouterr().err
+    assert Path("runs", "metrics.csv").read_text() == "another's"

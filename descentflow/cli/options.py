@@ -120,7 +120,19 @@ def _kind(hint: Any) -> tuple[dict[str, Any], list[str]]:
         return _kind(inside[0])[0] | {"nargs": "+", "action": "extend"}, []
     if origin is tuple:
         return _kind(inside[0])[0] | {"nargs": len(inside)}, []
-    return {"action": "store_true"} if hint is bool else {"type": hint}, []
+    return {"action": "store_true"} if hint is bool else {"type": path if hint is Path else hint}, []
+
+
+def path(text: str) -> Path:
+    """A path; an empty text would be the working directory.
+
+    Example:
+        >>> path("rows.parquet")
+        PosixPath('rows.parquet')
+    """
+    if not text:
+        raise argparse.ArgumentTypeError("an empty path")
+    return Path(text)
 
 
 def point(text: str) -> tuple[float, float]:

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, NamedTuple, ParamSpec, TypeVar, Unio
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import is_name
+from descentflow.core.tabular import held_table
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -59,8 +60,9 @@ class Kind(NamedTuple):
 def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
     """Let a function refuse arguments that are not of the annotated kinds.
 
-    Numbers of NumPy and torch are passed on as Python's own; a text is a path too; a list, a tuple, an array and a
-    column are all sequences. Missing and unknown names remain Python's own `TypeError`.
+    Numbers of NumPy and torch are passed on as Python's own, tables as those of Polars where these are taken. A text is
+    a path too; a list, a tuple, an array and a column are all sequences. Missing and unknown names remain Python's own
+    `TypeError`.
 
     Example:
         >>> @checked_arguments
@@ -84,7 +86,10 @@ def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
             return function(*args, **kwargs)  # this raises, with the function's name
         for name, kind in kinds.items():
             if name in bound.arguments:
-                value = bound.arguments[name] = _plain(bound.arguments[name])
+                value = _plain(bound.arguments[name])
+                if not kind.takes(value):
+                    value = held_table(value)
+                bound.arguments[name] = value
                 if not kind.takes(value):
                     place = function.__qualname__.removesuffix(".__init__")
                     raise ConfigError(f"{name} = {_shown(value)}", expected=kind.words, mend=f"see help({place})")
@@ -134,7 +139,11 @@ def kind_of(hint: Any) -> Kind:
         words = f"a dictionary of {key.words} to {held.words}"
         return Kind(
             words,
-            lambda value: isinstance(value, Mapping) and all(key.takes(k) and held.takes(v) for k, v in value.items()),
+            lambda value: (
+                isinstance(value, Mapping)
+                and not hasattr(value, "to_dataframe")  # of xarray: a table
+                and all(key.takes(k) and held.takes(v) for k, v in value.items())
+            ),
         )
     return _kind_of_one(origin or hint)
 
@@ -150,6 +159,10 @@ def _kind_of_one(hint: Any) -> Kind:
         return Kind("a text", lambda value: isinstance(value, str) and _is_text(value))
     if hint in (NoneType, bool):
         return Kind("None" if hint is NoneType else "True or False", lambda value: isinstance(value, hint))
+    if getattr(hint, "_is_protocol", False):  # methods by name alone are not enough: `at` of a pandas table is none
+        methods = [name for name in vars(hint) if name[0] != "_"]
+        words = f"an object with {' and '.join(f'{name}()' for name in methods)}"
+        return Kind(words, lambda value: all(callable(getattr(value, name, None)) for name in methods))
     if issubclass(hint, int | float):
         words, number = (f"a whole number{BITS}", Integral) if issubclass(hint, int) else ("a finite number", Real)
         bounds = (hint.__doc__ or "").partition("restricted to be")[2]  # of jsonargparse's own numbers

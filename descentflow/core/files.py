@@ -296,14 +296,14 @@ def _check_name(target: Path) -> None:
 
 
 def is_name(path: str | os.PathLike[str]) -> bool:
-    """Test for a name that the usual file systems can hold.
+    """Test for a name that the usual file systems can hold; an empty text would be the working directory.
 
     Example:
-        >>> is_name("rows.parquet"), is_name("x" * 256)
-        (True, False)
+        >>> is_name("rows.parquet"), is_name("x" * 256), is_name("")
+        (True, False, False)
     """
     try:
-        parts = [os.fsencode(part) for part in Path(path).parts]
+        parts = [os.fsencode(part) for part in Path(path).parts] if path != "" else [b"\0"]
     except (TypeError, UnicodeEncodeError):
         return False
     return not any(b"\0" in part or len(part) > LONGEST_NAME for part in parts)

@@ -102,6 +102,26 @@ def is_pandas(table: Any) -> bool:
     return type(table).__name__ == "DataFrame" and type(table).__module__.partition(".")[0] == "pandas"
 
 
+def held_table(value: Any) -> Any:
+    """A table in memory, of pandas, xarray or lazy Polars, as one of Polars; anything else as it is.
+
+    Named indices of pandas and coordinates of xarray become columns.
+
+    Example:
+        >>> table = to_pandas(pl.DataFrame({"level_fl": [100, 350], "deviation_k": [10.0, 20.0]}))
+        >>> held_table(table.set_index("level_fl")).columns, held_table("air.csv")
+        (['level_fl', 'deviation_k'], 'air.csv')
+    """
+    if isinstance(value, pl.LazyFrame):
+        return value.collect()
+    if type(value).__name__ == "Dataset" and type(value).__module__.partition(".")[0] == "xarray":
+        value = value.to_dataframe()
+    if not is_pandas(value):
+        return value
+    named = [name for name in value.index.names if name is not None and name not in value.columns]
+    return from_pandas(value.reset_index(level=named) if named else value)
+
+
 def from_pandas(table: Any) -> pl.DataFrame:
     """A `pandas.DataFrame` as a polars table without its index; missing values become null.
 

@@ -2,7 +2,7 @@
 
 import re
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,6 @@ Array = NDArray[np.float64]
 _WIND = re.compile(r"(?:(?P<level>\d+(?:\.\d+)?):)?(?P<direction>\d+(?:\.\d+)?)/(?P<speed>\d+(?:\.\d+)?)")
 
 
-@runtime_checkable
 class Wind(Protocol):
     """Whatever tells the wind at a place.
 

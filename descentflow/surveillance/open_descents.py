@@ -12,7 +12,7 @@ from typing import Any
 import polars as pl
 
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
-from descentflow.core.tabular import from_pandas, is_pandas
+from descentflow.core.tabular import held_table, is_pandas
 from descentflow.surveillance.cleaning.kept_settings import differences_in_words, different_settings
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.check_descents import checked_descents
@@ -181,7 +181,7 @@ def _in_memory(source: Any) -> Descents | None:
         whole = [one for one in held if one is not None]
         names = [f"table {number}" for number in range(1, len(held) + 1)]
         return join_descents(whole, names) if len(whole) == len(held) else None
-    table = from_pandas(source) if is_pandas(source) else source
+    table = held_table(source)
     if not isinstance(table, pl.DataFrame) or "level_fl" not in table.columns:
         return None
     absent = [name for name in REQUIRED if name not in table.columns]

@@ -10,7 +10,7 @@ from typing import Any
 import polars as pl
 
 from descentflow.core.errors import ConfigError, DataError
-from descentflow.core.tabular import from_pandas, is_pandas
+from descentflow.core.tabular import held_table, is_pandas
 from descentflow.surveillance.formats.file_format import Part
 from descentflow.surveillance.formats.known_formats import ACCEPTED, check_format
 from descentflow.surveillance.formats.recognition import held_parts, recognised
@@ -135,14 +135,10 @@ def source_of(rows: Any) -> Source:
     """
     if isinstance(rows, str | Path | pl.DataFrame):
         return rows
-    if isinstance(rows, pl.LazyFrame):
-        return rows.collect()
-    if is_pandas(rows):
-        return from_pandas(_with_index(rows))
-    if isinstance(getattr(rows, "rows", None), pl.DataFrame):
-        # What descentflow.simulate returned, of which this folder knows nothing.
-        simulated: pl.DataFrame = rows.rows
-        return simulated
+    # What descentflow.simulate returned has them as `rows`; this folder knows nothing of it.
+    for table in (held_table(_with_times(rows)), getattr(rows, "rows", None)):
+        if isinstance(table, pl.DataFrame):
+            return table
     raise ConfigError(
         f"rows of type {type(rows).__name__}",
         expected="paths, tables of polars or pandas, or what descentflow.simulate returned",
@@ -150,15 +146,12 @@ def source_of(rows: Any) -> Source:
     )
 
 
-def _with_index(table: Any) -> Any:
-    """A table of pandas whose index has become columns, if it has names or is of times, as tables of times have it."""
-    index = table.index
-    if all(name is None for name in index.names):
-        is_of_times = getattr(getattr(index, "dtype", None), "kind", "") == "M"
-        has_times = "timestamp" in row_names([str(name) for name in table.columns]).values()
-        return table.rename_axis("timestamp").reset_index() if is_of_times and not has_times else table
-    named = [name for name in index.names if name is not None and name not in table.columns]
-    return table.reset_index(level=named) if named else table
+def _with_times(table: Any) -> Any:
+    """A table of pandas by nameless times, as `timestamp`, unless it has times beside; anything else as it is."""
+    if not is_pandas(table) or table.index.name is not None or getattr(table.index.dtype, "kind", "") != "M":
+        return table
+    has_times = "timestamp" in row_names([str(name) for name in table.columns]).values()
+    return table if has_times else table.rename_axis("timestamp")
 
 
 HELD = "a table in memory"

@@ -9,12 +9,15 @@ import numpy as np
 import polars as pl
 import pytest
 import torch
+import xarray
 from jsonargparse.typing import OpenUnitInterval
 
 import descentflow as df
 from descentflow.core.arguments import Count, Within, checked_arguments, kind_of
 from descentflow.core.errors import ConfigError
+from descentflow.core.tabular import to_pandas
 from descentflow.positions.ground_plan import ground_plan
+from descentflow.positions.wind_by_level import Wind, wind_of_text
 
 NAN = float("nan")
 
@@ -29,7 +32,7 @@ NAN = float("nan")
         (OpenUnitInterval, [0.5], [0, 1, "0.5", NAN]),
         (bool, [True], [1, 0, None, pl.DataFrame()]),
         (str, ["a", ""], [b"a", Path(), "a\0b", "\ud800", None]),
-        (str | Path, ["a", Path("b")], [b"a", "a\0b", "x" * 256, Path("x" * 256), 5, None]),
+        (str | Path, ["a", Path("b")], ["", b"a", "a\0b", "x" * 256, Path("x" * 256), 5, None]),
         (Literal["aic", "bic"], ["aic"], ["AIC", None, ["aic"], np.zeros(2)]),
         (Sequence[str], [["a"], ("a",), pl.Series(["a"]), np.array(["a"]), []], ["a", {"a"}, {"a": 1}, [None], 5]),
         (Sequence[float], [[1, 2.5], np.zeros(3), torch.ones(2)], [[NAN], [True], np.zeros((2, 2)), pl.DataFrame()]),
@@ -38,7 +41,8 @@ NAN = float("nan")
         (Mapping[str, float], [{}, {"a": 1}], [{1: 1}, {"a": NAN}, [("a", 1)]]),
         (Callable[[int], None], [print, lambda n: None, int], [None, 5, lambda: None]),
         (pl.DataFrame | None, [pl.DataFrame(), None], [{}, "a", pl.Series()]),
-        (Any, [None, 5, object(), "a"], ["x" * 256, Path("a\0b")]),
+        (Any, [None, 5, object(), "a"], ["", "x" * 256, Path("a\0b")]),
+        (Wind | None, [wind_of_text("270/35"), None], [to_pandas(pl.DataFrame({"level_fl": [100]})), pl.DataFrame()]),
     ],
 )
 def test_an_annotation_takes_what_it_says(hint: Any, taken: list[Any], refused: list[Any]) -> None:
@@ -58,6 +62,18 @@ def test_numbers_of_other_libraries_become_pythons_own() -> None:
         kinds()
     with pytest.raises(TypeError, match="unexpected keyword argument 'm'"):
         kinds(3, m=5)
+
+
+def test_tables_of_other_libraries_become_those_of_polars() -> None:
+    @checked_arguments
+    def shape(air: str | Path | Mapping[str, Any] | pl.DataFrame) -> list[str]:
+        assert isinstance(air, pl.DataFrame)
+        return air.columns
+
+    table = pl.DataFrame({"level_fl": [100, 350], "deviation_k": [10.0, 20.0]})
+    by_level = to_pandas(table).set_index("level_fl")
+    for one in (table, table.lazy(), to_pandas(table), by_level, xarray.Dataset.from_dataframe(by_level)):
+        assert shape(one) == table.columns
 
 
 RIGHT = {

@@ -113,6 +113,9 @@ def test_every_kind_of_parameter_is_an_option(capsys: pytest.CaptureFixture[str]
     assert vars(parser.parse_args(["--out", "c"])) == {
         "files": [], "out": Path("c"), "names": None, "size": (1, 2), "kind": "a", "as_": None, "loud": False,
     }  # fmt: skip
+    with pytest.raises(SystemExit):
+        parser.parse_args(["--out", ""])  # it would be the working directory
+    assert "argument --out: an empty path" in capsys.readouterr().err
     shown = parser.format_help()
     for line in ("--out FILE", "--size WIDTH HEIGHT", "{a,b}", "to read, 100 % of them", "of it (default: a)"):
         assert line in shown

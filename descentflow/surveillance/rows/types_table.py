@@ -6,7 +6,7 @@ from typing import Any
 import polars as pl
 
 from descentflow.core.errors import ConfigError, DataError
-from descentflow.core.tabular import from_pandas, is_pandas
+from descentflow.core.tabular import held_table
 from descentflow.surveillance.rows.addresses import six_digits
 from descentflow.surveillance.rows.column_names import row_names
 from descentflow.surveillance.rows.drop_report import DropReport
@@ -25,10 +25,7 @@ def types_held(types: Any) -> pl.DataFrame:
         >>> types_held({"4CA001": "A320"}).rows()
         [('4ca001', 'A320')]
     """
-    if isinstance(types, pl.LazyFrame):
-        types = types.collect()
-    if is_pandas(types):
-        types = from_pandas(types)
+    types = held_table(types)
     if isinstance(types, Mapping):
         names = {"icao24": map(str, types), "typecode": map(str, types.values())}
         types = pl.DataFrame(

@@ -159,10 +159,12 @@ def _kind_of_one(hint: Any) -> Kind:
         return Kind("a text", lambda value: isinstance(value, str) and _is_text(value))
     if hint in (NoneType, bool):
         return Kind("None" if hint is NoneType else "True or False", lambda value: isinstance(value, hint))
-    if getattr(hint, "_is_protocol", False):  # methods by name alone are not enough: `at` of a pandas table is none
-        methods = [name for name in vars(hint) if name[0] != "_"]
-        words = f"an object with {' and '.join(f'{name}()' for name in methods)}"
-        return Kind(words, lambda value: all(callable(getattr(value, name, None)) for name in methods))
+    if getattr(hint, "_is_protocol", False):  # names alone are not enough: `at` of a pandas table is no method
+        methods = [name for name, one in vars(hint).items() if name[0] != "_" and callable(one)]
+        return Kind(
+            f"a {hint.__name__} of descentflow",
+            lambda value: all(callable(getattr(value, name, None)) for name in methods),
+        )
     if issubclass(hint, int | float):
         words, number = (f"a whole number{BITS}", Integral) if issubclass(hint, int) else ("a finite number", Real)
         bounds = (hint.__doc__ or "").partition("restricted to be")[2]  # of jsonargparse's own numbers

@@ -54,7 +54,7 @@ class TransformedDensity(Density):
 
     @property
     def entry_gate(self) -> EntryGate | None:
-        """The bins of the entry level as components, see :class:`~descentflow.generation.samplers.GatedSampler`."""
+        """The bins of the entry level as components, see :class:`~descentflow.generation.rejection.Sampler`."""
         return None if self.entry_law is None else self.entry_law.gate
 
     def weight_draw(self, dtype: torch.dtype) -> WeightDraw:

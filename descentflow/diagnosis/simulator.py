@@ -9,7 +9,7 @@ import torch
 
 from descentflow.core.errors import DataError
 from descentflow.diagnosis.findings.inputs_found import CoefficientsUsed
-from descentflow.generation.samplers import Sampler
+from descentflow.generation.rejection import Sampler
 from descentflow.measurements.quantities import Quantities
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.representation import Representation

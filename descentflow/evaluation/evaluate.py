@@ -14,8 +14,7 @@ from descentflow.densities.checkpoint import as_density
 from descentflow.evaluation.evaluation_report import Evaluation
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.scores import score
-from descentflow.generation.rejection import sample_descents
-from descentflow.generation.samplers import ConditionalSampler
+from descentflow.generation.rejection import Sampler, sample_descents
 from descentflow.physics.nominal_descent import nominal_descent
 from descentflow.representation.comparable_descents import comparable_descents, tell_other_types
 from descentflow.representation.encode_flights import encode_flights
@@ -103,7 +102,7 @@ def evaluate(
 
 
 def evaluate_profiles(
-    model: ConditionalSampler,
+    model: Sampler,
     representation: Representation,
     real: Profiles,
     *,

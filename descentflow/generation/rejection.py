@@ -1,10 +1,12 @@
 """Rejection sampling of plausible descents, with or without a context, within a draw budget.
 
-The bounds themselves are in :mod:`descentflow.representation.plausibility`.
+A sample keeps its level of entry, its context, its air and its mixture component until one of its draws is plausible:
+their shares are shares of flights, all of which are plausible, and drawing them anew would change them. The bounds
+themselves are in :mod:`descentflow.representation.plausibility`.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from typing import Protocol
 
 import torch
 from torch import Tensor
@@ -12,24 +14,50 @@ from torch import Tensor
 from descentflow.air.level_air import LevelAir
 from descentflow.core.counter_random import DrawNumbers, seed_for_index
 from descentflow.core.errors import SamplingError
-from descentflow.generation.draw_owners import (
-    Interchangeable,
-    OfContexts,
-    OfEntries,
-    OfSamples,
-    entry_levels_of,
-)
-from descentflow.generation.own_air_of_samples import AirWhereFlown, OwnAir
-from descentflow.generation.samplers import ConditionalSampler, GatedSampler, Sampler
 from descentflow.generation.samples import RejectionReport, Samples
+from descentflow.physics.performance_model import PerformanceModel
+from descentflow.representation.decoder.flown_air import flown_in
 from descentflow.representation.decoder.trajectories import Trajectories, concatenate
 from descentflow.representation.plausibility import RULES
 from descentflow.representation.representation import Representation
 
+BATCH = 10_000
+"""Draws decoded at once: 10,000 descents on 228 levels are 18 MB a quantity."""
+MAX_TRIES = 16
+"""Draws after which a sample is drawn of another component: one that is hardly plausible would take the budget."""
+
+
+class Sampler(Protocol):
+    """Whatever draws standardised weights repeatably; a density also has an ``entry_gate`` and a ``residual``.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> model: Sampler = load_model("best.ckpt")
+        >>> torch.equal(model.sample(3, seed=1), model.sample(3, seed=1))
+        True
+    """
+
+    def sample(self, n: int, seed: int, context: Tensor | None = None) -> Tensor:
+        """Draw (n, d) weights, row i for row i of context (n, c) if there is one."""
+
+
+class AirWhereFlown(Protocol):
+    """An air that depends on where a descent is flown.
+
+    Example:
+        >>> class Warm:
+        ...     def fly(self, aircraft, flown):
+        ...         return flown_in(aircraft, flown, LevelAir.uniform(flown.levels_fl, 10.0))
+        >>> warm: AirWhereFlown = Warm()
+    """
+
+    def fly(self, aircraft: PerformanceModel, flown: Trajectories) -> Trajectories:
+        """Descents that were flown in standard air, flown in this one."""
+
 
 @torch.no_grad()
 def sample_descents(
-    model: Sampler | ConditionalSampler,
+    model: Sampler,
     parts: Representation,
     n: int,
     seed: int,
@@ -42,24 +70,21 @@ def sample_descents(
 ) -> Samples:
     """Draw, decode and keep plausible descents until there are ``n`` (paper, section 2.4).
 
-    A density with a gate draws each sample's component by its level of entry, and a rejected draw is drawn again of
-    the same component from the same level: proportions are shares of flights, all of which are plausible, and rejection
-    would change them. With m contexts, sample i has context i modulo m, and a rejected draw is drawn again with the
-    same context, so that contexts whose draws are rejected more often are as frequent among the samples as the others.
+    The draws of a sample double from one round to the next: rare samples cost what their acceptance asks for.
 
     Args:
         model: Density of the standardised weights.
         parts: Its representation.
         n: Number of descents wanted.
         seed: Makes the whole result repeatable on one machine.
-        context: (m, c) encoded contexts, for a conditional density.
+        context: (m, c) encoded contexts, for a conditional density: sample i has context i modulo m.
         entry: (m,) indices of entry levels. With contexts, one for each of them; without, the levels to draw from
             with replacement, for instance those of the test flights (paper, section 4.2). If absent, they are drawn
             as the training flights entered.
-        air: Airs (k, L) that descents are flown in; standard air if absent. Each sample keeps its own until it is
-            plausible. It is that of its context where there are as many airs as contexts, that of the flight of its
-            entry level where there are as many airs as entry levels, else drawn. Or an air that depends on where they
-            are flown; the samples then do not hold theirs.
+        air: Airs (k, L) that descents are flown in; standard air if absent. A sample's is that of its context where
+            there are as many airs as contexts, that of the flight of its entry level where there are as many airs as
+            entry levels, else drawn. Or an air that depends on where they are flown; the samples then do not hold
+            theirs.
         draw_budget: Most draws; 100 for each descent wanted (at least 10,000) if absent.
         progress: Progress callback: called with the number of descents newly accepted.
 
@@ -74,52 +99,123 @@ def sample_descents(
         >>> samples.report.accepted, samples.weights.shape[0]
         (100, 100)
     """
-    decoder, plausibility = parts.decoder, parts.plausibility
     budget = draw_budget or max(100 * n, 10_000)
-    generator = torch.Generator().manual_seed(seed)
-    draws: Interchangeable | OfContexts | OfEntries | OfSamples
-    own = None if air is None else OwnAir(air, n, seed, context, entry)
-    if context is not None:
-        draws = OfContexts(context, entry)
-    elif isinstance(model, GatedSampler) and model.entry_gate is not None:
-        draws = OfEntries(model.entry_gate, entry_levels_of(entry, own, plausibility, n, generator))
-    elif own is not None:
-        draws = OfSamples(entry_levels_of(entry, own, plausibility, n, generator))
-    else:
-        draws = Interchangeable(entry)
-    pending, drawn, plausible = torch.arange(n), 0, 0
-    broken = torch.zeros(len(RULES), dtype=torch.long)
+    wanted = _Wanted(model, parts, n, seed, context, entry, air)
+    drawn, plausible, broken = 0, 0, torch.zeros(len(RULES), dtype=torch.long)
     weights, kept, owners = [], [], []
-    flown: Trajectories | None = None
-    while len(pending) and drawn < budget:
-        wanted = draws.wanted(pending, drawn, plausible)[: budget - drawn]
-        size = len(wanted)
-        tries = draws.weights(model, wanted, int(torch.randint(2**31, (), generator=generator)))
-        entries = draws.entries(plausibility, wanted, generator).to(tries.device)
-        # What was kept of the last batch was copied, so a batch of the same size may take its arrays.
-        reused = flown if flown is not None and len(flown) == size else None
-        white = torch.randn(size, decoder.n_white, generator=generator, dtype=torch.float64).to(tries)
-        white = draws.residual(model, wanted, tries, white, seed_for_index(seed, drawn))
-        numbers = DrawNumbers(seed, drawn)
-        flown = parts.fly(tries, entries, white=white, draws=numbers, out=reused)
-        if own is not None:
-            flown = own.fly(decoder.aircraft, flown, wanted)
-        rules = plausibility.broken_rules(flown)
-        good = torch.nonzero(~rules.any(1).cpu())[:, 0]
-        drawn, plausible, broken = drawn + size, plausible + len(good), broken + rules.sum(0).cpu()
-        accepted, filled = draws.match(good, wanted, pending)
-        weights.append(tries[accepted])
-        kept.append(flown.subset(accepted))
-        owners.append(filled)
-        pending = pending[~torch.isin(pending, filled)]
-        if progress is not None:
-            progress(len(accepted))
-    n_kept = n - len(pending)
+    for start in range(0, n, BATCH):
+        pending, tries = torch.arange(start, min(start + BATCH, n)), 0
+        while len(pending) and drawn < budget:
+            now, left = pending[: budget - drawn], budget - drawn
+            times = max(min(tries, BATCH // len(now), left // len(now)), 1)
+            of_draws, flown = wanted.fly(now, times, tries, drawn)
+            rules = parts.plausibility.broken_rules(flown).cpu()
+            good = ~rules.any(1).reshape(times, -1)
+            drawn, plausible, broken = drawn + good.numel(), plausible + int(good.sum()), broken + rules.sum(0)
+            done = good.any(0)
+            # The first plausible draw of each sample.
+            first = (good.int().argmax(0) * len(now) + torch.arange(len(now)))[done].to(of_draws.device)
+            weights.append(of_draws[first])
+            kept.append(flown.subset(first))
+            owners.append(now[done])
+            pending, tries = torch.cat([now[~done], pending[len(now) :]]), tries + times
+            if progress is not None:
+                progress(len(first))
+    n_kept = sum(map(len, owners))
     counts = dict(zip(RULES, broken.tolist(), strict=True))
     report = RejectionReport(drawn, n_kept, drawn - plausible, plausible - n_kept, counts)
-    if len(pending):
-        raise SamplingError(f"only {report}", expected=f"{n} plausible descents within {budget} draws", mend=draws.mend)
+    if n_kept < n:
+        raise SamplingError(
+            f"only {report}",
+            expected=f"{n} plausible descents within {budget} draws",
+            mend="train on more flights or with fewer components, or raise the draw budget"
+            if context is None
+            else "give a context like those of the training flights, or raise the draw budget",
+        )
     order = torch.cat(owners).argsort()
-    found = Samples(torch.cat(weights)[order], concatenate(kept).subset(order), report)
-    everyone = torch.arange(n)
-    return found if own is None else replace(found, air=own.airs(everyone))
+    return Samples(torch.cat(weights)[order], concatenate(kept).subset(order), report, air=wanted.airs(torch.arange(n)))
+
+
+class _Wanted:
+    """n samples: what each keeps until a draw of it is plausible, and the draws."""
+
+    def __init__(
+        self,
+        model: Sampler,
+        parts: Representation,
+        n: int,
+        seed: int,
+        context: Tensor | None,
+        entry: Tensor | None,
+        air: LevelAir | AirWhereFlown | None,
+    ) -> None:
+        """Choose entry levels and airs; components are drawn with the first draws."""
+        self.model, self.parts, self.seed, self.context, self.air = model, parts, seed, context, air
+        self.generator = torch.Generator().manual_seed(seed)
+        self.gate = None if context is not None else getattr(model, "entry_gate", None)
+        everyone = torch.arange(n)
+        # By a generator of its own, so that weights and entries are those of the seed in any air.
+        n_airs = len(air) if isinstance(air, LevelAir) else 1
+        self.air_row = torch.randint(n_airs, (n,), generator=torch.Generator().manual_seed(seed))
+        if context is not None and n_airs == len(context):
+            self.air_row = everyone % n_airs
+        if entry is None:
+            self.entry = parts.plausibility.draw_entry(n, self.generator)
+        elif context is not None:
+            self.entry = entry[everyone % len(context)]
+        elif isinstance(air, LevelAir) and n_airs == len(entry):
+            self.entry = entry[self.air_row]
+        else:
+            self.entry = entry[torch.randint(len(entry), (n,), generator=self.generator)]
+        self.component, self.of_scale = torch.zeros(n, dtype=torch.long), torch.zeros(n, dtype=torch.float64)
+
+    def airs(self, samples: Tensor) -> LevelAir | None:
+        """Airs of samples; None in standard air, or where it depends on the place."""
+        return self.air.rows(self.air_row[samples]) if isinstance(self.air, LevelAir) else None
+
+    def fly(self, now: Tensor, times: int, tries: int, drawn: int) -> tuple[Tensor, Trajectories]:
+        """Weights and descents of so many draws for each of these samples (m,): one of each, then one of each again.
+
+        Args:
+            now: Whose draws they are.
+            times: Draws for each.
+            tries: Draws that each of them had before.
+            drawn: Draws that all had.
+        """
+        samples, decoder = now.repeat(times), self.parts.decoder
+        component, of_scale = self._components(now, times, tries)
+        context = None if self.context is None else self.context[samples % len(self.context)]
+        weights = self._weights(component, context, len(samples))
+        white = torch.randn(len(samples), decoder.n_white, generator=self.generator, dtype=torch.float64).to(weights)
+        if hasattr(self.model, "residual"):
+            white = self.model.residual(weights, white, seed_for_index(self.seed, drawn), context, component, of_scale)
+        entry = self.entry[samples].to(weights.device)
+        flown = self.parts.fly(weights, entry, white=white, draws=DrawNumbers(self.seed, drawn))
+        if isinstance(self.air, LevelAir):
+            flown = flown_in(decoder.aircraft, flown, self.air.rows(self.air_row[samples]))
+        elif self.air is not None:
+            flown = self.air.fly(decoder.aircraft, flown)
+        return weights, flown
+
+    def _components(self, now: Tensor, times: int, tries: int) -> tuple[Tensor | None, Tensor | None]:
+        """The mixture component of each draw and how far it strays from it, where entry levels have their own shares.
+
+        A sample has the same for its first draws, then others for every few.
+        """
+        if self.gate is None:
+            return None, None
+        if 0 < tries < MAX_TRIES:
+            return self.component[now].repeat(times), self.of_scale[now].repeat(times)
+        others = now.repeat(-(-times // MAX_TRIES))
+        component = self.gate.draw(self.entry[others], self.generator)
+        of_scale = torch.rand(len(others), generator=self.generator, dtype=torch.float64)
+        self.component[now], self.of_scale[now] = component[: len(now)], of_scale[: len(now)]
+        which = (torch.arange(times) // MAX_TRIES)[:, None] * len(now) + torch.arange(len(now))
+        return component[which.flatten()], of_scale[which.flatten()]
+
+    def _weights(self, component: Tensor | None, context: Tensor | None, n: int) -> Tensor:
+        seed = int(torch.randint(2**31, (), generator=self.generator))
+        if component is not None:
+            found: Tensor = self.model.sample_of(component, seed)  # type: ignore[attr-defined]  # what has a gate has it
+            return found
+        return self.model.sample(n, seed) if context is None else self.model.sample(n, seed, context)

@@ -10,8 +10,7 @@ from scipy.stats import binomtest, chisquare
 from descentflow.densities.entry_gate import EntryGate, learn_gate
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.generation.draw_owners import MAX_TRIES
-from descentflow.generation.rejection import sample_descents
+from descentflow.generation.rejection import MAX_TRIES, sample_descents
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation, Split, fit_representation
 from descentflow.representation.residual import residual_drag, residual_speed

@@ -126,3 +126,13 @@ def test_levels_above_the_entry_are_not_judged() -> None:
     before = bounds.broken_rules(flown)
     flown.drag_n[0, 60] = 1e9
     assert torch.equal(bounds.broken_rules(flown), before)
+
+
+def test_rare_samples_cost_what_their_acceptance_says() -> None:
+    """Of two samples one draw in 500 is plausible: some thousand draws, in a dozen rounds and not in hundreds."""
+    sampler, rounds = Normal(PARTS.decoder.dimension, poison=0.998), []
+    sample = sampler.sample
+    sampler.sample = lambda n, seed: (rounds.append(n), sample(n, seed))[1]
+    report = sample_descents(sampler, PARTS, 2, 0, draw_budget=100_000).report
+    assert len(rounds) < 20
+    assert report.drawn == sum(rounds) < 20_000  # of right samplers one in a million needs more

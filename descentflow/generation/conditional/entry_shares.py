@@ -11,7 +11,7 @@ import torch
 from descentflow.densities.density import Density
 from descentflow.densities.entry_gate import EntryGate
 from descentflow.generation.conditional.flown_profiles import Array
-from descentflow.generation.draw_owners import MAX_TRIES
+from descentflow.generation.rejection import MAX_TRIES
 from descentflow.representation.representation import Representation
 
 TRIED = 500

@@ -100,7 +100,7 @@ def run(
     from descentflow.core.files import check_folder, whole_file
     from descentflow.core.progress import stage
     from descentflow.core.workers import DaskEngine, LocalEngine
-    from descentflow.surveillance.formats.embedded import embedded_rows, embedded_types
+    from descentflow.surveillance.formats.aircraft_json import embedded_rows, embedded_types
     from descentflow.surveillance.prepare import prepare
 
     rows = rows or []
@@ -130,7 +130,7 @@ def run(
         with whole_file(report) as temporary:
             temporary.write_text(json.dumps(descents.metadata, indent=1))
     if figures and descents.dropped_rows is not None:
-        from descentflow.surveillance.figures.cleaning_page import write_page
+        from descentflow.surveillance.figure_pages import write_page
 
         with stage("drawing figures"):
             number = write_page(figures, descents.dropped_rows, descents.report)

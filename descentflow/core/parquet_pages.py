@@ -33,7 +33,7 @@ def check_pages(source: Path | bytes) -> None:
 
     Raises:
         DamagedParquetError: If the file is damaged there, or is no Parquet file; as an OSError, which
-            :func:`~descentflow.surveillance.unpacking.unreadable.whole_input` makes a message of.
+            :func:`~descentflow.surveillance.unpacking.streams.whole_input` makes a message of.
 
     Example:
         >>> check_pages(Path("rows.parquet"))

@@ -26,8 +26,7 @@ from descentflow.diagnosis.weather_taken_out import without_weather
 from descentflow.representation.comparable_descents import comparable_descents
 from descentflow.representation.own_air import AirSource
 from descentflow.surveillance.descents.prepared_descents import Descents
-from descentflow.surveillance.open_descents import open_descents
-from descentflow.surveillance.open_pair import open_pair
+from descentflow.surveillance.open_descents import open_descents, open_pair
 
 
 @dataclass(frozen=True)

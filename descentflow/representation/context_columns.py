@@ -7,7 +7,7 @@ import polars as pl
 
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.parquet_pages import check_pages
-from descentflow.surveillance.unpacking.unreadable import whole_input
+from descentflow.surveillance.unpacking.streams import whole_input
 
 DERIVED = {
     "entry_fl": "highest flight level of the descent",

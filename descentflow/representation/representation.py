@@ -23,8 +23,7 @@ from descentflow.representation.plausibility import MARGIN, Bounds, Plausibility
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.residual import residual_drag, residual_speed
 from descentflow.representation.seen_flights import SeenFlights
-from descentflow.surveillance.cleaning.kept_settings import kept_cleaning
-from descentflow.surveillance.cleaning.thresholds import Cleaning
+from descentflow.surveillance.cleaning.thresholds import Cleaning, kept_cleaning
 
 CAS_SHARE = 0.95
 """Share of the variance of CAS that components explain, for operators' speeds lie apart by little."""

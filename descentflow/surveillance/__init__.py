@@ -1,11 +1,13 @@
 """From surveillance rows to free descents; every row that is dropped is counted.
 
-Reading order: :mod:`~descentflow.surveillance.prepare` (the whole way) and
-:mod:`~descentflow.surveillance.read_rows` (a row's way through reading), then the folders along that way:
+Reading order: :mod:`~descentflow.surveillance.prepare` (all of it in order) and
+:mod:`~descentflow.surveillance.read_rows` (the stages of reading), then the folders in that order:
 :mod:`~descentflow.surveillance.unpacking` (paths to streams of bytes),
 :mod:`~descentflow.surveillance.formats` (streams to tables; a source of rows is added here),
 :mod:`~descentflow.surveillance.rows` (tables to rows in one schema),
 :mod:`~descentflow.surveillance.cleaning` (rows to free descents on flight levels; thresholds are changed here),
 :mod:`~descentflow.surveillance.out_of_core` (rows that do not fit in memory),
-:mod:`~descentflow.surveillance.descents` (the result), :mod:`~descentflow.surveillance.figures` (what cleaning kept).
+:mod:`~descentflow.surveillance.descents` (the result). Beside them,
+:mod:`~descentflow.surveillance.open_descents` takes rows or prepared descents, and
+:mod:`~descentflow.surveillance.figure_pages` shows what cleaning kept.
 """

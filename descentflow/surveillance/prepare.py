@@ -18,7 +18,7 @@ from descentflow.surveillance.out_of_core.resumable_run import prepare_to
 from descentflow.surveillance.out_of_core.spill import Memory, Spill
 from descentflow.surveillance.read_rows import read_table, source_of
 from descentflow.surveillance.request import Request, description
-from descentflow.surveillance.rows.types_table import named_types, types_held
+from descentflow.surveillance.rows.addresses import named_types, types_held
 
 __all__ = ["MEMORY_BYTES", "Cleaning", "prepare"]
 

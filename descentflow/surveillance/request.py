@@ -11,23 +11,26 @@ import polars as pl
 from descentflow.core.errors import DataError
 from descentflow.core.version import __version__
 from descentflow.core.workers import version
-from descentflow.surveillance.cleaning.absent_types import (
+from descentflow.surveillance.cleaning.chain import Work
+from descentflow.surveillance.cleaning.flights import names_shared
+from descentflow.surveillance.cleaning.report_checks import (
     NONE_OF,
     asked_in_vain,
+    check_designators,
+    check_left,
+    check_report,
     no_designators,
     tell_absent_types,
 )
-from descentflow.surveillance.cleaning.chain import Work
-from descentflow.surveillance.cleaning.contradictions import check_designators, check_report
-from descentflow.surveillance.cleaning.flights import check_left, names_shared
 from descentflow.surveillance.cleaning.thresholds import Cleaning
-from descentflow.surveillance.descents.prepared_descents import SCHEMA_VERSION, top_levels
+from descentflow.surveillance.descents.prepared_descents import top_levels
+from descentflow.surveillance.descents.store import SCHEMA_VERSION
 from descentflow.surveillance.formats.asterix import WITHOUT_DAY
 from descentflow.surveillance.formats.known_formats import ACCEPTED
 from descentflow.surveillance.read_rows import HELD, Source
+from descentflow.surveillance.rows.column_names import check_named
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.rows.named_columns import check_named
-from descentflow.surveillance.unpacking.source_files import files_of
+from descentflow.surveillance.unpacking.inputs import files_of
 
 HASHED_ROWS = 100_000
 """Rows of a table in memory that are hashed at a time."""

@@ -59,7 +59,7 @@ print(descents.report)
 # %%
 # Look at what each rule dropped before you trust a threshold (:doc:`/how-to/cleaning` has them all).
 
-from descentflow.surveillance.figures.cleaning_figure import cleaning_figure
+from descentflow.surveillance.figure_pages import cleaning_figure
 
 shown = descents.dropped_rows.partition_by("flight_id", maintain_order=True)
 figure = cleaning_figure(shown)

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from descentflow.core.units import FPM_MPS, KT_MPS
-from descentflow.surveillance.cleaning.constant_rate import ConstantRate
+from descentflow.surveillance.cleaning.rates import ConstantRate
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt, isa_tas_of_mach_kt
 from descentflow.surveillance.rows.schema import CHANNELS, POSSIBLE, REQUIRED

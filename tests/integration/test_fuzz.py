@@ -15,9 +15,9 @@ from descentflow.densities.checkpoint import load_model
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.generation.prediction.posterior import Prior, posterior_of
 from descentflow.generation.sample import sample
-from descentflow.surveillance.descents.description import KEY
 from descentflow.surveillance.descents.prepared_descents import read_descents
-from descentflow.surveillance.rows.normalise import timestamps
+from descentflow.surveillance.descents.store import KEY
+from descentflow.surveillance.rows.times import timestamps
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "fuzz.py"
 

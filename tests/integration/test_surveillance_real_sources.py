@@ -10,7 +10,7 @@ import polars as pl
 import pytest
 from source_toys import possible
 
-from descentflow.surveillance.formats.embedded import embedded_rows
+from descentflow.surveillance.formats.aircraft_json import embedded_rows
 from descentflow.surveillance.read_rows import read_rows
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt
 from descentflow.surveillance.rows.drop_report import DropReport

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from surveillance_toys import START, rows_at
 
-from descentflow.surveillance.cleaning.constant_rate import ConstantRate
 from descentflow.surveillance.cleaning.level_grid import to_levels
+from descentflow.surveillance.cleaning.rates import ConstantRate
 
 # Steps of a descent: seconds and feet in the 25 ft of a transponder (whole levels come up often) or anything at all.
 STEPS = st.lists(

@@ -9,8 +9,8 @@ import pytest
 
 from descentflow.core.errors import DataError, DescentflowWarning
 from descentflow.simulation.world import simulate
-from descentflow.surveillance.descents.description import KEY
 from descentflow.surveillance.descents.prepared_descents import read_descents
+from descentflow.surveillance.descents.store import KEY
 from descentflow.surveillance.open_descents import open_descents
 from descentflow.surveillance.prepare import prepare
 

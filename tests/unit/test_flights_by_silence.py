@@ -7,8 +7,15 @@ import polars as pl
 from source_toys import packed, trace_of
 from surveillance_toys import START, flight, rows_at
 
-from descentflow.surveillance.cleaning.flights import name_flights, names_given, names_shared
-from descentflow.surveillance.cleaning.flights_by_silence import OVER_MIDNIGHT, PART_OF, PARTS, told_apart
+from descentflow.surveillance.cleaning.flights import (
+    OVER_MIDNIGHT,
+    PART_OF,
+    PARTS,
+    name_flights,
+    names_given,
+    names_shared,
+    told_apart,
+)
 from descentflow.surveillance.prepare import prepare
 from descentflow.surveillance.rows.drop_report import DropReport
 

@@ -3,7 +3,7 @@
 import polars as pl
 from surveillance_toys import fleet
 
-from descentflow.surveillance.descents.join_descents import join_descents
+from descentflow.surveillance.descents.prepared_descents import join_descents
 from descentflow.surveillance.prepare import prepare
 from descentflow.surveillance.rows.drop_report import DropReport, Step
 

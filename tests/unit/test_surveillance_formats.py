@@ -20,7 +20,7 @@ from source_toys import (
 )
 
 from descentflow.core.errors import ConfigError, DataError
-from descentflow.surveillance.formats.json_values import numbers, table, texts
+from descentflow.surveillance.formats.json_rows import numbers, table, texts
 from descentflow.surveillance.read_rows import row_blocks
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt, isa_tas_of_mach_kt, mach_of_cas
 from descentflow.surveillance.rows.drop_report import DropReport

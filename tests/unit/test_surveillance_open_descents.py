@@ -12,8 +12,7 @@ from descentflow.representation.comparable_descents import comparable_descents
 from descentflow.representation.read_checkpoint import load_representation
 from descentflow.representation.representation import Representation
 from descentflow.simulation.world import simulate
-from descentflow.surveillance.cleaning.kept_settings import different_settings, kept_cleaning
-from descentflow.surveillance.cleaning.thresholds import Cleaning
+from descentflow.surveillance.cleaning.thresholds import Cleaning, different_settings, kept_cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents, write_descents
 from descentflow.surveillance.open_descents import open_descents, open_prepared
 from descentflow.surveillance.prepare import prepare

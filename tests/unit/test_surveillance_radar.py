@@ -22,7 +22,7 @@ from source_toys import (
 from surveillance_toys import START
 
 from descentflow.core.errors import ConfigError, DataError
-from descentflow.surveillance.formats.mode_s_registers import values_of
+from descentflow.surveillance.formats.asterix import values_of
 from descentflow.surveillance.prepare import prepare
 
 

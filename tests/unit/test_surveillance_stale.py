@@ -6,10 +6,9 @@ import pytest
 from surveillance_toys import fleet, flight, rows_at
 
 from descentflow.surveillance.cleaning.chain import after_rates, before_rates
-from descentflow.surveillance.cleaning.clearances import ClearedLevel, ClearedSpeed, LargestBank
-from descentflow.surveillance.cleaning.descent_filters import Descending
+from descentflow.surveillance.cleaning.descent_filters import ClearedLevel, ClearedSpeed, Descending, LargestBank
+from descentflow.surveillance.cleaning.faulty_values import Stale
 from descentflow.surveillance.cleaning.filters import SEGMENT
-from descentflow.surveillance.cleaning.stale import Stale
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.rows.air_data import mach_of_cas
 from descentflow.surveillance.rows.drop_report import DropReport

@@ -17,7 +17,7 @@ from source_toys import (
 from surveillance_toys import flight
 
 from descentflow.core.errors import DataError
-from descentflow.surveillance.unpacking.source_files import with_parts
+from descentflow.surveillance.unpacking.inputs import with_parts
 
 
 @pytest.mark.parametrize("extended", [True, False])

@@ -3,7 +3,7 @@
 import polars as pl
 import pytest
 
-from descentflow.surveillance.rows.normalise import timestamps
+from descentflow.surveillance.rows.times import timestamps
 
 DATES = [f"2024-03-01T10:00:{second:02d}Z" for second in range(10)]
 FIRST_S = 1_709_287_200

@@ -11,8 +11,8 @@ from descentflow.diagnosis.correction.effects_in_flights import Correction, with
 from descentflow.measurements.level_channels import LevelGrid
 from descentflow.measurements.quantity_registry import CHANNELS
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.surveillance.descents.description import SCHEMA_VERSION
 from descentflow.surveillance.descents.prepared_descents import Descents, top_levels
+from descentflow.surveillance.descents.store import SCHEMA_VERSION
 
 NAMES = ("flight_id", "icao24", "typecode", "callsign")
 """Columns that say which flight it is."""

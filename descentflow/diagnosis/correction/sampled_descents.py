@@ -7,8 +7,8 @@ import polars as pl
 
 from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.representation.decoder.trajectories import Trajectories
-from descentflow.surveillance.descents.description import SCHEMA_VERSION
 from descentflow.surveillance.descents.prepared_descents import Descents, top_levels
+from descentflow.surveillance.descents.store import SCHEMA_VERSION
 
 BEGINNING = datetime(2000, 1, 1, tzinfo=UTC)
 """Start of all samples: they know no date."""

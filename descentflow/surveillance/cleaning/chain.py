@@ -8,17 +8,16 @@ from dataclasses import dataclass, field
 import numpy as np
 import polars as pl
 
-from descentflow.surveillance.cleaning import descent_filters, filters
-from descentflow.surveillance.cleaning.clearances import ClearedLevel, ClearedSpeed, LargestBank
-from descentflow.surveillance.cleaning.constant_rate import ConstantRate
+from descentflow.surveillance.cleaning import descent_filters, faulty_values, filters
+from descentflow.surveillance.cleaning.descent_filters import ClearedLevel, ClearedSpeed, LargestBank
 from descentflow.surveillance.cleaning.drop_reasons import ROW, TracedReport, some_flights
-from descentflow.surveillance.cleaning.flights import in_order, name_flights, of_types, rows_by_address, with_types
-from descentflow.surveillance.cleaning.flights_by_silence import PART_OF, named_as_before
+from descentflow.surveillance.cleaning.faulty_values import Stale
+from descentflow.surveillance.cleaning.flights import PART_OF, in_order, name_flights, named_as_before
 from descentflow.surveillance.cleaning.level_grid import to_levels
-from descentflow.surveillance.cleaning.rates import with_rate
-from descentflow.surveillance.cleaning.stale import Stale
+from descentflow.surveillance.cleaning.rates import ConstantRate, with_rate
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.cleaning.two_clocks import without_other_clocks
+from descentflow.surveillance.cleaning.types_of_flights import of_types, rows_by_address, with_types
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import COLUMNS
 
@@ -139,16 +138,18 @@ def before_rates(rules: Cleaning) -> filters.Chain:
     """
     stale = {"seconds": rules.stale_s, "longest_gap_s": rules.longest_gap_s}
     return (
-        filters.Despike("altitude", rules.spike_altitude_ft, fastest=rules.fastest_altitude_ftps)
-        | filters.Despike(
+        faulty_values.Despike("altitude", rules.spike_altitude_ft, fastest=rules.fastest_altitude_ftps)
+        | faulty_values.Despike(
             "IAS", rules.spike_ias_kt, fastest=rules.fastest_ias_ktps, agreeing_kt=rules.spike_agreeing_kt
         )
-        | filters.Despike("Mach", rules.spike_mach, fastest=rules.fastest_mach_ps, agreeing_kt=rules.spike_agreeing_kt)
+        | faulty_values.Despike(
+            "Mach", rules.spike_mach, fastest=rules.fastest_mach_ps, agreeing_kt=rules.spike_agreeing_kt
+        )
         | Stale("altitude", rules.stale_altitude_ft, **stale)
         | Stale("IAS", rules.stale_ias_kt, **stale)
         | Stale("Mach", rules.stale_mach, **stale)
         | Stale("vertical_rate", rules.stale_altitude_ft, **stale)
-        | filters.AirspeedsAgree(rules.airspeeds_differ_kt)
+        | faulty_values.AirspeedsAgree(rules.airspeeds_differ_kt)
     )
 
 
@@ -160,7 +161,7 @@ def after_rates(rules: Cleaning) -> filters.Chain:
         ['not_descending', 'transient', 'banked', 'cleared_speed']
     """
     descent = (
-        filters.Despike("vertical_rate", rules.spike_rate_fpm, fastest=rules.fastest_rate_fpmps)
+        faulty_values.Despike("vertical_rate", rules.spike_rate_fpm, fastest=rules.fastest_rate_fpmps)
         | descent_filters.Descending(rules.slowest_fpm)
         | descent_filters.SteadyDescent(rules.transient_s)
     )

@@ -1,6 +1,7 @@
 """Filters of rows: small classes that compose with ``|``; each counts what it drops under its reason.
 
-A filter gets rows sorted by flight and time and returns those to keep. ``a | b`` applies `a`, then `b`.
+A filter gets rows sorted by flight and time and returns those to keep. ``a | b`` applies `a`, then `b`. Windows of time
+around the rows of each flight are computed for all rows at once.
 """
 
 from abc import ABC, abstractmethod
@@ -8,10 +9,81 @@ from dataclasses import dataclass
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
-from descentflow.surveillance.cleaning.thresholds import Cleaning, Fixed
-from descentflow.surveillance.rows.air_data import cas_of_mach_kt
+from descentflow.surveillance.rows.air_data import Array
 from descentflow.surveillance.rows.drop_report import DropReport
+
+Index = NDArray[np.int64]
+
+PAUSE_S = 1e6
+"""Time between two flights on the common clock; longer than any window."""
+SLACK_S = 1e-6
+"""Added to both ends of a window, so that a row exactly at an end is inside in spite of rounding."""
+
+
+def clock_of(flight: Index, seconds: Array) -> Array:
+    """One ascending clock for all flights, with a long time between two, so that no window has rows of both.
+
+    Args:
+        flight: (n,) number of the flight, equal for the rows of one flight, which are neighbours.
+        seconds: (n,) ascending within a flight.
+
+    Example:
+        >>> clock_of(np.array([0, 0, 1]), np.array([5.0, 7.0, 6.0])) - PAUSE_S
+        array([0.000000e+00, 2.000000e+00, 1.000002e+06])
+    """
+    step = np.diff(seconds, prepend=seconds[:1])
+    return np.cumsum(np.where(np.diff(flight, prepend=flight[:1] - 1) != 0, PAUSE_S, step))
+
+
+def windows(clock: Array, start_s: float, stop_s: float) -> tuple[Index, Index]:
+    """First row, and one after the last, of the window from `start_s` to `stop_s` after each row.
+
+    Args:
+        clock: (n,) as :func:`clock_of`.
+        start_s: Begin of the window, negative before the row.
+        stop_s: End of the window.
+
+    Returns:
+        (n,) first rows, and (n,) rows after the last.
+
+    Example:
+        >>> windows(np.array([0.0, 1.0, 2.0, 10.0]), -1.0, 1.0)
+        (array([0, 0, 1, 3]), array([2, 3, 3, 4]))
+    """
+    first = np.searchsorted(clock, clock + (start_s - SLACK_S))
+    return first, np.searchsorted(clock, clock + (stop_s + SLACK_S), side="right")
+
+
+def window_sum(values: Array, first: Index, last: Index) -> Array:
+    """Sum of values[first:last] for every window.
+
+    Each window is summed by itself: differences of running sums over millions of rows would lose the digits that a
+    variance needs. The time therefore grows with the windows' length, and they should be sorted.
+
+    Example:
+        >>> window_sum(np.array([1.0, 2.0, 4.0]), np.array([0, 1, 3]), np.array([2, 3, 3]))
+        array([3., 6., 0.])
+    """
+    return np.where(last > first, _reduced(np.add, values, first, last), 0.0)
+
+
+def window_max(values: Array, first: Index, last: Index) -> Array:
+    """Largest of values[first:last] for every window, none of which may be empty.
+
+    Example:
+        >>> window_max(np.array([1.0, 4.0, 2.0]), np.array([0, 2]), np.array([2, 3]))
+        array([4., 2.])
+    """
+    return _reduced(np.maximum, values, first, last)
+
+
+def _reduced(operation: np.ufunc, values: Array, first: Index, last: Index) -> Array:
+    ends = np.empty(2 * len(first), dtype=np.int64)
+    ends[::2], ends[1::2] = first, last
+    return np.asarray(operation.reduceat(np.append(values, 0.0), ends)[::2])
+
 
 FLIGHT = "flight_id"
 SEGMENT = "_segment"
@@ -66,14 +138,7 @@ class Filter(ABC):
         return report.count(self.reason, rows, self.keep(rows))
 
     def __or__(self, other: "Filter | Chain") -> "Chain":
-        """This filter, then another.
-
-        Example:
-            >>> from descentflow.surveillance.cleaning.descent_filters import Descending
-            >>> cleaning = Despike("altitude", 300.0) | Descending()
-            >>> [one.reason for one in cleaning.filters]
-            ['spike_altitude', 'not_descending']
-        """
+        """This filter, then another."""
         return Chain((self,)) | other
 
 
@@ -99,120 +164,3 @@ class Chain:
     def __or__(self, other: "Filter | Chain") -> "Chain":
         """These filters, then another."""
         return Chain(self.filters + (other.filters if isinstance(other, Chain) else (other,)))
-
-
-@dataclass(frozen=True)
-class Despike(Filter):
-    """Drop rows with an isolated value: a Hampel filter over five reports (Hampel 1974).
-
-    A value is a spike if it differs from the median of the five around it by more than `smallest` and by more than
-    three robust standard deviations (1.4826 times their median absolute deviation). The median of monotone values is
-    the middle one, so a steep path is no spike; at the ends of a flight, where there is no middle, the change that
-    `fastest` allows within 5 reports is added to `smallest`.
-
-    Rows in which IAS and Mach agree are no spikes of either, however far they are from their neighbours: where reports
-    are sparse, an aircraft that accelerates and decelerates looks like one (seen in real flights), and two registers
-    are not wrong in the same way.
-
-    Args:
-        column: The column.
-        smallest: Smallest spike in the column's unit; far above noise and quantisation, so that smooth manoeuvres are
-            no spikes.
-        fastest: Fastest change per second that an aircraft makes.
-        agreeing_kt: IAS and the CAS of Mach and altitude agree within this; None if their agreement does not count.
-
-    Example:
-        >>> rows = pl.DataFrame({"flight_id": 1, "timestamp": pl.from_epoch(pl.Series([0, 1, 2, 3, 4]))})
-        >>> rows = rows.with_columns(altitude=pl.Series([5000.0, 4980.0, 9000.0, 4940.0, 4920.0]))
-        >>> Despike("altitude", 300.0).keep(rows)["altitude"].to_list()
-        [5000.0, 4980.0, 4940.0, 4920.0]
-    """
-
-    column: str
-    smallest: float
-    fastest: float = 0.0
-    agreeing_kt: float | None = None
-
-    @property
-    def reason(self) -> str:  # type: ignore[override]
-        """Named after the column."""
-        return f"spike_{self.column}"
-
-    def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
-        """Rows that are no spikes; rows without the value are kept."""
-        suspects = self._suspects(rows)
-        if not suspects.any():
-            return rows
-        # Medians are computed for the few flights that can have a spike.
-        spikes = np.zeros(len(rows), dtype=bool)
-        some = np.isin(flights_of(rows), np.unique(flights_of(rows)[suspects]))
-        spikes[some] = self._spikes(rows.filter(pl.Series(some))).to_numpy()
-        if self.agreeing_kt is not None and spikes.any():
-            spikes[spikes] = ~AirspeedsAgree(self.agreeing_kt).agree(rows.filter(pl.Series(spikes)))
-        return rows.filter(pl.Series(~spikes))
-
-    def _suspects(self, rows: pl.DataFrame) -> np.ndarray:
-        """(n,) rows that two of the four around them exceed, or fall below, by more than `smallest`.
-
-        No other row can be that far from a median of three to five values.
-        """
-        value, flight = rows[self.column].to_numpy(), flights_of(rows)
-        above, below = np.zeros(len(value), dtype=np.int8), np.zeros(len(value), dtype=np.int8)
-        for offset in (1, 2):
-            step = value[offset:] - value[:-offset]
-            same = flight[offset:] == flight[:-offset]
-            up, down = same & (step > self.smallest), same & (step < -self.smallest)
-            above[:-offset] += up
-            below[offset:] += up
-            below[:-offset] += down
-            above[offset:] += down
-        return np.asarray(np.maximum(above, below) >= 2)
-
-    def _spikes(self, rows: pl.DataFrame) -> pl.Series:
-        value = pl.col(self.column)
-        first, last = SECONDS.shift(2).over(FLIGHT), SECONDS.shift(-2).over(FLIGHT)
-        # At an end: seconds to the row four on, or over all of a flight that is shorter.
-        ahead, behind = SECONDS.shift(-4).over(FLIGHT) - SECONDS, SECONDS - SECONDS.shift(4).over(FLIGHT)
-        whole = (SECONDS.max() - SECONDS.min()).over(FLIGHT)
-        reach = pl.when((last - first).is_null()).then(pl.min_horizontal(ahead, behind, whole)).otherwise(0.0)
-        around = rows.with_columns(
-            value.rolling_median(Fixed.hampel_rows, center=True, min_samples=3).over(FLIGHT).alias("_median"),
-            (self.smallest + self.fastest * reach).alias("_smallest"),
-        ).with_columns((value - pl.col("_median")).abs().alias("_off"))
-        around = around.with_columns(
-            pl.col("_off").rolling_median(Fixed.hampel_rows, center=True, min_samples=3).over(FLIGHT).alias("_mad")
-        )
-        spike = (pl.col("_off") > pl.col("_smallest")) & (
-            pl.col("_off") > Fixed.hampel_deviations * 1.4826 * pl.col("_mad")
-        )
-        return around.select(spike.fill_null(False)).to_series()
-
-
-@dataclass(frozen=True)
-class AirspeedsAgree(Filter):
-    """Drop rows whose IAS is not the CAS of their Mach number and pressure altitude.
-
-    This shows a register decoded as another, or a Mach number kept from an earlier report. Position and instrument
-    error, quantisation (1 kt, 0.004 Mach) and a few seconds between the two registers are well below the limit.
-
-    Args:
-        limit_kt: Largest difference of IAS and CAS.
-
-    Example:
-        >>> rows = pl.DataFrame({"altitude": 35000.0, "Mach": 0.78, "IAS": [264.0, 310.0]})
-        >>> AirspeedsAgree(25.0).keep(rows)["IAS"].to_list()
-        [264.0]
-    """
-
-    limit_kt: float = Cleaning.airspeeds_differ_kt
-    reason = "IAS_contradicts_Mach"
-
-    def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
-        """Rows within the limit."""
-        agree = self.agree(rows)
-        return rows if agree.all() else rows.filter(pl.Series(agree))
-
-    def agree(self, rows: pl.DataFrame) -> np.ndarray:
-        """(n,) which rows are within the limit."""
-        cas = cas_of_mach_kt(rows["Mach"].to_numpy(), rows["altitude"].to_numpy())
-        return np.asarray(np.abs(rows["IAS"].to_numpy() - cas) <= self.limit_kt)

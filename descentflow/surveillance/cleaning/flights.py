@@ -1,21 +1,16 @@
-"""Rows in order, without duplicates or impossible values, each with its flight and type."""
+"""Rows in order, without duplicates or impossible values, each with its flight.
 
-from collections.abc import Mapping, Sequence
+Silence separates flights of one name, and legs of traces that the end of a day cut are joined again.
+"""
 
 import numpy as np
 import polars as pl
 
-from descentflow.core.errors import DataError
-from descentflow.surveillance.cleaning.flights_by_silence import MADE_NAME, told_apart
+from descentflow.surveillance.cleaning.filters import Index
 from descentflow.surveillance.cleaning.thresholds import Cleaning
-from descentflow.surveillance.cleaning.types_of_flights import one_type_each
-from descentflow.surveillance.cleaning.windows import Index
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED, WITHOUT
-from descentflow.surveillance.rows.types_table import named_types
 
-NO_TYPES = ("ZZZZ", "XXXX", "UNKN", "UNKNOWN", "NONE", "NULL", "NAN", "N/A", "NA", "-", "?")
-"""Spellings of no type: ZZZZ is ICAO's (Doc 8643) for one without a designator."""
 MEASURED = ("altitude", "IAS", "Mach", "vertical_rate", "TAS", "groundspeed")
 OTHER_VALUES = "rows with the address and time of another row but other values, left out as duplicates"
 """Note in the report."""
@@ -130,7 +125,7 @@ def name_flights(
 ) -> pl.DataFrame:
     """Fill `flight_id` where it is missing with the address and the time of the flight's first row.
 
-    Silence ends a flight, with a name or without (:mod:`~descentflow.surveillance.cleaning.flights_by_silence`).
+    Silence ends a flight, with a name or without (:mod:`~descentflow.surveillance.cleaning.flights`).
 
     Args:
         rows: Sorted by aircraft and time.
@@ -140,7 +135,7 @@ def name_flights(
 
     Returns:
         Rows sorted by flight and time, with the column
-        :data:`~descentflow.surveillance.cleaning.flights_by_silence.PART_OF` if flights shared a name.
+        :data:`~descentflow.surveillance.cleaning.flights.PART_OF` if flights shared a name.
 
     Example:
         >>> rows = pl.DataFrame({"icao24": "4ca001", "timestamp": pl.from_epoch(pl.Series([0, 60, 4000]))})
@@ -178,119 +173,129 @@ def _by_flight(rows: pl.DataFrame) -> pl.DataFrame:
     return rows[np.repeat(first - starts, sizes) + np.arange(len(rows))]
 
 
-def with_types(rows: pl.DataFrame, types: pl.DataFrame | None, report: DropReport | None = None) -> pl.DataFrame:
-    """Join a table of types (`icao24,typecode`); a type in the rows themselves has precedence.
-
-    What stands for no type (`ZZZZ`, `XXXX`) is none. A flight has one type
-    (:func:`~descentflow.surveillance.cleaning.types_of_flights.one_type_each`).
-
-    Raises:
-        DataError: If the table lacks a column.
-
-    Example:
-        >>> types = pl.DataFrame({"icao24": ["4CA001"], "typecode": ["a320"]})
-        >>> with_types(pl.DataFrame({"icao24": ["4ca001", "4ca002"]}), types)["typecode"].to_list()
-        ['A320', None]
-    """
-    if "typecode" not in rows.columns:
-        rows = rows.with_columns(pl.lit(None, pl.String).alias("typecode"))
-    typecode = pl.col("typecode").str.to_uppercase()
-    rows = rows.with_columns(pl.when(~typecode.is_in(NO_TYPES)).then(typecode).alias("typecode"))
-    if "flight_id" in rows.columns:
-        rows = one_type_each(rows, report or DropReport())
-    if types is not None:
-        types = named_types(types, "a types table")
-        table = types.select(
-            "icao24",
-            pl.col("typecode").cast(pl.String).str.strip_chars().alias("_type"),
-        ).unique("icao24", keep="first", maintain_order=True)
-        rows = rows.join(table, on="icao24", how="left", maintain_order="left")
-        rows = rows.with_columns(pl.coalesce("typecode", "_type").alias("typecode")).drop("_type")
-    return rows.with_columns(pl.col("typecode").str.to_uppercase())
+MADE_NAME = r"^(?:.*_)?([0-9a-f]{6})_\d{8}T\d{6}$"
+"""Names that are made of an address and a time, of whole flights and of parts, look so."""
+MADE_ALONE = r"^([0-9a-f]{6})_\d{8}T\d{6}$"
+"""So do names of whole flights and of legs of traces, which no source has given."""
+PART_OF = "_part_of"
+"""Column with the source's name of the flight that a row's flight is a part of, null where it is the whole."""
+PARTS = "flights separated by silence under a flight_id that comes again"
+OVER_MIDNIGHT = "legs of traces that go on in the next day's trace, joined over 00:00 UTC"
+"""Notes in the report."""
 
 
-def of_types(rows: pl.DataFrame, wanted: Sequence[str] | None, report: DropReport) -> pl.DataFrame:
-    """Keep rows of known type, and of the wanted types if there are any.
+def told_apart(rows: pl.DataFrame, gap_s: float, report: DropReport | None = None) -> pl.DataFrame:
+    """Rows in which a name stands for one flight: it ends with silence, as an address without a name does.
 
-    Example:
-        >>> rows = pl.DataFrame({"typecode": ["A320", "B738", None]})
-        >>> of_types(rows, ["a320"], DropReport())["typecode"].to_list()
-        ['A320']
-    """
-    named = rows["typecode"].is_not_null()
-    known = report.count("unknown_type", rows, rows if named.all() else rows.filter(named))
-    if wanted is None:
-        return known
-    return report.count("other_type", known, known.filter(pl.col("typecode").is_in([t.upper() for t in wanted])))
-
-
-def rows_by_address(rows: pl.DataFrame) -> dict[str, int]:
-    """Number of rows of each address.
-
-    Example:
-        >>> rows_by_address(pl.DataFrame({"icao24": ["4ca001", "4ca001"]}))
-        {'4ca001': 2}
-    """
-    return dict(rows["icao24"].value_counts(sort=True).iter_rows())
-
-
-def check_left(
-    report: DropReport,
-    wanted: Sequence[str] | None,
-    present: Mapping[str, int],
-    types: pl.DataFrame | None = None,
-    untyped: Mapping[str, int] | None = None,
-) -> None:
-    """Refuse rows of which none is left before cleaning, and say why.
+    A `flight_id` that comes again (a flight number that is flown every day, a number that begins anew in each file)
+    gets the address and the time of each of its flights; so does one whose flight has a long gap.
 
     Args:
-        report: Of all rows.
-        wanted: Types to keep.
-        present: Number of rows per known type.
-        types: Table `icao24,typecode`, if there is one.
-        untyped: Number of rows per address, where it names none of them.
+        rows: Sorted by aircraft and time.
+        gap_s: Time without a row of the flight after which the same name is another flight.
+        report: Takes the number of flights that were separated, and of legs that were joined.
 
-    Raises:
-        DataError: If no row is of known type, or of a wanted type. If none was usable before that, nothing is said:
-            :func:`~descentflow.surveillance.nothing_left.nothing_left` has the words for it.
+    Returns:
+        The same rows in the same order, with :data:`PART_OF` if any flight was separated.
 
     Example:
-        >>> report = DropReport()
-        >>> for step, left in {"duplicate": 9, "unknown_type": 9, "other_type": 0}.items():
-        ...     _ = report.count(step, pl.DataFrame({"IAS": [270.0] * 9}), pl.DataFrame({"IAS": [270.0] * left}))
-        >>> check_left(report, ["B738"], {"A320": 9})
-        Traceback (most recent call last):
-        ...
-        descentflow.core.errors.DataError: no row of type B738...
+        >>> times = pl.from_epoch(pl.Series([0, 60, 86_400]))
+        >>> rows = pl.DataFrame({"icao24": "4ca001", "flight_id": "AB12", "timestamp": times})
+        >>> told_apart(rows, 900.0)["flight_id"].to_list()[1:]
+        ['AB12_4ca001_19700101T000000', 'AB12_4ca001_19700102T000000']
     """
-    if not report.left("duplicate"):
-        return
-    if not report.left("unknown_type") and types is not None and untyped:
-        raise _no_address_named(types, untyped)
-    if not report.left("unknown_type"):
-        raise DataError(
-            f"rows without any typecode ({', '.join(NO_TYPES[:2])} and the like are none)",
-            expected="a column typecode, or a types table",
-            mend="pass --types TABLE.csv with columns icao24,typecode, or add a column typecode; --typecode gives "
-            "rows no type, it only selects among those that they have",
-        )
-    if wanted is not None and not report.left("other_type"):
-        often = sorted(present, key=lambda name: (-present[name], name))[:12]
-        raise DataError(
-            f"no row of type {', '.join(wanted)}", expected=f"one of {', '.join(often)}", mend="change --typecode"
-        )
-
-
-def _no_address_named(types: pl.DataFrame, untyped: Mapping[str, int]) -> DataError:
-    """The error where a table of types and the rows have no address in common, with what each of them has."""
-    listed = named_types(types, "a types table")["icao24"].drop_nulls().unique().sort()
-    shared = sum(address in untyped for address in listed)
-    busiest = sorted(untyped, key=lambda address: (-untyped[address], address))[:5]
-    often = ", ".join(f"{address} ({untyped[address]:,} rows)" for address in busiest)
-    blank = ", without a type" if shared else ""
-    return DataError(
-        f"a types table that names the type of no row: {shared:,} of its {len(listed):,} addresses "
-        f"({', '.join(listed[:3])}) are among the {len(untyped):,} of the {sum(untyped.values()):,} rows{blank}",
-        expected=f"lines icao24,typecode with addresses of the rows, the busiest of which are {often}",
-        mend="check that icao24 holds the 24-bit address as the rows have it, and typecode a type such as A320",
+    if "flight_id" not in rows.columns or rows["flight_id"].null_count() == len(rows):
+        return rows
+    report = report or DropReport()
+    begins = rows.select(_begins(gap_s)).to_series()
+    stretches = _over_midnight(_stretches(rows, begins), gap_s, report)
+    silent = (pl.col("first") - pl.col("last").shift()).over("icao24", "flight_id") > _micros(gap_s)
+    # One window after the other: the lowest version of Polars knows none within another.
+    stretches = stretches.with_columns(silent=silent.fill_null(False))
+    stretches = stretches.with_columns(part=pl.col("silent").cum_sum().over("icao24", "flight_id"))
+    several = (pl.col("part").max().over("icao24", "flight_id") > 0) & pl.col("flight_id").is_not_null()
+    stretches = stretches.with_columns(
+        name=pl.when(several).then(_name_of_part()).otherwise("flight_id"),
+        part_of=pl.when(several).then("flight_id"),
     )
+    parts = stretches.filter(pl.col("part_of").is_not_null())["name"].n_unique()
+    report.note(PARTS, parts)
+    if not parts and stretches["flight_id"].equals(stretches["given"]):
+        return rows
+    of_row = stretches[begins.cast(pl.UInt32).cum_sum() - 1]
+    named = rows.with_columns(of_row["name"].alias("flight_id"))
+    return named.with_columns(of_row["part_of"].alias(PART_OF)) if parts else named
+
+
+def named_as_before(levels: pl.DataFrame, parts: pl.DataFrame) -> pl.DataFrame:
+    """Levels in which a flight has the name that its source gave, if no other part of it has levels.
+
+    A long gap of reception before a descent leaves it its name, then; two descents of one name keep those that tell
+    them apart.
+
+    Args:
+        levels: Sorted by flight.
+        parts: Pairs `flight_id` and :data:`PART_OF` of the parts of flights.
+
+    Example:
+        >>> parts = pl.DataFrame({"flight_id": ["a_1", "a_2"], PART_OF: ["a", "a"]})
+        >>> named_as_before(pl.DataFrame({"flight_id": ["a_2", "b"]}), parts)["flight_id"].to_list()
+        ['a', 'b']
+    """
+    left = parts.filter(pl.col("flight_id").is_in(levels["flight_id"].unique().implode()))
+    alone = left.filter(~pl.col(PART_OF).is_duplicated())
+    if alone.is_empty():
+        return levels
+    return levels.with_columns(pl.col("flight_id").replace(alone["flight_id"], alone[PART_OF])).sort(
+        "flight_id", maintain_order=True
+    )
+
+
+def _micros(seconds: float) -> pl.Expr:
+    return pl.lit(min(seconds * 1e6, 2.0**62)).cast(pl.Int64)
+
+
+def _begins(gap_s: float) -> pl.Expr:
+    """Mask of rows with which another aircraft or name begins, or the same again after silence."""
+    other = [pl.col(name).ne_missing(pl.col(name).shift()) for name in ("icao24", "flight_id")]
+    silent = pl.col("timestamp").diff().dt.total_microseconds() > _micros(gap_s)
+    return pl.any_horizontal(*other, silent.fill_null(True))
+
+
+def _stretches(rows: pl.DataFrame, begins: pl.Series) -> pl.DataFrame:
+    """Address, name, and times in microseconds of the first and the last row of each stretch of rows."""
+    starts = begins.arg_true()
+    ends = (starts.shift(-1) - 1).fill_null(len(rows) - 1)
+    micros = rows["timestamp"].dt.epoch("us")
+    return pl.DataFrame(
+        [rows["icao24"][starts], rows["flight_id"][starts], rows["flight_id"][starts].alias("given")]
+    ).with_columns(micros[starts].alias("first"), micros[ends].alias("last"))
+
+
+def _over_midnight(stretches: pl.DataFrame, gap_s: float, report: DropReport) -> pl.DataFrame:
+    """Stretches in which a leg has the name that it had the day before: each day's trace names its first leg anew."""
+    name, address = pl.col("flight_id"), pl.col("icao24")
+    made = (name.str.extract(MADE_ALONE) == address).fill_null(False)
+    day_s = 86_400 * 1_000_000
+    goes_on = (
+        made
+        & made.shift()
+        & (address == address.shift())
+        & (name != name.shift())
+        & (pl.col("first") - pl.col("last").shift() <= _micros(gap_s))
+        & (pl.col("first") // day_s != pl.col("last").shift() // day_s)
+    ).fill_null(False)
+    found = stretches.select(goes_on).to_series()
+    report.note(OVER_MIDNIGHT, int(found.sum()))
+    if not found.any():
+        return stretches
+    return stretches.with_columns(name.first().over((~found).cum_sum()))
+
+
+def _name_of_part() -> pl.Expr:
+    """Name of the source, address and time of the first row of the part; the address once."""
+    name, address = pl.col("flight_id"), pl.col("icao24")
+    time = pl.from_epoch(pl.col("first").first().over("icao24", "flight_id", "part"), time_unit="us")
+    alone = name.str.extract(MADE_ALONE) == address
+    begin = pl.when(alone.fill_null(False)).then(address).when(name.str.ends_with("_" + address)).then(name)
+    return begin.otherwise(name + "_" + address) + "_" + time.dt.strftime("%Y%m%dT%H%M%S")

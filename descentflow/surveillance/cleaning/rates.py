@@ -1,11 +1,24 @@
-"""Vertical rate from altitude, for sources that report none."""
+"""Vertical rates: fitted to altitudes where a source reports none, and held by an autopilot."""
+
+from dataclasses import dataclass
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
-from descentflow.surveillance.cleaning.thresholds import Fixed
-from descentflow.surveillance.cleaning.windows import Index, clock_of, window_sum, windows
-from descentflow.surveillance.rows.air_data import Array
+from descentflow.core.units import FPM_MPS, KT_MPS
+from descentflow.surveillance.cleaning.filters import (
+    FLIGHT,
+    Filter,
+    Index,
+    clock_of,
+    cut,
+    window_max,
+    window_sum,
+    windows,
+)
+from descentflow.surveillance.cleaning.thresholds import Cleaning, Fixed
+from descentflow.surveillance.rows.air_data import Array, isa_tas_of_mach_kt
 
 ALTITUDE_ERROR_FT = Fixed.altitude_step_ft / 12**0.5
 """Standard deviation of altitude rounded to its step."""
@@ -78,3 +91,139 @@ def local_slope(flight: Index, seconds: Array, values: Array) -> Array:
         if not len(rows):
             break
     return slope
+
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class ConstantRate(Filter):
+    """Drop segments of constant vertical rate, where an autopilot holds a selected one (paper, section 3).
+
+    Rate alone does not distinguish an idle descent from a selected rate. At constant CAS the TAS falls with altitude
+    while the energy share grows, so that idle rates drift by some 60 ft/min in 90 s or less, hardly more than the noise
+    of the reports, and half of all means lie near a rate that can be selected. Two things do. A selected rate begins
+    and ends suddenly. And it is shallower than idle: an airliner without brakes glides 17 to 20 times as far as it
+    sinks, and idle thrust makes that 25 times at most. Flights are divided at gaps and where the mean rates of the 20 s
+    before and after differ by `jump_fpm` or more; the segments between are judged as a whole. One is dropped if
+
+    - its rate is constant: a line fitted to it changes by at most `drift_fpm` from end to end, and the standard
+      deviation of the reports about it is at most `scatter_fpm` (rates are quantised to 32 or 64 ft/min, or computed
+      from altitudes in steps of 25 ft);
+    - its mean is within `offset_fpm` of a rate that can be selected (in steps of 100 ft/min);
+    - and either it ends with a sudden steepening, does not begin with one, and lasts `seconds`; or it descends by at
+      most `gradient` of the distance flown, and either begins with a sudden change to shallower and lasts `seconds`, or
+      lasts `seconds_alone`. The change from Mach to CAS makes a descent shallower, too, but is not undone.
+
+    Of 400 simulated A320 with reports 4 s apart it drops 77 % of the rows of constant-rate segments and 0.06 % of the
+    idle ones; in richer worlds 5 to 27 % and 0.5 to 1.3 %. Of three fleets of JSBSim in which nobody selects a rate it
+    drops none of two and 0.1 to 0.8 % of the third. In the hour over the Netherlands, selected rates average to 987 to
+    1,020 ft/min where 1,000 was clearly selected, drift by up to 79 and scatter by up to 55 ft/min.
+
+    Segments of fewer than `fewest` reports are not found, nor managed descents at other than constant rate, such as
+    those along the geometric path of an arrival.
+
+    Args:
+        seconds: Shortest segment with a sudden change at its begin or end.
+        seconds_alone: Shortest segment without one.
+        gradient: Steepest gradient, in still air, of a segment that no sudden steepening ends.
+        jump_fpm: Smallest sudden change.
+        drift_fpm: Largest change of the fitted line.
+        scatter_fpm: Largest standard deviation about it.
+        offset_fpm: Largest distance of the mean from a rate that can be selected.
+        fewest: Fewest reports of a segment.
+        longest_gap_s: Longest time between two reports of a segment.
+    """
+
+    seconds: float = Cleaning.constant_rate_s
+    seconds_alone: float = Cleaning.constant_rate_alone_s
+    gradient: float = Cleaning.constant_rate_gradient
+    jump_fpm: float = Cleaning.constant_rate_jump_fpm
+    drift_fpm: float = Cleaning.constant_rate_drift_fpm
+    scatter_fpm: float = Cleaning.constant_rate_scatter_fpm
+    offset_fpm: float = Cleaning.constant_rate_offset_fpm
+    fewest: int = Fixed.constant_rate_reports
+    longest_gap_s: float = Cleaning.longest_gap_s
+    reason = "constant_rate"
+
+    def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
+        """Rows outside every constant-rate segment; a new segment of free descent begins after each."""
+        if rows.is_empty():
+            return rows
+        flight = rows[FLIGHT].rle_id().to_numpy().astype(np.int64)
+        seconds = (rows["timestamp"] - rows["timestamp"].min()).dt.total_microseconds().to_numpy() / 1e6
+        rate_fpm, mach, altitude_ft = (rows[name].to_numpy() for name in ("vertical_rate", "Mach", "altitude"))
+        tas_fpm = isa_tas_of_mach_kt(mach, altitude_ft) * KT_MPS / FPM_MPS
+        return cut(rows, self.is_constant(flight, seconds, rate_fpm, tas_fpm))
+
+    def is_constant(self, flight: Index, seconds: Array, rate_fpm: Array, tas_fpm: Array) -> Mask:
+        """Mask of rows in a segment of constant rate.
+
+        Args:
+            flight: (n,) ascending number of the flight.
+            seconds: (n,) ascending within a flight.
+            rate_fpm: (n,).
+            tas_fpm: (n,) true airspeed, ft/min.
+
+        Returns:
+            (n,) true in such segments.
+
+        Example:
+            >>> seconds = np.arange(0.0, 400.0, 4.0)
+            >>> rate_fpm = np.where((seconds > 100) & (seconds < 300), -1000.0, -2000.0 + seconds / 2)
+            >>> tas_fpm = np.full(100, 40_000.0)
+            >>> found = ConstantRate().is_constant(np.zeros(100, dtype=int), seconds, rate_fpm, tas_fpm)
+            >>> seconds[found].min(), seconds[found].max()
+            (np.float64(100.0), np.float64(292.0))
+        """
+        clock = clock_of(flight, seconds)
+        change = self._changes(clock, rate_fpm)
+        starts = np.flatnonzero((change != 0) | (np.diff(clock, prepend=-np.inf) > self.longest_gap_s))
+        begins, ends = change[starts], np.append(change[starts][1:], 0.0)
+        constant, lasted = self._constant(clock, rate_fpm, starts, np.append(starts[1:], len(clock)))
+        is_shallow = -np.add.reduceat(rate_fpm, starts) <= self.gradient * np.add.reduceat(tas_fpm, starts)
+        undone, not_steeper = (begins >= 0) & (ends < 0), (begins > 0) & (ends <= 0)
+        by_change = (undone | (not_steeper & is_shallow)) & (lasted >= self.seconds)
+        selected = constant & (by_change | (is_shallow & (lasted >= self.seconds_alone)))
+        return np.repeat(selected, np.diff(starts, append=len(clock)))
+
+    def _changes(self, clock: Array, rate_fpm: Array) -> Array:
+        """Change of the mean rate at each row (positive where it gets shallower), zero if a larger one is near."""
+        side_s, turn_s = Fixed.constant_rate_side_s, Fixed.constant_rate_turn_s
+        fewest = Fixed.constant_rate_side_reports
+        before = _means(rate_fpm, *windows(clock, -side_s - turn_s, -turn_s), fewest)
+        after = _means(rate_fpm, *windows(clock, turn_s, side_s + turn_s), fewest)
+        change = np.nan_to_num(after - before)
+        largest = window_max(np.abs(change), *windows(clock, -side_s, side_s))
+        return np.where((np.abs(change) >= self.jump_fpm) & (np.abs(change) == largest), change, 0.0)
+
+    def _constant(self, clock: Array, rate_fpm: Array, first: Index, last: Index) -> tuple[Mask, Array]:
+        """Segments that have a selectable rate, and their duration without their ends (s)."""
+        begin, end = clock[first], clock[last - 1]
+        first, last = (
+            np.searchsorted(clock, begin + Fixed.constant_rate_settle_s),
+            np.searchsorted(clock, end - Fixed.constant_rate_settle_s, side="right"),
+        )
+        last = np.maximum(first, last)
+        # Time since the begin of the segment is small, so that its squares keep their digits.
+        time = clock - np.repeat(begin, np.diff(np.append(np.searchsorted(clock, begin), len(clock))))
+        n, t, r, tt, tr, rr = (
+            window_sum(values, first, last)
+            for values in (np.ones_like(time), time, rate_fpm, time**2, time * rate_fpm, rate_fpm**2)
+        )
+        enough = n >= max(self.fewest, 3)
+        n = np.maximum(n, 1)
+        spread = np.maximum(tt - t * t / n, 1e-9)
+        slope = (tr - t * r / n) / spread
+        rest = np.maximum(rr - r * r / n - slope**2 * spread, 0.0) / np.maximum(n - 2, 1)
+        lasted = np.where(enough, clock[np.maximum(last, 1) - 1] - clock[np.minimum(first, len(clock) - 1)], 0.0)
+        step_fpm = Fixed.constant_rate_step_fpm
+        off = np.abs(r / n - step_fpm * np.round(r / n / step_fpm))
+        constant = (np.abs(slope) * lasted <= self.drift_fpm) & (rest <= self.scatter_fpm**2)
+        return enough & constant & (off <= self.offset_fpm), lasted
+
+
+def _means(values: Array, first: Index, last: Index, fewest: int) -> Array:
+    """Mean of values[first:last] for every window, NaN for those of fewer than `fewest`."""
+    count = last - first
+    return np.where(count >= fewest, window_sum(values, first, last) / np.maximum(count, 1), np.nan)

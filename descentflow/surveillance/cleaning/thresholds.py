@@ -6,7 +6,7 @@ options.
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from descentflow.core.errors import ConfigError
@@ -19,7 +19,7 @@ def _threshold(default: Any, meaning: str, source: str) -> Any:
 
 HAMPEL = "a Hampel filter (Hampel 1974, JASA 69) over five reports; "
 ENDS = "the fastest change of a transport aircraft: "
-HELD = "measured on 1,500 simulated flights and an hour of real ones over the Netherlands; see constant_rate.py"
+HELD = "measured on 1,500 simulated flights and an hour of real ones over the Netherlands; see ConstantRate"
 STALE = "a register that its aircraft, or the receiver, no longer refreshes; "
 
 
@@ -109,7 +109,7 @@ class Cleaning:
     constant_rate_gradient: float = _threshold(
         0.04,
         "steepest gradient in still air of a constant-rate segment that no sudden steepening ends",
-        "best glide ratios of airliners, 17 to 20, and idle thrust: idle is steeper; see constant_rate.py",
+        "best glide ratios of airliners, 17 to 20, and idle thrust: idle is steeper; see ConstantRate",
     )
     constant_rate_jump_fpm: float = _threshold(
         150.0, "smallest sudden change of rate at the begin or end of a constant-rate segment, ft/min", HELD
@@ -285,3 +285,60 @@ def _checked(value: object, field: "dataclasses.Field[Any]", origin: str) -> int
         expected=f"a {'whole ' if whole else ''}number of zero or more ({field.metadata['meaning']})",
         mend=f"the default is {field.default}",
     )
+
+
+def kept_cleaning(settings: object) -> Cleaning | None:
+    """The thresholds that a prepared file or a checkpoint was made with.
+
+    Args:
+        settings: Threshold names and values, as :func:`dataclasses.asdict` gives them.
+
+    Returns:
+        The thresholds; None if they are unknown: nothing is kept, a value is no threshold, or the names are not exactly
+        those of this version (of a threshold that it did not have, another version has nothing).
+
+    Example:
+        >>> kept_cleaning(asdict(Cleaning(transient_s=60.0))).transient_s
+        60.0
+        >>> kept_cleaning({"transient_s": 60.0}) is None
+        True
+    """
+    if not isinstance(settings, Mapping) or set(settings) != {field.name for field in fields(Cleaning)}:
+        return None
+    try:
+        return cleaning_of(settings, "kept settings")
+    except ConfigError:
+        return None
+
+
+def different_settings(first: Cleaning, second: Cleaning) -> dict[str, tuple[Any, Any]]:
+    """Thresholds that differ between two cleanings, each with both values.
+
+    Example:
+        >>> different_settings(Cleaning(), Cleaning(slowest_fpm=1200.0))
+        {'slowest_fpm': (500.0, 1200.0)}
+    """
+    values, others = asdict(first), asdict(second)
+    return {name: (values[name], others[name]) for name in values if values[name] != others[name]}
+
+
+def differences_in_words(differences: Mapping[str, tuple[Any, Any]], second: str, first: str) -> str:
+    """Each setting that differs with both values, in one line.
+
+    Args:
+        differences: As :func:`different_settings` gives them.
+        second: What was made with the second value of each.
+        first: What was made with the first.
+
+    Example:
+        >>> differences_in_words({"slowest_fpm": (500.0, 1200.0)}, "in these descents", "in the training descents")
+        'slowest_fpm is 1200 in these descents and 500 in the training descents'
+    """
+    return ", ".join(
+        f"{name} is {_value_in_words(there)} {second} and {_value_in_words(here)} {first}"
+        for name, (here, there) in differences.items()
+    )
+
+
+def _value_in_words(value: float | None) -> str:
+    return "off" if value is None else f"{value:g}"

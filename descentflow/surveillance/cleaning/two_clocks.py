@@ -3,7 +3,7 @@
 import polars as pl
 
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.rows.relative_times import FIRST_S
+from descentflow.surveillance.rows.times import FIRST_S
 
 STEP_S, MOST_STEPS = 1800.0, 28
 """Clocks of time zones differ by multiples of half an hour, up to 14 h."""

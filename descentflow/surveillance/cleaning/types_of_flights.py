@@ -1,8 +1,71 @@
-"""One type for each flight, where only some of its rows name it or they name several."""
+"""One type for each flight, of its rows, of its address, or of a table of types."""
+
+from collections.abc import Sequence
 
 import polars as pl
 
+from descentflow.surveillance.rows.addresses import named_types
 from descentflow.surveillance.rows.drop_report import DropReport
+
+NO_TYPES = ("ZZZZ", "XXXX", "UNKN", "UNKNOWN", "NONE", "NULL", "NAN", "N/A", "NA", "-", "?")
+"""Spellings of no type: ZZZZ is ICAO's (Doc 8643) for one without a designator."""
+
+
+def with_types(rows: pl.DataFrame, types: pl.DataFrame | None, report: DropReport | None = None) -> pl.DataFrame:
+    """Join a table of types (`icao24,typecode`); a type in the rows themselves has precedence.
+
+    What stands for no type (`ZZZZ`, `XXXX`) is none. A flight has one type
+    (:func:`~descentflow.surveillance.cleaning.types_of_flights.one_type_each`).
+
+    Raises:
+        DataError: If the table lacks a column.
+
+    Example:
+        >>> types = pl.DataFrame({"icao24": ["4CA001"], "typecode": ["a320"]})
+        >>> with_types(pl.DataFrame({"icao24": ["4ca001", "4ca002"]}), types)["typecode"].to_list()
+        ['A320', None]
+    """
+    if "typecode" not in rows.columns:
+        rows = rows.with_columns(pl.lit(None, pl.String).alias("typecode"))
+    typecode = pl.col("typecode").str.to_uppercase()
+    rows = rows.with_columns(pl.when(~typecode.is_in(NO_TYPES)).then(typecode).alias("typecode"))
+    if "flight_id" in rows.columns:
+        rows = one_type_each(rows, report or DropReport())
+    if types is not None:
+        types = named_types(types, "a types table")
+        table = types.select(
+            "icao24",
+            pl.col("typecode").cast(pl.String).str.strip_chars().alias("_type"),
+        ).unique("icao24", keep="first", maintain_order=True)
+        rows = rows.join(table, on="icao24", how="left", maintain_order="left")
+        rows = rows.with_columns(pl.coalesce("typecode", "_type").alias("typecode")).drop("_type")
+    return rows.with_columns(pl.col("typecode").str.to_uppercase())
+
+
+def of_types(rows: pl.DataFrame, wanted: Sequence[str] | None, report: DropReport) -> pl.DataFrame:
+    """Keep rows of known type, and of the wanted types if there are any.
+
+    Example:
+        >>> rows = pl.DataFrame({"typecode": ["A320", "B738", None]})
+        >>> of_types(rows, ["a320"], DropReport())["typecode"].to_list()
+        ['A320']
+    """
+    named = rows["typecode"].is_not_null()
+    known = report.count("unknown_type", rows, rows if named.all() else rows.filter(named))
+    if wanted is None:
+        return known
+    return report.count("other_type", known, known.filter(pl.col("typecode").is_in([t.upper() for t in wanted])))
+
+
+def rows_by_address(rows: pl.DataFrame) -> dict[str, int]:
+    """Number of rows of each address.
+
+    Example:
+        >>> rows_by_address(pl.DataFrame({"icao24": ["4ca001", "4ca001"]}))
+        {'4ca001': 2}
+    """
+    return dict(rows["icao24"].value_counts(sort=True).iter_rows())
+
 
 FILLED = "rows without a typecode that got that of the flight's or the address's other rows"
 SEVERAL = "flights whose rows name several types, taken for the most frequent"

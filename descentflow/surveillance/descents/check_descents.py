@@ -5,7 +5,7 @@ import polars as pl
 
 from descentflow.core.errors import DataError
 from descentflow.core.row_runs import numbered
-from descentflow.surveillance.descents.description import MEND
+from descentflow.surveillance.descents.store import MEND
 from descentflow.surveillance.rows.schema import CHANNELS, POSSIBLE, TIMESTAMP
 from descentflow.surveillance.rows.units_check import check_consistency
 

@@ -1,16 +1,17 @@
 """The `aircraft.json` snapshots that dump1090-fa, readsb and tar1090 serve, and answers of version 2 of the open APIs.
 
 The APIs (adsb.lol, airplanes.live, adsbexchange) name the list `ac` and give `now` in milliseconds. The JSON output of
-readsb is one aircraft a line, each with a `now` of its own.
+readsb is one aircraft a line, each with a `now` of its own. Snapshots of one receiver come with the package.
 """
 
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import Any
 
 import polars as pl
 
 from descentflow.core.errors import DataError
-from descentflow.surveillance.formats.json_values import Kinds, is_number, table
+from descentflow.surveillance.formats.json_rows import Kinds, is_number, table
 from descentflow.surveillance.rows.drop_report import DropReport
 
 FIELDS = {
@@ -122,3 +123,25 @@ KINDS: Kinds = {
     **dict.fromkeys(TEXT.values(), pl.String()),
     **dict.fromkeys(FIELDS.values(), pl.Float64()),
 }
+
+DATA = Path(__file__).parent / "data"
+
+
+def embedded_rows() -> Path:
+    """Snapshots of a receiver near Bengaluru, 2023: 336 aircraft in 13 sessions, mostly arrivals and departures.
+
+    Example:
+        >>> embedded_rows().name
+        'dump1090fa_bengaluru_2023.jsonl.gz'
+    """
+    return DATA / "dump1090fa_bengaluru_2023.jsonl.gz"
+
+
+def embedded_types() -> pl.DataFrame:
+    """Types of those aircraft that could be looked up: columns `icao24 typecode`.
+
+    Example:
+        >>> embedded_types().columns
+        ['icao24', 'typecode']
+    """
+    return pl.read_csv(DATA / "bengaluru_typecodes.csv")

@@ -17,10 +17,55 @@ import polars as pl
 from descentflow.core.errors import DataError
 from descentflow.core.tabular import optional_library
 from descentflow.core.units import KT_MPS
-from descentflow.surveillance.formats.json_values import numbers, texts
-from descentflow.surveillance.formats.mode_s_registers import values_of
+from descentflow.surveillance.formats.json_rows import numbers, texts
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.unpacking.streams import Input
+
+FIELDS: dict[tuple[int, int], dict[str, tuple[int, int | None, int, int, float]]] = {
+    (4, 0): {"selected_altitude": (1, None, 2, 12, 16.0)},
+    (5, 0): {
+        "roll": (1, 2, 3, 9, 45 / 256),
+        "track": (12, 13, 14, 10, 90 / 512),
+        "groundspeed": (24, None, 25, 10, 2.0),
+        "TAS": (46, None, 47, 10, 2.0),
+    },
+    (6, 0): {
+        "heading": (1, 2, 3, 10, 90 / 512),
+        "IAS": (13, None, 14, 10, 1.0),
+        "Mach": (24, None, 25, 10, 2.048 / 512),
+        "vertical_rate": (35, 36, 37, 9, 32.0),
+    },
+}
+"""Register -> row column -> status bit, sign bit, first bit, number of bits, and unit."""
+
+
+def values_of(register: tuple[int, int], content: int) -> dict[str, float]:
+    """Values of a register: track and heading from 0 to 360 degrees, a selected altitude in whole 100 ft.
+
+    The last is selected in hundreds of feet and sent in steps of 16.
+
+    Example:
+        >>> values_of((6, 0), 0xFBF9F51BE3A475)["IAS"]
+        250.0
+    """
+    found = {}
+    for name, (status, sign, first, count, unit) in FIELDS.get(register, {}).items():
+        if not _bits(content, status, 1):
+            continue
+        number = _bits(content, first, count)
+        if sign is not None and _bits(content, sign, 1):
+            number -= 1 << count
+        value = number * unit
+        if name in ("track", "heading"):
+            value %= 360
+        found[name] = round(value, -2) if name == "selected_altitude" else value
+    return found
+
+
+def _bits(content: int, first: int, count: int) -> int:
+    """Bits of the 56, numbered from 1."""
+    return content >> (57 - first - count) & ((1 << count) - 1)
+
 
 HEADER = 3
 """Bytes of a block's category and length."""

@@ -1,14 +1,183 @@
-"""Rows as JSON: a list of objects, one object a line, or an object of columns, as `traffic` and pandas write them."""
+"""JSON: the documents of a file, their values in columns, and rows as `traffic` and pandas write them."""
 
 import itertools
-from collections.abc import Iterator
+import json
+import re
+from collections.abc import Iterator, Sequence
 from typing import Any
 
+import orjson
 import polars as pl
 
 from descentflow.core.errors import DataError
-from descentflow.surveillance.formats.json_values import mixed
 from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.unpacking.streams import Input
+
+BLANKS = re.compile(r"\s*")
+DECODER = json.JSONDecoder()
+
+
+def documents(source: Input, report: DropReport) -> Iterator[object]:
+    r"""Documents of a file, read one at a time where they stand one a line; of a list each element is one.
+
+    A last document that ends before its end, as where a recording was stopped, is left out and counted.
+
+    Raises:
+        DataError: If a document is damaged, too large or nested too deeply, or the text is not UTF-8.
+
+    Example:
+        >>> import io
+        >>> source = Input(io.BytesIO(b'{"now": 1}\n[{"now": 2}, {"now": 3}]{"now": 4}'), "snapshots.json")
+        >>> list(documents(source, DropReport()))
+        [{'now': 1}, {'now': 2}, {'now': 3}, {'now': 4}]
+    """
+    begun = False
+    for number, line in source.lines():
+        try:
+            found = [orjson.loads(line)]
+        except orjson.JSONDecodeError:
+            # One that the faster parser does not take, several, or the first line of a document of many.
+            try:
+                found = list(_one_after_the_other(line, number, source.label, begun, report))
+            except DataError as error:
+                if begun or not isinstance(error.__cause__, json.JSONDecodeError):
+                    raise
+                rest = Input(source.stream, source.label).whole()
+                found = list(_one_after_the_other(line + rest, number, source.label, begun, report))
+        for document in found:
+            yield from document if isinstance(document, list) else [document]
+        begun = True
+
+
+def _one_after_the_other(text: bytes, first_line: int, label: str, begun: bool, report: DropReport) -> Iterator[object]:
+    """Documents of a text, with NaN, infinity and numbers of any length.
+
+    Args:
+        text: One document or several.
+        first_line: Number of its first line.
+        label: Name of the file in messages.
+        begun: Whether there were documents before.
+        report: Takes the count of a last document that is cut.
+
+    Raises:
+        DataError: If one is damaged.
+    """
+    place, letters, where = 0, "", f"{label}, line {first_line}"
+    try:
+        letters = text.decode("utf-8-sig")
+        while (place := BLANKS.match(letters, place).end()) < len(letters):  # type: ignore[union-attr] # it always fits
+            document, place = DECODER.raw_decode(letters, place)
+            yield document
+    except RecursionError as error:
+        raise DataError(
+            f"{where}: JSON nested too deeply", expected="surveillance data", mend="pass another file"
+        ) from error
+    except UnicodeDecodeError as error:
+        raise DataError(
+            f"{where}: not UTF-8 at byte {error.start}", expected="JSON in UTF-8", mend="save it as UTF-8"
+        ) from error
+    except json.JSONDecodeError as error:
+        if (begun or place) and not text.endswith(b"\n") and "}" not in letters[error.pos :]:
+            report.note("JSON lines cut at the end of a file", 1)
+            return
+        raise DataError(
+            f"{label}, line {first_line - 1 + error.lineno}: not JSON ({error.msg})",
+            expected="one JSON document, or one a line",
+            mend="remove the damaged line, or copy the file again",
+        ) from error
+    except ValueError as error:  # a number of thousands of digits
+        raise DataError(f"{where}: {error}", expected="surveillance data", mend="pass another file") from error
+
+
+Kinds = dict[str, pl.DataType]
+
+
+def table(objects: Sequence[dict[str, Any]], kinds: Kinds) -> pl.DataFrame:
+    """Columns of the values that objects have under some names; what is no such value becomes missing.
+
+    Args:
+        objects: As they come from JSON.
+        kinds: Name -> Float64, String, or Struct of such for an object within.
+
+    Example:
+        >>> table([{"ias": 250, "flight": "TST1"}, {"ias": [3]}], {"ias": pl.Float64(), "flight": pl.String()}).rows()
+        [(250.0, 'TST1'), (None, None)]
+    """
+    if not objects:
+        return pl.DataFrame(schema=kinds)
+    try:
+        return pl.from_dicts(objects, schema=kinds, strict=False)
+    except (pl.exceptions.PolarsError, ValueError, TypeError, OverflowError):
+        # Something that the fast way does not take; look at every value.
+        return pl.DataFrame({name: _careful([thing.get(name) for thing in objects], kinds[name]) for name in kinds})
+
+
+def _careful(values: list[Any], kind: pl.DataType) -> pl.Series:
+    if isinstance(kind, pl.Struct):
+        kinds: Any = kind.to_schema()
+        inner = table([value if type(value) is dict else {} for value in values], kinds)
+        return inner.to_struct()
+    return numbers(values) if kind == pl.Float64 else texts(values)
+
+
+def numbers(values: Sequence[Any]) -> pl.Series:
+    """Floats, of numbers in quotes too; words, lists, and integers of hundreds of digits become missing.
+
+    Example:
+        >>> numbers([1, 2.5, "ground", None, "3", 10**400]).to_list()
+        [1.0, 2.5, None, None, 3.0, None]
+    """
+    if not set(map(type, values)) <= {int, float, type(None)}:
+        values = [_float(value) for value in values]
+    try:
+        return pl.Series(values, dtype=pl.Float64, strict=False)
+    except (OverflowError, pl.exceptions.PolarsError):
+        return pl.Series([_float(value) for value in values], dtype=pl.Float64)
+
+
+def _float(value: Any) -> float | None:
+    try:
+        return float(value) if type(value) in (int, float, str, bool) else None
+    except (ValueError, OverflowError):
+        return None
+
+
+def texts(values: Sequence[Any]) -> pl.Series:
+    """Text without blanks around it, of numbers too; anything else becomes missing.
+
+    JSON may escape half a surrogate pair, which is no text that could be stored: it becomes a question mark.
+
+    Example:
+        >>> texts([" A320 ", 7, ["A320"], ""]).to_list()
+        ['A320', '7', None, None]
+    """
+    kept = [value if type(value) is str else str(value) if type(value) in (int, float) else None for value in values]
+    try:
+        column = pl.Series(kept, dtype=pl.String)
+    except UnicodeEncodeError:
+        column = pl.Series([v and v.encode(errors="replace").decode() for v in kept], dtype=pl.String)
+    return column.str.strip_chars().replace("", None)
+
+
+def is_number(value: object) -> bool:
+    """Test for a value from JSON that is a finite number and fits a float.
+
+    Example:
+        >>> is_number(3), is_number(True), is_number(10**400)
+        (True, False, False)
+    """
+    return type(value) in (int, float) and -1e300 < value < 1e300  # type: ignore[operator]
+
+
+def mixed(values: Sequence[Any]) -> pl.Series:
+    """Numbers, or text if there is any text; lists and objects become missing.
+
+    Example:
+        >>> mixed([1, "2.5", [3]]).to_list()
+        ['1', '2.5', None]
+    """
+    return texts(values) if str in set(map(type, values)) else numbers(values)
+
 
 TIME = frozenset({"timestamp", "time"})
 ADDRESS = frozenset({"icao24", "hex"})

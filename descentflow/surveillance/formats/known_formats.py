@@ -1,5 +1,11 @@
 """The table of formats: to add a source of rows, write its file in this folder and enter it here."""
 
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import polars as pl
+
 from descentflow.core.errors import ConfigError
 from descentflow.surveillance.formats import (
     aircraft_json,
@@ -10,7 +16,101 @@ from descentflow.surveillance.formats import (
     scat,
     tables,
 )
-from descentflow.surveillance.formats.file_format import FileFormat, Format, JsonFormat, TextFormat
+from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.unpacking.streams import Input
+
+Columns = Any
+"""A polars table with the columns as the format names them, or something that :attr:`Format.join` makes one of."""
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of surveillance rows.
+
+    Attributes:
+        name: As `--format` takes it.
+        any_columns: Whether anybody may have made such tables, so that the names and units of every file have to be
+            checked. Other formats have fixed columns, and their small files are put together.
+        join: Makes one table of several parts, where :func:`polars.concat` does not.
+
+    Example:
+        >>> Format("my-format").any_columns
+        False
+    """
+
+    name: str
+    any_columns: bool = False
+    join: Callable[[Sequence[Columns], DropReport], pl.DataFrame] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileFormat(Format):
+    """A format that is recognised by its first bytes.
+
+    Attributes:
+        recognise: Whether a file that begins with these bytes is of the format.
+        read: Tables of about so many rows from a stream; what cannot be read is counted in the report.
+
+    Example:
+        >>> from descentflow.surveillance.formats.known_formats import FORMATS
+        >>> FORMATS["parquet"].recognise(b"PAR1"), FORMATS["parquet"].recognise(b"timestamp,icao24")
+        (True, False)
+    """
+
+    recognise: Callable[[bytes], bool]
+    read: Callable[[Input, DropReport, int], Iterator[Columns]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TextFormat(FileFormat):
+    """A format of text that is no JSON; it is recognised without byte order mark and blanks before it.
+
+    Example:
+        >>> from descentflow.surveillance.formats.known_formats import FORMATS
+        >>> lines = FORMATS["modes-hex"]
+        >>> isinstance(lines, TextFormat), lines.recognise(b"1700000000.5 a00004128f39f91a7e27c46adc21")
+        (True, True)
+    """
+
+
+@dataclass(frozen=True, kw_only=True)
+class JsonFormat(Format):
+    """A format of JSON documents, recognised by the first of them.
+
+    Attributes:
+        recognise: Whether a file whose first document is this one is of the format.
+        read: Tables of about so many rows from the documents of a file with that label.
+
+    Example:
+        >>> from descentflow.surveillance.formats.known_formats import FORMATS
+        >>> FORMATS["aircraft-json"].recognise({"now": 1.7e9, "aircraft": []})
+        True
+    """
+
+    recognise: Callable[[object], bool]
+    read: Callable[[Iterator[object], str, DropReport, int], Iterator[Columns]]
+
+
+@dataclass(frozen=True)
+class Part:
+    """Some rows of one file, with the columns as its format names them.
+
+    Attributes:
+        rows: A table, or what the format's `join` makes one of.
+        format: Of the file.
+        label: Name of the file in messages.
+        first: Whether it is the first part of its file.
+
+    Example:
+        >>> Part(pl.DataFrame({"IAS": [250.0]}), Format("my-format"), "rows.dat", first=True).label
+        'rows.dat'
+    """
+
+    rows: Columns
+    format: Format
+    label: str
+    first: bool
+
 
 KNOWN = (
     FileFormat(
@@ -94,3 +194,74 @@ def check_format(name: str | None) -> None:
             expected=f"one of {', '.join(FORMATS)}",
             mend="name one of these, or none so that the format is recognised from the content",
         )
+
+
+MAX_POINTS = 50_000
+"""Points of traces that are held as JSON."""
+MAX_TABLES = 2000
+"""Tables that are put together at once."""
+
+
+@dataclass(frozen=True)
+class SourceTable:
+    """Rows with the columns as their format names them.
+
+    Attributes:
+        columns: The table.
+        label: Name of the (first) file in messages.
+        any_columns: Whether names and units have to be checked.
+        first: Whether it is the first of its file.
+
+    Example:
+        >>> SourceTable(pl.DataFrame({"IAS": [250.0]}), "rows.csv", any_columns=True).first
+        True
+    """
+
+    columns: pl.DataFrame
+    label: str
+    any_columns: bool
+    first: bool = True
+
+
+def put_together(parts: Iterator[Part], report: DropReport, block_rows: int) -> Iterator[SourceTable]:
+    """Tables of the parts, in their order: one for each part of any columns, else one for many small parts.
+
+    Args:
+        parts: Of any files.
+        report: Takes the counts of what could not be read.
+        block_rows: Rows from which parts do not wait for others.
+
+    Example:
+        >>> from descentflow.surveillance.formats.known_formats import FORMATS
+        >>> rows = pl.DataFrame({"IAS": [250.0]})
+        >>> parts = (Part(rows, FORMATS["aircraft-json"], f"{number}.json", first=True) for number in range(3))
+        >>> [len(table.columns) for table in put_together(parts, DropReport(), 100)]
+        [3]
+    """
+    waiting: list[Part] = []
+    for part in parts:
+        if waiting and (part.format.any_columns or not _belongs(part, waiting, block_rows)):
+            table, waiting = _joined(waiting, report), []
+            yield table
+        if part.format.any_columns:
+            yield SourceTable(part.rows, part.label, any_columns=True, first=part.first)
+        else:
+            waiting.append(part)
+    if waiting:
+        yield _joined(waiting, report)
+
+
+def _joined(parts: Sequence[Part], report: DropReport) -> SourceTable:
+    rows: list[Columns] = [part.rows for part in parts]
+    join = parts[0].format.join
+    return SourceTable(join(rows, report) if join else pl.concat(rows), parts[0].label, any_columns=False)
+
+
+def _belongs(part: Part, waiting: Sequence[Part], block_rows: int) -> bool:
+    """Test for a part that can be joined with those that wait, by format and number of rows."""
+    count = sum(len(one.rows) for one in waiting)
+    if part.format.join is not waiting[0].format.join:
+        return False
+    if part.format.join:
+        return count < MAX_POINTS
+    return part.rows.schema == waiting[0].rows.schema and count < block_rows and len(waiting) < MAX_TABLES

@@ -10,11 +10,11 @@ from typing import Any
 
 import polars as pl
 
-from descentflow.surveillance.formats.json_values import Kinds, table
+from descentflow.surveillance.formats.json_rows import Kinds, table
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.rows.normalise import in_seconds
 from descentflow.surveillance.rows.schema import POSSIBLE
+from descentflow.surveillance.rows.times import in_seconds
 from descentflow.surveillance.rows.values_beside import NEAR_S, between, near
 
 CLOCK_S = 1.0

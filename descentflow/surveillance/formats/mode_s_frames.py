@@ -10,9 +10,9 @@ import polars as pl
 from descentflow.core.errors import DataError
 from descentflow.core.tabular import optional_library
 from descentflow.surveillance.formats import mode_s
-from descentflow.surveillance.formats.json_values import is_number
+from descentflow.surveillance.formats.json_rows import is_number
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.rows.normalise import in_seconds, timestamps
+from descentflow.surveillance.rows.times import in_seconds, timestamps
 from descentflow.surveillance.unpacking.streams import Input
 
 BATCH = 100_000

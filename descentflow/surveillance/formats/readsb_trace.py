@@ -14,7 +14,7 @@ import numpy as np
 import polars as pl
 
 from descentflow.core.errors import DataError
-from descentflow.surveillance.formats.json_values import Kinds, is_number, numbers, table, texts
+from descentflow.surveillance.formats.json_rows import Kinds, is_number, numbers, table, texts
 from descentflow.surveillance.rows.air_data import mach_of_cas
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import POSSIBLE

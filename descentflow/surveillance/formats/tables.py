@@ -9,7 +9,8 @@ from descentflow.core.errors import DataError
 from descentflow.core.parquet_pages import check_pages
 from descentflow.surveillance.rows.column_names import note_unused
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.rows.normalise import check_types, wanted
+from descentflow.surveillance.rows.normalise import wanted
+from descentflow.surveillance.rows.schema import check_types
 from descentflow.surveillance.unpacking.streams import LARGEST_LINE, Input
 
 CSV_BYTES = 32 << 20

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import polars as pl
 
 from descentflow.surveillance.cleaning.chain import Outcome, clean
-from descentflow.surveillance.nothing_left import nothing_left
+from descentflow.surveillance.cleaning.report_checks import nothing_left
 from descentflow.surveillance.out_of_core.intake import Intake
 from descentflow.surveillance.request import Request
 

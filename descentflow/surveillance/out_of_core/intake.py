@@ -19,7 +19,7 @@ from descentflow.surveillance.out_of_core.spill import Bucket, Memory, Spill, jo
 from descentflow.surveillance.read_rows import Source, row_blocks
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import COLUMNS, REQUIRED
-from descentflow.surveillance.unpacking.source_files import with_parts
+from descentflow.surveillance.unpacking.inputs import with_parts
 
 Item = TypeVar("Item")
 

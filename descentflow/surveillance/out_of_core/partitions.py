@@ -11,8 +11,7 @@ import polars as pl
 from descentflow.core.files import whole_file
 from descentflow.core.workers import Engine, LocalEngine
 from descentflow.surveillance.cleaning.chain import Work, clean
-from descentflow.surveillance.descents.description import KEY
-from descentflow.surveillance.descents.store import ROW_GROUP
+from descentflow.surveillance.descents.store import KEY, ROW_GROUP
 from descentflow.surveillance.out_of_core.intake import Intake
 from descentflow.surveillance.out_of_core.job import PARTS
 from descentflow.surveillance.out_of_core.spill import Memory, partitions

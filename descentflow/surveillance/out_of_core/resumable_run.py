@@ -11,9 +11,9 @@ from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.files import OF_THE_DISK, check_output, system_number
 from descentflow.core.workers import Engine
 from descentflow.surveillance.cleaning.drop_reasons import some_flights
+from descentflow.surveillance.cleaning.report_checks import nothing_left
 from descentflow.surveillance.descents import store
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
-from descentflow.surveillance.nothing_left import nothing_left
 from descentflow.surveillance.out_of_core.held_rows import clean_held
 from descentflow.surveillance.out_of_core.intake import Intake, read_groups, take_in
 from descentflow.surveillance.out_of_core.job import fingerprint, job_folder, remove_work, work_folder

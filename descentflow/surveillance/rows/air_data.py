@@ -1,9 +1,13 @@
-"""CAS of a Mach number at a pressure altitude, for checks of rows; in numpy, because surveillance never imports torch.
+"""CAS and Mach number of each other at a pressure altitude, for checks of rows and for columns that lack.
 
-The same ISA and impact-pressure relations as :mod:`descentflow.physics`, to which a test holds it.
+The same ISA and impact-pressure relations as :mod:`descentflow.physics`, to which a test holds it; in numpy, because
+surveillance never imports torch.
 """
 
+from collections.abc import Iterable
+
 import numpy as np
+import polars as pl
 from numpy.typing import NDArray
 
 from descentflow.core.constants import (
@@ -18,6 +22,8 @@ from descentflow.core.constants import (
     TROPOPAUSE_M,
 )
 from descentflow.core.units import FT_M, KT_MPS
+from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.schema import COLUMNS, POSSIBLE
 
 Array = NDArray[np.float64]
 
@@ -71,3 +77,85 @@ def mach_of_cas(cas_kt: Array, altitude_ft: Array) -> Array:
     scale_mps = np.sqrt(KAPPA * P0_PA / RHO0_KG_M3)
     impact = ((1 + 0.2 * (cas_kt * KT_MPS / scale_mps) ** 2) ** 3.5 - 1) / pressure_ratio(altitude_ft)
     return np.asarray(np.sqrt(5 * ((1 + impact) ** (1 / 3.5) - 1)))
+
+
+MACH_COMPUTED = "values of Mach computed from IAS and altitude"
+"""Note in the report of rows whose source has no Mach."""
+IAS_COMPUTED = "values of IAS computed from Mach and altitude"
+"""Note in the report of rows whose source has no IAS."""
+MACH_MISSING = 0.25
+"""Share of rows with a Mach number below which the others' is computed: the source hardly reports it."""
+
+
+def computable(names: Iterable[str]) -> set[str]:
+    """The airspeed that columns can stand without, because it follows from the other one and altitude.
+
+    Example:
+        >>> computable(["altitude", "IAS"]), computable(["altitude", "Mach"]), computable(["altitude"])
+        ({'Mach'}, {'IAS'}, set())
+    """
+    lacking = {"IAS", "Mach"} - set(names)
+    return lacking if "altitude" in names and len(lacking) == 1 else set()
+
+
+def with_ias(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
+    """Rows with IAS computed from Mach and pressure altitude, if no row has any.
+
+    Args:
+        rows: In names, types and units of a row.
+        report: Takes the number of values that were computed.
+
+    Example:
+        >>> rows = with_ias(pl.DataFrame({"altitude": [35000.0], "Mach": [0.78]}), DropReport())
+        >>> round(rows["IAS"][0])
+        264
+    """
+    if "Mach" not in rows.columns or ("IAS" in rows.columns and rows["IAS"].count()):
+        return rows
+    possible = rows.select(
+        pl.when(pl.col(name).is_between(*POSSIBLE[name])).then(pl.col(name)).alias(name)
+        for name in ("Mach", "altitude")
+    )
+    ias = pl.Series(cas_of_mach_kt(possible["Mach"].to_numpy(), possible["altitude"].to_numpy())).fill_nan(None)
+    report.note(IAS_COMPUTED, ias.count())
+    return rows.with_columns(IAS=ias).select(name for name in COLUMNS if name == "IAS" or name in rows.columns)
+
+
+def mach_reported(rows: pl.DataFrame) -> float:
+    """Share of the rows with IAS and altitude that have a Mach number too; 1 if there are none.
+
+    Example:
+        >>> mach_reported(pl.DataFrame({"altitude": [35000.0, 35000.0], "IAS": [266.0, 266.0], "Mach": [0.78, None]}))
+        0.5
+    """
+    if not {"altitude", "IAS"} <= set(rows.columns):
+        return 1.0
+    usable = rows.drop_nulls(["altitude", "IAS"])
+    if "Mach" not in usable.columns:
+        return 0.0
+    return usable["Mach"].count() / len(usable) if len(usable) else 1.0
+
+
+def with_mach(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
+    """Rows with Mach computed from IAS and pressure altitude, where they have none.
+
+    Instrument and position errors are neglected (IAS is CAS, as everywhere); the relation is that of
+    :func:`~descentflow.surveillance.rows.air_data.mach_of_cas`. IAS and altitude cannot be checked against Mach then.
+
+    Args:
+        rows: In names, types and units of a row, with Mach or without.
+        report: Takes the number of values that were computed.
+
+    Example:
+        >>> rows = with_mach(pl.DataFrame({"altitude": [35000.0], "IAS": [266.0]}), DropReport())
+        >>> round(rows["Mach"][0], 2)
+        0.78
+    """
+    possible = rows.select(
+        pl.when(pl.col(name).is_between(*POSSIBLE[name])).then(pl.col(name)).alias(name) for name in ("IAS", "altitude")
+    )
+    mach = pl.Series("Mach", mach_of_cas(possible["IAS"].to_numpy(), possible["altitude"].to_numpy())).fill_nan(None)
+    given = rows["Mach"] if "Mach" in rows.columns else pl.repeat(None, len(rows), dtype=pl.Float64, eager=True)
+    rows = rows.with_columns(Mach=given.fill_null(mach))
+    report.note(MACH_COMPUTED, rows["Mach"].count() - given.count())
+    return rows.select(name for name in COLUMNS if name in rows.columns)

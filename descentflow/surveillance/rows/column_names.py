@@ -1,13 +1,15 @@
-"""Columns of a table by their own names, by other known names, and by those of the trade."""
+"""Columns of a table by known names, by those of the trade, and by those that a user gives."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 import polars as pl
 
-from descentflow.core.errors import DataError
+from descentflow.core.errors import ConfigError, DataError
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.rows.schema import ALIASES, COLUMNS, TRADE
+from descentflow.surveillance.rows.schema import ALIASES, COLUMNS, REQUIRED, TRADE
 
 OF_ROWS = {name.lower(): name for name in COLUMNS}
 """The rows' own names in small letters: `ALTITUDE` is no other column."""
@@ -16,7 +18,7 @@ LEVELS = "FL"
 LEVEL_NAMES = ("fl", "flight_level")
 HIGHEST_LEVEL = 1000.0
 """A median above this is no flight level but feet."""
-MOST_NAMED, LONGEST_NAME, MOST_LINES = 12, 40, 10
+MAX_NOTED_COLUMNS, MAX_NAME_LETTERS, MAX_NOTED_LINES = 12, 40, 10
 """Columns that a line of the report names, letters of a name, and lines about other tables."""
 UNUSED = "rows whose columns are not used: "
 """First words of such a line."""
@@ -92,11 +94,155 @@ def note_unused(names: Iterable[str], rows: int, report: DropReport) -> None:
         >>> report.notes
         {'rows whose columns are not used: squawk, alert': 9}
     """
-    shown = ["".join(letter if letter.isprintable() else "?" for letter in name)[:LONGEST_NAME] for name in names]
+    shown = ["".join(letter if letter.isprintable() else "?" for letter in name)[:MAX_NAME_LETTERS] for name in names]
     shown = [name or "(a column without a name, such as an index)" for name in shown]
     if not shown:
         return
-    more = f" and {len(shown) - MOST_NAMED} more" if len(shown) > MOST_NAMED else ""
-    said = f"{UNUSED}{', '.join(shown[:MOST_NAMED])}{more}"
+    more = f" and {len(shown) - MAX_NOTED_COLUMNS} more" if len(shown) > MAX_NOTED_COLUMNS else ""
+    said = f"{UNUSED}{', '.join(shown[:MAX_NOTED_COLUMNS])}{more}"
     lines = sum(note.startswith(UNUSED) for note in report.notes)
-    report.note(said if said in report.notes or lines < MOST_LINES else f"{UNUSED}other tables' columns", rows)
+    report.note(said if said in report.notes or lines < MAX_NOTED_LINES else f"{UNUSED}other tables' columns", rows)
+
+
+def check_named(columns: Mapping[str, str]) -> None:
+    """Refuse names that no row has.
+
+    Args:
+        columns: Name in a row (:data:`~descentflow.surveillance.rows.schema.COLUMNS`) -> column of the user's tables.
+
+    Raises:
+        ConfigError: If a name is none of a row, or two stand for one column.
+
+    Example:
+        >>> check_named({"height": "alt_ft"})
+        Traceback (most recent call last):
+        descentflow.core.errors.ConfigError: a column for height; expected one of timestamp, ...
+    """
+    unknown = [name for name in columns if name not in (*COLUMNS, LEVELS)]
+    if unknown:
+        raise ConfigError(
+            f"a column for {', '.join(unknown)}",
+            expected=f"one of {', '.join(COLUMNS)}, or {LEVELS} for flight levels",
+            mend="correct the name",
+        )
+    if len(set(columns.values())) < len(columns):
+        raise ConfigError(
+            f"one column for several of {', '.join(columns)}", expected="a column for each", mend="correct the names"
+        )
+
+
+def with_named(table: pl.DataFrame, columns: Mapping[str, str], path: Path | str, report: DropReport) -> pl.DataFrame:
+    """A table whose columns have the names that the user gives; a column that had such a name before is left out.
+
+    Args:
+        table: As its source names the columns.
+        columns: As for :func:`check_named`; a column may be multiplied, `"alt_m*3.2808"`.
+        path: Named in errors.
+        report: Takes the number of values that could not be multiplied.
+
+    Raises:
+        DataError: If the table lacks one of the user's columns.
+
+    Example:
+        >>> table = pl.DataFrame({"alt_ft": [300.0], "ias": [100.0]})
+        >>> with_named(table, {"altitude": "alt_ft", "IAS": "ias*1.9438"}, "rows.csv", DropReport()).row(0)
+        (300.0, 194.38)
+    """
+    parts = {ours: _factor(theirs, table.columns) for ours, theirs in columns.items()}
+    lacking = [name for name, _ in parts.values() if name not in table.columns]
+    if lacking:
+        raise DataError(
+            f"{path} has no column {', '.join(lacking)} (it has {listed(table.columns)})",
+            expected="the columns that --column names",
+            mend="correct the names, or prepare files of other columns by themselves",
+        )
+    taken = {name for name, _ in parts.values()}
+    before = {ours for ours in columns if ours in table.columns and ours not in taken}
+    before |= {"altitude"} & set(table.columns) - taken if LEVELS in columns else set()
+    made = {ours: _multiplied(table[name], factor, ours, report) for ours, (name, factor) in parts.items()}
+    return table.drop(before | taken).with_columns(**made)
+
+
+def _factor(name: str, columns: Sequence[str]) -> tuple[str, float]:
+    """Column and factor of `alt_m*3.2808`; a column that is called so is itself."""
+    column, star, factor = name.rpartition("*")
+    if star and name not in columns:
+        with suppress(ValueError):
+            return column.strip(), float(factor)
+    return name, 1.0
+
+
+def _multiplied(column: pl.Series, factor: float, name: str, report: DropReport) -> pl.Series:
+    if factor == 1.0:
+        return column
+    if (name != LEVELS and COLUMNS[name] != pl.Float64) or column.dtype.is_nested() or column.dtype == pl.Binary:
+        raise ConfigError(f"{name} times {factor:g}", expected="a column of numbers", mend="leave the factor out")
+    if column.dtype == pl.String:
+        column = column.str.strip_chars().replace("", None)
+    numbers = column.cast(pl.Float64, strict=False) * factor
+    report.note(f"values of {name} that could not be read", numbers.null_count() - column.null_count())
+    return numbers
+
+
+MAX_LISTED_COLUMNS = 20
+"""Columns that are named; an OpenSky state vector has 17."""
+STATE_VECTOR = "baroaltitude"
+"""Column that only OpenSky's state vectors have; they are in SI units."""
+OF_SAMPLES = {"sample_id", "level_fl"}
+"""Columns by which a table of `descentflow sample` is known: it has levels and no reports."""
+OF_DESCENTS = {"flight_id", "level_fl", "time_s"}
+"""Columns by which prepared descents are known."""
+COLUMNS_MEND = (
+    "name yours, for instance --column altitude=alt_ft of `descentflow prepare`, or rename it; IAS comes with Mode S "
+    "enhanced surveillance (BDS 6,0), not with ADS-B alone, and Mach with it; one of the two is computed from the other"
+)
+VECTORS_MEND = (
+    "take airspeeds from OpenSky's replies to Mode S radars (rawdata or the roll-call tables; docs: Sources of rows, "
+    "Airspeeds from OpenSky), and pass these replies: state vectors have none"
+)
+SAMPLES_MEND = (
+    "pass the checkpoint itself in place of its samples, or export them as flights (descentflow export --to traffic)"
+)
+DESCENTS_MEND = (
+    "these are prepared descents: pass the file that `descentflow prepare` wrote to fit, evaluate, diagnose or "
+    "predict-descent (saved again by another program it lacks how it was prepared: select flights among the rows, or "
+    "in Python by read_descents, Descents and write_descents), and to prepare the rows that they were made of"
+)
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names of columns for a message, not too many.
+
+    Example:
+        >>> listed(["a", "b"]), listed(["c"] * 30)[-13:]
+        ('a, b', 'c and 10 more')
+    """
+    more = f" and {len(names) - MAX_LISTED_COLUMNS} more" if len(names) > MAX_LISTED_COLUMNS else ""
+    return ", ".join(names[:MAX_LISTED_COLUMNS]) + more
+
+
+def without_columns(path: Path | str, missing: Sequence[str], theirs: Sequence[str], named: Sequence[str]) -> DataError:
+    """The error for a table without these columns.
+
+    Args:
+        path: The table's name.
+        missing: Columns of a row that it lacks.
+        theirs: Its columns, as it names them.
+        named: The same in names of a row.
+
+    Example:
+        >>> print(without_columns("d.parquet", ["altitude"], ["flight_id", "level_fl", "time_s"], list(OF_DESCENTS)))
+        d.parquet has no column altitude (it has flight_id, level_fl, time_s); expected ... these are prepared ...
+    """
+    mend = COLUMNS_MEND
+    if set(named) >= OF_SAMPLES:
+        mend = SAMPLES_MEND
+    elif set(named) >= OF_DESCENTS:
+        mend = DESCENTS_MEND
+    elif STATE_VECTOR in theirs:
+        mend = VECTORS_MEND
+    return DataError(
+        f"{path} has no column {', '.join(missing)} (it has {listed(theirs)})",
+        expected=f"columns {', '.join(REQUIRED)}, named as the traffic library names them",
+        mend=mend,
+    )

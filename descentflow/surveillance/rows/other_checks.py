@@ -1,4 +1,4 @@
-"""Columns that nothing else of a row explains: times, angles, and values that stand for none."""
+"""Columns that nothing else of a row explains: angles, and values that stand for none."""
 
 import warnings
 
@@ -7,73 +7,15 @@ import polars as pl
 
 from descentflow.core.errors import DataError, DescentflowWarning
 from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED
+from descentflow.surveillance.rows.times import (
+    MAX_REPEATED_SHARE,
+    MIN_TIMES,
+)
 
-MIN_VALUES = 20
-"""Values below which nothing is checked."""
 MIN_AIRCRAFT = 3
 """Aircraft below which angles are not checked: one may fly north all the time."""
-DAYS_FROM, DAYS_TO = 20_000.0, 80_000.0
-"""Days since 1899-12-30, in 1954 and 2119: what spreadsheets call a date."""
-OTHER_FPM, OTHERS = 500.0, 0.1
-"""Difference of a rate from the change of altitude that rounding to 25 ft does not make, and share of such rows above
-which a rate that is one number is none."""
-LONGEST_STEP = 0.01
-"""Between two rows of an aircraft, a quarter of an hour in days; no source reports every hundredth of a second."""
-
-
-def check_numbers_of_days(rows: pl.DataFrame, source: str) -> None:
-    """Refuse times that are numbers of days, as spreadsheets write dates: read as seconds, all lie on one day of 1970.
-
-    Raises:
-        DataError: If they are.
-
-    Example:
-        >>> days = pl.DataFrame({"timestamp": pl.Series([46_000 + i / 86_400 for i in range(30)]) * 1e6})
-        >>> rows = days.select(pl.col("timestamp").cast(pl.Int64).cast(pl.Datetime("us", "UTC")), icao24=pl.lit("a"))
-        >>> check_numbers_of_days(rows, "rows.csv")
-        Traceback (most recent call last):
-        ...
-        descentflow.core.errors.DataError: rows.csv: timestamp seems to be in days since 1899-12-30...
-    """
-    seconds = rows["timestamp"].drop_nulls().dt.epoch("us") / 1e6
-    if len(seconds) < MIN_VALUES or not DAYS_FROM < float(seconds.median() or 0.0) < DAYS_TO:  # type: ignore[arg-type]
-        return
-    clock = rows.select("icao24", pl.col("timestamp").dt.epoch("us") / 1e6).drop_nulls().sort("icao24", "timestamp")
-    steps = clock.select(pl.col("timestamp").diff().filter(pl.col("icao24") == pl.col("icao24").shift())).to_series()
-    steps = steps.filter(steps > 0)
-    if len(steps) >= MIN_VALUES // 2 and float(steps.median() or 0.0) < LONGEST_STEP:  # type: ignore[arg-type]
-        raise DataError(
-            f"{source}: timestamp seems to be in days since 1899-12-30, as spreadsheets count (the first: "
-            f"{seconds[0]:.6f}); read as seconds, all rows lie within moments of 1970",
-            expected="dates with time, or seconds since 1970",
-            mend="subtract 25569 from the column timestamp and multiply by 86400",
-        )
-
-
-def check_whole_minutes(rows: pl.DataFrame, source: str) -> None:
-    """Refuse times that are cut to the minute: rows of one aircraft and time at several altitudes.
-
-    Raises:
-        DataError: If they are.
-
-    Example:
-        >>> minutes = pl.from_epoch(pl.Series([60 * (number // 12) for number in range(60)]))
-        >>> check_whole_minutes(pl.DataFrame({"icao24": "a", "timestamp": minutes, "altitude": range(60)}), "rows.csv")
-        Traceback (most recent call last):
-        ...
-        descentflow.core.errors.DataError: rows.csv: times are cut to the minute: 55 of 60 rows have the address and ...
-    """
-    known = rows.select("icao24", "timestamp", "altitude").drop_nulls()
-    if len(known) < MIN_VALUES or (known["timestamp"].dt.epoch("us") % 60_000_000 != 0).any():
-        return
-    repeated = known.n_unique() - known.n_unique(["icao24", "timestamp"])
-    if repeated > OTHERS * len(known):
-        raise DataError(
-            f"{source}: times are cut to the minute: {repeated:,} of {len(known):,} rows have the address and the time "
-            "of another row at another altitude",
-            expected="times with seconds",
-            mend="write the table again with seconds, which spreadsheets leave out where a cell's format has none",
-        )
+OTHER_FPM = 500.0
+"""Difference of a rate from the change of altitude that rounding to 25 ft does not make."""
 
 
 def check_angles(rows: pl.DataFrame, source: str) -> None:
@@ -94,7 +36,7 @@ def check_angles(rows: pl.DataFrame, source: str) -> None:
             continue
         angles = rows[name].drop_nulls().to_numpy()
         angles = np.abs(angles[np.isfinite(angles)])
-        if len(angles) < MIN_VALUES or angles.max() > 2 * np.pi + 1e-6:
+        if len(angles) < MIN_TIMES or angles.max() > 2 * np.pi + 1e-6:
             continue
         # Of degrees near north some would be on the other side, at 350.
         if angles.min() < np.pi / 2 < angles.max() and np.any(angles % 1) and angles.max() > 2.5:
@@ -120,7 +62,7 @@ def check_constant_rate(rows: pl.DataFrame, source: str) -> None:
         descentflow.core.errors.DataError: rows.csv: vertical_rate is 0 in all of 30 rows, while the altitude changes...
     """
     rates = rows["vertical_rate"].drop_nulls() if "vertical_rate" in rows.columns else pl.Series(dtype=pl.Float64)
-    if len(rates) < MIN_VALUES or rates.n_unique() > 1:
+    if len(rates) < MIN_TIMES or rates.n_unique() > 1:
         return
     names = [name for name in ("flight_id", "icao24") if name in rows.columns]
     ordered = rows.drop_nulls(["altitude", "timestamp"]).sort(*names, "timestamp", maintain_order=True)
@@ -129,7 +71,7 @@ def check_constant_rate(rows: pl.DataFrame, source: str) -> None:
         pl.when(minutes.is_between(1 / 30, 1)).then(pl.col("altitude").diff() / minutes)
     ).to_series()
     others = (changes.drop_nulls() - rates[0]).abs() > OTHER_FPM
-    if len(others) >= MIN_VALUES and float(others.mean() or 0.0) > OTHERS:
+    if len(others) >= MIN_TIMES and float(others.mean() or 0.0) > MAX_REPEATED_SHARE:
         raise DataError(
             f"{source}: vertical_rate is {rates[0]:g} in all of {len(rates):,} rows, while the altitude changes",
             expected="vertical_rate in ft/min as the aircraft reported it, or no such column",
@@ -151,7 +93,7 @@ def check_possible(rows: pl.DataFrame, source: str) -> None:
     for name in sorted(set(POSSIBLE) & set(rows.columns) - set(REQUIRED)):
         values = rows[name].drop_nulls()
         outside = values.filter(~values.is_between(*POSSIBLE[name]))
-        if len(values) >= MIN_VALUES and len(outside) > len(values) / 2:
+        if len(values) >= MIN_TIMES and len(outside) > len(values) / 2:
             low, high = POSSIBLE[name]
             warnings.warn(
                 f"{source}: {len(outside):,} of {len(values):,} values of {name} are outside {low:g} to {high:g} and "

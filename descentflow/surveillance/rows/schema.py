@@ -1,6 +1,11 @@
 """The schema of rows, with the names of the `traffic` library, and the physically possible values."""
 
+from collections.abc import Mapping
+from pathlib import Path
+
 import polars as pl
+
+from descentflow.core.errors import DataError
 
 TIMESTAMP = pl.Datetime("us", "UTC")
 
@@ -123,3 +128,24 @@ TRADE = {
     **dict.fromkeys(("lon_deg", "longitude_deg", "lng"), "longitude"),
 }
 """Names of the trade, in small letters -> the name in a row; they count where no column has a surer name."""
+
+
+def check_types(
+    types: Mapping[str, pl.DataType], path: Path | str, expected: str = "numbers, dates with time, or text"
+) -> None:
+    """Refuse columns whose type cannot have values of a row.
+
+    Raises:
+        DataError: If there is one.
+
+    Example:
+        >>> check_types({"IAS": pl.List(pl.Float64)}, "rows.parquet")
+        Traceback (most recent call last):
+        ...
+        descentflow.core.errors.DataError: rows.parquet: column IAS of type List(Float64)...
+    """
+    for name, kind in types.items():
+        if kind.is_nested() or kind in (pl.Binary, pl.Object, pl.Date, pl.Time, pl.Duration):
+            raise DataError(
+                f"{path}: column {name} of type {kind}", expected=expected, mend=f"convert the column {name}"
+            )

@@ -9,13 +9,7 @@ from descentflow.core.errors import DataError, DescentflowWarning
 from descentflow.core.units import FT_M
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt
 from descentflow.surveillance.rows.flight_ratios import contradicting_flights
-from descentflow.surveillance.rows.other_checks import (
-    check_angles,
-    check_constant_rate,
-    check_numbers_of_days,
-    check_possible,
-    check_whole_minutes,
-)
+from descentflow.surveillance.rows.other_checks import check_angles, check_constant_rate, check_possible
 from descentflow.surveillance.rows.readings import (
     MIN_AIRCRAFT,
     MIN_VALUES,
@@ -26,6 +20,7 @@ from descentflow.surveillance.rows.readings import (
     as_given,
 )
 from descentflow.surveillance.rows.schema import POSSIBLE
+from descentflow.surveillance.rows.times import check_numbers_of_days, check_whole_minutes
 from descentflow.surveillance.rows.units_words import contradiction, refusal
 
 CONTRADICTS_KT = 25.0

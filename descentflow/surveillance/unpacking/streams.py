@@ -7,7 +7,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tarfile import TarError
 from typing import IO
+
+import polars as pl
 
 from descentflow.core.errors import DataError
 
@@ -216,3 +219,37 @@ def unpacked(packed: Input) -> Input:
     if head.startswith(b"\x1f\x8b"):
         raise DataError(f"{packed.label}: gzip inside gzip", expected="one layer", mend="unpack the outer one")
     return plain
+
+
+@contextmanager
+def whole_input(label: object, expected: str = "a whole, readable file", mend: str = "copy it again") -> Iterator[None]:
+    """Read a file inside of this: what a library does not foresee becomes a DataError that names the file.
+
+    Args:
+        label: What the file is called in the message.
+        expected: What would have been read.
+        mend: What the user can do about it.
+
+    Raises:
+        DataError: If the file cannot be read.
+
+    Example:
+        >>> with whole_input("cut.parquet"):
+        ...     raise OSError("ends in the middle")
+        Traceback (most recent call last):
+        descentflow.core.errors.DataError: cut.parquet: ends in the middle; expected a whole, readable file; ...
+    """
+    try:
+        yield
+    except (pl.exceptions.PolarsError, OSError, TarError) as error:
+        raise _unreadable_file(label, error, expected, mend) from error
+    except BaseException as error:
+        # Polars and the decoder of Mode S panic on some damage; this is no Exception.
+        if type(error).__name__ != "PanicException":
+            raise
+        raise _unreadable_file(label, error, expected, mend) from error
+
+
+def _unreadable_file(label: object, error: BaseException, expected: str, mend: str) -> DataError:
+    reason = (str(error).splitlines() or [type(error).__name__])[0][:300]
+    return DataError(f"{label}: {reason}", expected=expected, mend=mend)

@@ -8,7 +8,7 @@ from typing import Any, Final
 import polars as pl
 
 from descentflow.surveillance.descents.prepared_descents import Descents
-from descentflow.surveillance.formats.embedded import embedded_rows, embedded_types
+from descentflow.surveillance.formats.aircraft_json import embedded_rows, embedded_types
 from descentflow.surveillance.prepare import prepare
 from studies.blind_diagnosis.hypsometry import Deviation, hypsometric_deviation, speed_deviation
 from studies.blind_diagnosis.winds import Gradient, tailwind_gradient, wind_profile

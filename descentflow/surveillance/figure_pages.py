@@ -1,16 +1,20 @@
-"""Figure of what cleaning kept and dropped of a few flights, so that a person can judge its filters."""
+"""Figures of descents, and the page of what each filter of the cleaning kept and dropped of some flights."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from descentflow.core.files import whole_file
 from descentflow.reporting.figure_style import BLUE, legend_below, tidy
+from descentflow.reporting.pages import png, rendered
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt
+from descentflow.surveillance.rows.drop_report import DropReport
 
-LOOKS = {
+REASON_LOOKS = {
     "not_descending": ("#b0b0b0", "."),
     "transient": ("#e69f00", "."),
     "constant_rate": ("#009e73", "s"),
@@ -38,7 +42,7 @@ def look(reason: str | None) -> tuple[str, str, float]:
         return "#ff0000", "x", 30.0
     if reason.startswith("stale_"):
         return "#a000a0", "+", 36.0
-    colour, marker = LOOKS.get(reason, ("#000000", "*"))
+    colour, marker = REASON_LOOKS.get(reason, ("#000000", "*"))
     return colour, marker, 14.0
 
 
@@ -93,3 +97,82 @@ def _draw(axes: Sequence[Axes], rows: pl.DataFrame) -> None:
         axes[1].set_ylim(max(rates.min() - 200, -6500.0), min(rates.max() + 200, 5000.0))
     axes[0].set_title(f"{rows['flight_id'][0]}  {rows['typecode'][0]}", fontsize=10)
     axes[2].set_xlabel("minutes")
+
+
+FLIGHTS_PER_FIGURE = 3
+"""Flights in a figure."""
+DPI = 90
+
+
+def write_page(folder: Path, dropped_rows: pl.DataFrame, report: DropReport) -> int:
+    """Write figures of flights and `index.html`, each whole; the page last, when everything that it shows is there.
+
+    Args:
+        folder: Made if it does not exist.
+        dropped_rows: As :func:`~descentflow.surveillance.cleaning.drop_reasons.some_flights`.
+        report: Shown below the figures.
+
+    Returns:
+        Number of flights shown.
+
+    Example:
+        >>> from descentflow.surveillance.prepare import prepare
+        >>> descents = prepare("rows.parquet", shown=1)
+        >>> write_page(Path("figures"), descents.dropped_rows, descents.report)
+        4
+    """
+    folder.mkdir(exist_ok=True)
+    flights = dropped_rows.partition_by("flight_id", maintain_order=True)
+    groups = [flights[first : first + FLIGHTS_PER_FIGURE] for first in range(0, len(flights), FLIGHTS_PER_FIGURE)]
+    shown = []
+    for number, some in enumerate(groups, 1):
+        picture = folder / f"flights-{number:02d}.png"
+        with whole_file(picture) as temporary:
+            temporary.write_bytes(png(cleaning_figure(some), DPI))
+        shown.append((picture.name, [[_name(flight), _counts(flight)] for flight in some]))
+    with whole_file(folder / "index.html") as temporary:
+        text = rendered("surveillance/cleaning_page.html.j2", flights=shown, report=str(report))
+        temporary.write_text(text, encoding="utf-8")
+    return len(flights)
+
+
+def _name(flight: pl.DataFrame) -> str:
+    return str(flight["flight_id"][0])
+
+
+def _counts(flight: pl.DataFrame) -> str:
+    """Number of rows kept, and dropped for each reason."""
+    counts = flight["reason"].fill_null("kept").value_counts().sort("count", "reason", descending=[True, False])
+    return ", ".join(f"{reason.replace('_', ' ')} {number}" for reason, number in counts.iter_rows())
+
+
+MAX_DRAWN_FLIGHTS = 100
+"""Flights that are drawn, at random."""
+DESCENT_PANELS = {"IAS": "IAS (kt)", "vertical_rate": "Vertical rate (ft/min)"}
+
+
+def descents_figure(descents: pl.DataFrame, *, seed: int = 0) -> Figure:
+    """Draw up to 100 flights.
+
+    Args:
+        descents: Prepared descents, a row for each flight and level.
+        seed: Of the flights that are drawn.
+
+    Example:
+        >>> figure = descents_figure(pl.read_parquet("descents.parquet"))
+        >>> [ax.get_xlabel() for ax in figure.axes], len(figure.axes[0].lines)
+        (['IAS (kt)', 'Vertical rate (ft/min)'], 100)
+    """
+    names = descents["flight_id"].unique().sort().to_list()
+    drawn = np.random.default_rng(seed).permutation(names)[:MAX_DRAWN_FLIGHTS].tolist()
+    figure = Figure(figsize=(8.4, 4.2), layout="constrained")
+    axes = figure.subplots(1, 2, sharey=True)
+    tidy(axes)
+    for flight in descents.filter(pl.col("flight_id").is_in(drawn)).partition_by("flight_id"):
+        for ax, name in zip(axes, DESCENT_PANELS, strict=True):
+            ax.plot(flight[name].to_numpy(), flight["level_fl"].to_numpy(), color=BLUE, linewidth=0.7, alpha=0.35)
+    for ax, label in zip(axes, DESCENT_PANELS.values(), strict=True):
+        ax.set_xlabel(label)
+    axes[0].set_ylabel("Flight level")
+    figure.suptitle(f"{len(drawn):,} of {len(names):,} descents", fontsize=12, fontweight="bold")
+    return figure

@@ -1,0 +1,333 @@
+"""Checks of the whole drop report: types that are absent, columns that contradict each other, and nothing left."""
+
+import re
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
+
+import polars as pl
+
+from descentflow.core.errors import DataError, DescentflowWarning
+from descentflow.surveillance.cleaning.flights import OTHER_VALUES
+from descentflow.surveillance.cleaning.thresholds import Cleaning, Fixed
+from descentflow.surveillance.cleaning.two_clocks import AGAIN
+from descentflow.surveillance.cleaning.types_of_flights import (
+    NO_TYPES,
+    SEVERAL,
+)
+from descentflow.surveillance.rows.addresses import named_types
+from descentflow.surveillance.rows.drop_report import DropReport, Step
+from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED, WITHOUT
+from descentflow.surveillance.rows.values_beside import APART, JOIN, OF_OTHER_ROWS
+
+MAX_LISTED_TYPES = 12
+DESIGNATOR = re.compile(r"[A-Z][A-Z0-9]{1,3}")
+"""Form of a designator of ICAO Doc 8643."""
+NONE_OF = "types asked for beside others, of which there is no row: "
+"""Note in the report."""
+
+
+def tell_absent_types(wanted: Sequence[str] | None, present: Iterable[str], what: str, option: str) -> None:
+    """Warn of types that were asked for beside others, and of which there is none.
+
+    Args:
+        wanted: Types to keep; None for all.
+        present: Types that there are.
+        what: There are of them: rows, or descents.
+        option: That asked, for the message.
+
+    Warns:
+        DescentflowWarning: If there are such types.
+
+    Example:
+        >>> import warnings
+        >>> with warnings.catch_warnings(record=True) as told:
+        ...     warnings.simplefilter("always")
+        ...     tell_absent_types(["A320", "B737-800"], ["A320", "B738"], "row", "--typecode")
+        >>> print(told[0].message)
+        no row of type B737-800, which --typecode asks for beside others; there are A320, B738: designators of ICAO ...
+    """
+    known = sorted(name for name in present if name)
+    if absent := asked_in_vain(wanted, known):
+        there = ", ".join(known[:MAX_LISTED_TYPES]) + (", ..." if len(known) > MAX_LISTED_TYPES else "")
+        warnings.warn(
+            f"no {what} of type {', '.join(absent)}, which {option} asks for beside others; there are {there}: "
+            "designators of ICAO Doc 8643 are taken, as B738; to mend it, correct it or leave it out",
+            DescentflowWarning,
+            stacklevel=3,
+        )
+
+
+def asked_in_vain(wanted: Sequence[str] | None, present: Iterable[str]) -> list[str]:
+    """Types that were asked for and that there are none of.
+
+    Example:
+        >>> asked_in_vain(["a319", "a320"], ["A320", "B738"])
+        ['A319']
+    """
+    known = set(present)
+    return [name.upper() for name in wanted or [] if name.upper() not in known]
+
+
+def no_designators(names: Sequence[str]) -> list[str]:
+    """Names that no designator of Doc 8643 looks like: of a family some types may be absent, these are mistakes.
+
+    Example:
+        >>> no_designators(["A319", "B737-800"])
+        ['B737-800']
+    """
+    return [name for name in names if not DESIGNATOR.fullmatch(name.upper())]
+
+
+def check_designators(typecodes: Iterable[str]) -> None:
+    """Warn of types that are no designators: no coefficients are found by them.
+
+    Example:
+        >>> with warnings.catch_warnings(record=True) as caught:
+        ...     warnings.simplefilter("always")
+        ...     check_designators(["A320", "A-320"])
+        >>> print(caught[0].message)
+        descents of type A-320, which is no designator of ICAO's Doc 8643; ...
+    """
+    odd = sorted({name for name in typecodes if not DESIGNATOR.fullmatch(name)})
+    if odd:
+        more = f" and {len(odd) - 5} more" if len(odd) > 5 else ""
+        warnings.warn(
+            f"descents of type {', '.join(name[:40] for name in odd[:5])}{more}, which is no designator of ICAO's "
+            "Doc 8643; coefficients are found by designators, such as A320: correct the column typecode",
+            DescentflowWarning,
+            stacklevel=3,
+        )
+
+
+def check_report(report: DropReport, rules: Cleaning) -> None:
+    """Refuse rows of which most contradict themselves; warn of rows of one time and address with other values.
+
+    Args:
+        report: Of all rows, with every step.
+        rules: Thresholds that were used.
+
+    Raises:
+        DataError: If IAS contradicts Mach in most rows.
+
+    Example:
+        >>> from descentflow.surveillance.rows.drop_report import Step
+        >>> check_report(DropReport([Step("IAS_contradicts_Mach", 9, 1, 1, 1)]), Cleaning())
+        Traceback (most recent call last):
+        ...
+        descentflow.core.errors.DataError: IAS contradicts Mach and altitude by 25 kt or more in 9 of 10 rows; ...
+    """
+    step = next((one for one in report.steps if one.step == "IAS_contradicts_Mach"), None)
+    judged = step.rows_dropped + step.rows_left if step else 0
+    if step and step.rows_dropped > Fixed.contradicting_share * judged:
+        raise DataError(
+            f"IAS contradicts Mach and altitude by {rules.airspeeds_differ_kt:g} kt or more in {step.rows_dropped:,} "
+            f"of {judged:,} rows",
+            expected="indicated airspeed in kt, Mach and pressure altitude in ft of the same aircraft and time",
+            mend="check that IAS is the indicated airspeed (not TAS or groundspeed) and that both are of one time; "
+            "leave Mach out of the table if IAS is right, or say how far they may differ (--airspeeds-differ-kt)\n"
+            f"{report}",
+        )
+    _tell_apart(report)
+    if clocks := [note for note in report.notes if note.startswith(AGAIN.partition("{")[0])]:
+        said = " and ".join(f"{report.notes[note]:,} {note}" for note in clocks)
+        warnings.warn(
+            f"{said}, are left out: write the times of all sources in UTC (the earlier of both are kept)",
+            DescentflowWarning,
+            stacklevel=3,
+        )
+    if several := report.notes.get(SEVERAL):
+        warnings.warn(
+            f"the rows of {several:,} flights name several types, and each flight is taken for the one that most of "
+            "its rows name: correct the column typecode, or give rows of different aircraft different icao24",
+            DescentflowWarning,
+            stacklevel=3,
+        )
+    read, other = report.left("read") or 0, report.notes.get(OTHER_VALUES, 0)
+    if other > Fixed.other_values_share * read and report.steps[-1].rows_left:
+        warnings.warn(
+            f"{other:,} of {read:,} rows have the address and the time of another row but other values, and are left "
+            "out as duplicates (the first of each is kept): if they are of another run or another receiver, give them "
+            "addresses (icao24) or times of their own",
+            DescentflowWarning,
+            stacklevel=3,
+        )
+
+
+def _tell_apart(report: DropReport) -> None:
+    """Warn of values that no row has beside IAS: descents lack them, and nothing can be said of air and wind."""
+    apart = {
+        name: report.notes[APART.format(name=name)] for name in OF_OTHER_ROWS if APART.format(name=name) in report.notes
+    }
+    if apart and report.steps and report.steps[-1].rows_left:
+        said = ", ".join(f"{name} in {rows:,} rows" for name, rows in apart.items())
+        warnings.warn(
+            f"values without IAS beside them nor in a row within 5 s: {said}; descents lack them: "
+            f"{JOIN.format(name=' and '.join(apart))}",
+            DescentflowWarning,
+            stacklevel=4,
+        )
+
+
+def check_left(
+    report: DropReport,
+    wanted: Sequence[str] | None,
+    present: Mapping[str, int],
+    types: pl.DataFrame | None = None,
+    untyped: Mapping[str, int] | None = None,
+) -> None:
+    """Refuse rows of which none is left before cleaning, and say why.
+
+    Args:
+        report: Of all rows.
+        wanted: Types to keep.
+        present: Number of rows per known type.
+        types: Table `icao24,typecode`, if there is one.
+        untyped: Number of rows per address, where it names none of them.
+
+    Raises:
+        DataError: If no row is of known type, or of a wanted type. If none was usable before that, nothing is said:
+            :func:`~descentflow.surveillance.cleaning.report_checks.nothing_left` has the words for it.
+
+    Example:
+        >>> report = DropReport()
+        >>> for step, left in {"duplicate": 9, "unknown_type": 9, "other_type": 0}.items():
+        ...     _ = report.count(step, pl.DataFrame({"IAS": [270.0] * 9}), pl.DataFrame({"IAS": [270.0] * left}))
+        >>> check_left(report, ["B738"], {"A320": 9})
+        Traceback (most recent call last):
+        ...
+        descentflow.core.errors.DataError: no row of type B738...
+    """
+    if not report.left("duplicate"):
+        return
+    if not report.left("unknown_type") and types is not None and untyped:
+        raise _no_address_named(types, untyped)
+    if not report.left("unknown_type"):
+        raise DataError(
+            f"rows without any typecode ({', '.join(NO_TYPES[:2])} and the like are none)",
+            expected="a column typecode, or a types table",
+            mend="pass --types TABLE.csv with columns icao24,typecode, or add a column typecode; --typecode gives "
+            "rows no type, it only selects among those that they have",
+        )
+    if wanted is not None and not report.left("other_type"):
+        often = sorted(present, key=lambda name: (-present[name], name))[:12]
+        raise DataError(
+            f"no row of type {', '.join(wanted)}", expected=f"one of {', '.join(often)}", mend="change --typecode"
+        )
+
+
+def _no_address_named(types: pl.DataFrame, untyped: Mapping[str, int]) -> DataError:
+    """The error where a table of types and the rows have no address in common, with what each of them has."""
+    listed = named_types(types, "a types table")["icao24"].drop_nulls().unique().sort()
+    shared = sum(address in untyped for address in listed)
+    busiest = sorted(untyped, key=lambda address: (-untyped[address], address))[:5]
+    often = ", ".join(f"{address} ({untyped[address]:,} rows)" for address in busiest)
+    blank = ", without a type" if shared else ""
+    return DataError(
+        f"a types table that names the type of no row: {shared:,} of its {len(listed):,} addresses "
+        f"({', '.join(listed[:3])}) are among the {len(untyped):,} of the {sum(untyped.values()):,} rows{blank}",
+        expected=f"lines icao24,typecode with addresses of the rows, the busiest of which are {often}",
+        mend="check that icao24 holds the 24-bit address as the rows have it, and typecode a type such as A320",
+    )
+
+
+REASONS: dict[str, tuple[str, str]] = {
+    "missing_value": (
+        "lack a time, an address, an altitude, IAS or Mach",
+        "see which column is empty; IAS and Mach come with Mode S enhanced surveillance (BDS 6,0), not with ADS-B; "
+        "a table that has no column Mach gets it from IAS and altitude",
+    ),
+    "impossible_": (
+        "hold a value that no airliner has",
+        "check the unit of that column: altitude in ft, IAS in kt, Mach as 0.78, vertical_rate in ft/min",
+    ),
+    "duplicate": (
+        "have the address and the time of another row",
+        "check that rows of different aircraft have different icao24, and that each row has its own time",
+    ),
+    "other_clock": ("come again by another clock", "write the times of all sources in UTC"),
+    "spike_": ("leap between neighbours", "check that rows of different aircraft have different icao24"),
+    "stale_vertical_rate": (
+        "repeat the same vertical rate while the altitude changes otherwise",
+        "leave the column vertical_rate out if it is one number throughout: rates are then differenced from altitude; "
+        "else give each row the time at which its values were measured",
+    ),
+    "stale_": ("repeat the same values", "give each row the time at which its values were measured"),
+    "IAS_contradicts_Mach": (
+        "hold an IAS that contradicts Mach and altitude",
+        "check that IAS is the indicated airspeed (not TAS or groundspeed) and that both are of one time; "
+        "--airspeeds-differ-kt is the largest difference",
+    ),
+    "not_descending": (
+        "do not descend at {slowest_fpm:g} ft/min or more",
+        "pass rows of descents; check that vertical_rate is in ft/min and negative in descent (--slowest-fpm)",
+    ),
+    "transient": (
+        "lie within {transient_s:g} s of a level-off or climb",
+        "pass rows at shorter intervals, or a smaller --transient-s",
+    ),
+    "constant_rate": (
+        "are flown at a constant rate or path, not in free descent",
+        "pass flights whose crews descend freely; --constant-rate-s is the longest that a rate may be held",
+    ),
+    "second_descent": ("belong to a descent after a climb", "pass each descent of a flight under its own flight_id"),
+    "not_below_earlier_row": ("are not below an earlier row of their descent", "check that times and altitudes belong"),
+    "banked": ("are turning", "pass --largest-bank-deg with a larger bank"),
+    "cleared_": ("fly a speed or level that was cleared", "pass flights without such clearances"),
+    "too_few_levels": (
+        "belong to descents of fewer than {fewest_levels} levels above FL{bottom_fl}",
+        "check first that altitude is in ft (metres are to be multiplied by 3.2808, flight levels by 100); else pass "
+        "rows at shorter intervals and of higher levels; --bottom-fl and --fewest-levels of `descentflow prepare` say "
+        "what is enough",
+    ),
+}
+"""Step of cleaning, or the beginning of its name, -> what its rows have in common, and what to do about it."""
+
+
+def nothing_left(report: DropReport, cleaning: Cleaning) -> DataError:
+    """The error to raise if cleaning left no descent.
+
+    Args:
+        report: Of every step.
+        cleaning: Its thresholds.
+
+    Example:
+        >>> report = DropReport([Step("read", 0, None, 9, None), Step("not_descending", 9, 1, 0, 0)])
+        >>> print(nothing_left(report, Cleaning()))
+        no free descent is left: 9 of 9 rows do not descend at 500 ft/min or more (not_descending); expected ...
+    """
+    read = report.steps[0].rows_left + report.steps[0].rows_dropped if report.steps else 0
+    if not read:
+        nothing = f"no row in what was given\n{report}"
+        return DataError(nothing, expected="surveillance rows", mend="pass other files")
+    most = max(report.steps, key=lambda step: step.rows_dropped, default=Step("read", 0, None, 0, None))
+    why, mend = _reason(most.step, cleaning)
+    empty = [f"{name} in {report.notes[WITHOUT + name]:,}" for name in REQUIRED if WITHOUT + name in report.notes]
+    if empty and most.step == "missing_value":
+        why = f"lack a value ({', '.join(empty)})"
+        mend = _mend_of_missing(report, read) or mend
+    return DataError(
+        f"no free descent is left: {most.rows_dropped:,} of {read:,} rows {why} ({most.step})",
+        expected=f"descents of airliners over {cleaning.fewest_levels} levels above FL{cleaning.bottom_fl}, with IAS, "
+        "Mach and altitude",
+        mend=f"{mend}\n{report}",
+    )
+
+
+def _mend_of_missing(report: DropReport, read: int) -> str | None:
+    """Advice on the column that is empty, where it is not airspeed; None if it is."""
+    if APART.format(name="altitude") in report.notes:
+        return JOIN.format(name="altitude")
+    empty = [name for name in ("icao24", "timestamp", "altitude") if report.notes.get(WITHOUT + name, 0) == read]
+    return f"fill the column {empty[0]}, which is empty in every row" if empty else None
+
+
+def _reason(step: str, cleaning: Cleaning) -> tuple[str, str]:
+    column = step.removeprefix("impossible_")
+    if step != column and column in POSSIBLE:
+        low, high = POSSIBLE[column]
+        return f"hold a value of {column} outside {low:g} to {high:g}", REASONS["impossible_"][1]
+    for name, (why, mend) in REASONS.items():
+        if step == name or (name.endswith("_") and step.startswith(name)):
+            return why.format(**asdict(cleaning)), mend
+    return "were dropped", "see what that step asks for in configs/prepare/default.yaml"

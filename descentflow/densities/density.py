@@ -10,8 +10,7 @@ from torch import Tensor, nn
 from descentflow.core.arguments import NotNegativeInt, checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.densities.importance import Estimate, estimate, propose, widened
-from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.observed import log_observed
+from descentflow.densities.mixture_parameters import Mixture, log_observed
 from descentflow.densities.residual_law import ResidualLaw
 from descentflow.densities.weight_draws import MixtureDraw, WeightDraw
 from descentflow.representation.evidence import Evidence

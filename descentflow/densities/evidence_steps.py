@@ -15,8 +15,7 @@ from torch import Tensor
 from descentflow.densities.crossed_clusters import CrossedClusters
 from descentflow.densities.em_steps import Steps, evenly
 from descentflow.densities.gaussian_steps import JITTER, GaussianSteps, cholesky_or_small
-from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.observed import block_posteriors
+from descentflow.densities.mixture_parameters import Mixture, block_posteriors
 from descentflow.densities.regression_steps import RIDGE, Gate, RegressionSteps
 from descentflow.densities.shrunk_covariances import shrunk
 from descentflow.representation.evidence import Evidence

@@ -15,14 +15,13 @@ from descentflow.densities.layers import (
     ExponentialAffine,
     Flip,
     LinearMap,
+    Spline,
     TurnedRound,
+    in_parts,
     made,
     turned_linear,
 )
-from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.observed import log_observed
-from descentflow.densities.row_parts import in_parts
-from descentflow.densities.splines import Spline
+from descentflow.densities.mixture_parameters import Mixture, log_observed
 from descentflow.densities.transformed import TransformedDensity, standard_normal
 from descentflow.densities.weight_draws import WeightDraw
 from descentflow.representation.evidence import Evidence

@@ -14,8 +14,7 @@ import torch
 from torch import Tensor
 
 from descentflow.densities.gaussian_steps import cholesky_or_small
-from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.observed import log_observed, posteriors
+from descentflow.densities.mixture_parameters import Mixture, log_observed, posteriors
 from descentflow.representation.evidence import Evidence
 
 WIDER = 1.3

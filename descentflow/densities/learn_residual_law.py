@@ -12,8 +12,7 @@ import torch
 from torch import Tensor
 
 from descentflow.densities.learn_residual_scales import learn_residual_scales
-from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.observed import locations
+from descentflow.densities.mixture_parameters import Mixture, locations
 from descentflow.densities.residual_law import ResidualLaw
 from descentflow.densities.residual_posteriors import GivenComponent, given_component
 from descentflow.representation.linear_curves import Information

@@ -15,8 +15,7 @@ from torch.distributions import constraints
 from descentflow.densities.crossed_clusters import CrossedClusters
 from descentflow.densities.density import Density
 from descentflow.densities.entry_gate import EntryGate
-from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.observed import log_proportions, posteriors
+from descentflow.densities.mixture_parameters import Mixture, log_proportions, posteriors
 from descentflow.densities.residual_law import ResidualLaw, components_given
 from descentflow.densities.weight_draws import MixtureDraw, WeightDraw
 from descentflow.representation.evidence import Evidence

@@ -1,8 +1,16 @@
-"""Parameters of a Gaussian mixture whose means and proportions may follow a context, and how many there are."""
+r"""A Gaussian mixture whose means and proportions may follow a context, and what observed levels say under it.
+
+With a mixture $\sum_k \pi_k N(w; m_k, V_k)$ and a flight's log-likelihood $-(w - p)^T A (w - p) / 2$, everything is
+in closed form (Bovy, Hogg and Roweis 2011, doi:10.1214/10-AOAS439): the posterior of component k has the covariance
+$C = (V_k^{-1} + A)^{-1}$ and the mean $m_k + C A (p - m_k)$.
+"""
 
 from dataclasses import dataclass
 
+import torch
 from torch import Tensor
+
+from descentflow.representation.evidence import Block, Evidence
 
 
 @dataclass(frozen=True)
@@ -58,3 +66,158 @@ def n_parameters(n_components: int, dimension: int, n_context: int = 0) -> int:
     """
     plain = n_components * dimension * (dimension + 3) // 2 + n_components - 1
     return plain + n_context * (n_components * dimension + n_components - 1)
+
+
+@dataclass(frozen=True)
+class FlightPosteriors:
+    """Of n flights under each of k mixture components.
+
+    Attributes:
+        log_joint: (n, k) log of proportion times marginal likelihood, see :func:`log_observed`.
+        means: (n, k, d) of the weights given what was observed.
+        covariances: (U, k, d, d), one for each matrix of the evidence.
+
+    Example:
+        >>> mixture = Mixture(torch.ones(1), torch.zeros(1, 1), torch.ones(1, 1, 1))
+        >>> evidence = Evidence(torch.tensor([[4.0]]), torch.tensor([0]), torch.tensor([[[3.0]]]))
+        >>> found = posteriors(mixture, evidence)  # standard normal, seen at 4 with precision 3
+        >>> round(float(found.means), 4), round(float(found.covariances), 4)
+        (3.0, 0.25)
+    """
+
+    log_joint: Tensor
+    means: Tensor
+    covariances: Tensor
+
+
+def posteriors(mixture: Mixture, evidence: Evidence, context: Tensor | None = None) -> FlightPosteriors:
+    """Posterior of each flight's weights under each mixture component.
+
+    Args:
+        mixture: k components.
+        evidence: Of n flights whose weights are not known; all are held at once.
+        context: (n, c) where means and proportions follow one.
+    """
+    precision = torch.cholesky_inverse(mixture.scale_trils)
+    factor = torch.linalg.cholesky(precision + evidence.precisions[:, None])
+    covariances = torch.cholesky_inverse(factor)
+    group, locs = evidence.group, locations(mixture, context)
+    off = evidence.points[:, None] - locs  # (n, k, d)
+    if context is None:
+        pulled = evidence.shift[:, None] - (evidence.precisions[:, None] @ locs[..., None])[group, ..., 0]
+    else:
+        pulled = off @ evidence.precisions[group]
+    moved = (covariances[group] @ pulled[..., None])[..., 0]
+    log_det = (factor.diagonal(dim1=-2, dim2=-1).log() + mixture.scale_trils.diagonal(dim1=-2, dim2=-1).log()).sum(-1)
+    fit = -0.5 * (pulled * (off - moved)).sum(-1) - log_det[group]
+    log_joint = log_proportions(mixture, context) + fit + evidence.log_scale[:, None]
+    return FlightPosteriors(log_joint, locs + moved, covariances)
+
+
+@dataclass(frozen=True)
+class BlockPosteriors:
+    """:class:`FlightPosteriors` of a block of r rows of m flights, component after component.
+
+    Attributes:
+        log_joint: (k, r, m) log of proportion times marginal likelihood, see :func:`log_observed`.
+        means: (k, r, m, d) of the weights given what was observed.
+        covariances: (k, r, d, d).
+    """
+
+    log_joint: Tensor
+    means: Tensor
+    covariances: Tensor
+
+
+def block_posteriors(mixture: Mixture, block: Block, context: Tensor | None = None) -> BlockPosteriors:
+    """:func:`posteriors` of flights that share matrices, each of which is multiplied by all of its flights at once.
+
+    Args:
+        mixture: k components.
+        block: Of flights whose weights are not known.
+        context: (n, c) of all flights of the evidence, where means and proportions follow one.
+
+    Example:
+        >>> mixture = Mixture(torch.ones(1), torch.zeros(1, 1), torch.ones(1, 1, 1))
+        >>> evidence = Evidence(torch.tensor([[4.0]]), torch.tensor([0]), torch.tensor([[[3.0]]]))
+        >>> found = block_posteriors(mixture, next(evidence.blocks()))  # standard normal, seen at 4 with precision 3
+        >>> round(float(found.means), 4), round(float(found.covariances), 4)
+        (3.0, 0.25)
+    """
+    precision = torch.cholesky_inverse(mixture.scale_trils)
+    factor = torch.linalg.cholesky(precision[:, None] + block.precisions)
+    covariances = torch.cholesky_inverse(factor)
+    given = None if context is None else context[block.index.flatten()]
+    locs = locations(mixture, given).transpose(0, 1)
+    locs = locs.reshape(len(locs), *((1, 1) if given is None else block.index.shape), -1)
+    log_proportion = log_proportions(mixture, given).T.reshape(*locs.shape[:3])
+    off = block.points - locs
+    pulled = block.shift - locs @ block.precisions
+    moved = pulled @ covariances
+    own = mixture.scale_trils.diagonal(dim1=-2, dim2=-1).log().sum(-1)
+    log_det = factor.diagonal(dim1=-2, dim2=-1).log().sum(-1) + own[:, None]
+    fit = -0.5 * (pulled * (off - moved)).sum(-1) + (block.log_scale - log_det)[:, :, None]
+    return BlockPosteriors(log_proportion + fit, locs + moved, covariances)
+
+
+def log_observed(mixture: Mixture, evidence: Evidence, context: Tensor | None = None) -> Tensor:
+    r"""Log-likelihood (n,) of what was observed, in nats: $\log \int p(w) \, p(y | w) \, dw$ up to a constant.
+
+    The constant depends on the levels that a flight shows and on no density
+    (:attr:`~descentflow.representation.evidence.Evidence.log_scale`); with it the score of a flight whose weights are
+    known is the log density of the weights.
+
+    Args:
+        mixture: Of the weights.
+        evidence: Of n flights.
+        context: (n, c) where means and proportions follow one.
+
+    Example:
+        >>> mixture = Mixture(torch.ones(1), torch.zeros(1, 2), torch.eye(2)[None])
+        >>> nothing_seen = Evidence(torch.zeros(1, 2), torch.tensor([0]), torch.zeros(1, 2, 2))
+        >>> float(log_observed(mixture, nothing_seen)), round(float(log_observed(mixture, Evidence.of_weights(
+        ...     torch.zeros(1, 2)))), 4)  # and the log density at the origin
+        (0.0, -1.8379)
+    """
+    parts, order = [], []
+    for index, rows in evidence.chunks():
+        given = None if context is None else context[index]
+        joint = _joint_of_known(mixture, rows, given) if rows.known else posteriors(mixture, rows, given).log_joint
+        parts.append(joint.logsumexp(1))
+        order.append(index)
+    if not parts:
+        return mixture.probs.new_zeros(0)
+    return torch.cat(parts)[torch.cat(order).argsort()]
+
+
+def locations(mixture: Mixture, context: Tensor | None) -> Tensor:
+    """Means (1, k, d) of the components, or (n, k, d) where they follow a context.
+
+    Example:
+        >>> locations(Mixture(torch.ones(1), torch.zeros(1, 2), torch.eye(2)[None]), None).shape
+        torch.Size([1, 1, 2])
+    """
+    if context is None or mixture.slopes is None:
+        return mixture.locs[None]
+    return mixture.locs + torch.einsum("nc,kdc->nkd", context.to(mixture.slopes), mixture.slopes)
+
+
+def log_proportions(mixture: Mixture, context: Tensor | None) -> Tensor:
+    """Log mixing proportions (1, k), or (n, k) where they follow a context.
+
+    Example:
+        >>> half = torch.full((2,), 0.5)
+        >>> log_proportions(Mixture(half, torch.zeros(2, 1), torch.ones(2, 1, 1)), None).exp()
+        tensor([[0.5000, 0.5000]])
+    """
+    if context is None or mixture.gate is None:
+        return mixture.probs.log()[None]
+    return (mixture.probs.log() + context.to(mixture.gate) @ mixture.gate.T).log_softmax(1)
+
+
+def _joint_of_known(mixture: Mixture, evidence: Evidence, context: Tensor | None) -> Tensor:
+    normals = torch.distributions.MultivariateNormal(
+        locations(mixture, context), scale_tril=mixture.scale_trils, validate_args=False
+    )
+    densities: Tensor = normals.log_prob(evidence.points[:, None].to(mixture.locs))  # type: ignore[no-untyped-call]
+    return log_proportions(mixture, context) + densities

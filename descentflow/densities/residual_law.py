@@ -17,8 +17,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.observed import locations, log_proportions
+from descentflow.densities.mixture_parameters import Mixture, locations, log_proportions
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.observed import locations
+from descentflow.densities.mixture_parameters import Mixture, locations
 from descentflow.densities.residual_law import ResidualLaw
 from descentflow.representation.linear_curves import Information
 

@@ -17,8 +17,8 @@ from descentflow.core.units import NM_M
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.positions.ground_plan import GroundPlan
 from descentflow.positions.placing import Positions, unix_of
-from descentflow.representation.decoder.flown_air import flown_in
 from descentflow.representation.decoder.trajectories import Trajectories
+from descentflow.representation.own_air import flown_in
 
 Array = NDArray[np.float64]
 TURNS = 3

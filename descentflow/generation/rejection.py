@@ -16,8 +16,8 @@ from descentflow.core.counter_random import DrawNumbers, seed_for_index
 from descentflow.core.errors import SamplingError
 from descentflow.generation.samples import RejectionReport, Samples
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.representation.decoder.flown_air import flown_in
 from descentflow.representation.decoder.trajectories import Trajectories, concatenate
+from descentflow.representation.own_air import flown_in
 from descentflow.representation.plausibility import RULES
 from descentflow.representation.representation import Representation
 

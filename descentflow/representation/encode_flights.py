@@ -10,9 +10,8 @@ from torch import Tensor
 
 from descentflow.core.errors import ConfigError, DescentflowWarning
 from descentflow.representation.context import ContextEncoder
-from descentflow.representation.context_columns import flight_context, read_context_table
+from descentflow.representation.context_columns import contexts_of, flight_context, read_context_table, with_context
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
-from descentflow.representation.flight_contexts import contexts_of, with_context
 from descentflow.representation.flight_parts import PARTS, Part, parts_of, rest_is_test, with_levels
 from descentflow.representation.own_air import AirSource, airs_as_kept, check_air_asked, with_own_air
 from descentflow.representation.profiles import Profiles, profiles_from_frame

@@ -105,7 +105,7 @@ class Evidence:
 
     @cached_property
     def log_scale(self) -> Tensor:
-        r"""Constant (n,) that :func:`descentflow.densities.observed.log_observed` adds to a flight's log-likelihood.
+        r"""Constant (n,) that :func:`~descentflow.densities.mixture_parameters.log_observed` adds to likelihoods.
 
         It makes the score of a flight seen precisely the log density of its weights, and that of a flight which shows
         nothing zero: $\frac12 \log|I + A| - \frac12 \log 2\pi \, \mathrm{tr}\, A (I + A)^{-1}$. No density changes it,

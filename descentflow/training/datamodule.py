@@ -23,6 +23,7 @@ from descentflow.measurements.quantities import reference_state
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.comparable_descents import comparable_descents
 from descentflow.representation.context import ContextEncoder, Missing
+from descentflow.representation.context_columns import without_missing
 from descentflow.representation.drag_scale import DragScaleName
 from descentflow.representation.encode_flights import (
     EncodedFlights,
@@ -32,7 +33,6 @@ from descentflow.representation.encode_flights import (
     summary_of,
 )
 from descentflow.representation.evidence import Evidence
-from descentflow.representation.flight_contexts import without_missing
 from descentflow.representation.flight_parts import Part, levels_shown, one_part, places, top_level, with_levels
 from descentflow.representation.fpca.gappy import Method
 from descentflow.representation.linear_curves import Gaps, evidence_of, has_noise_model

@@ -16,8 +16,7 @@ from descentflow.densities.evidence_steps import EvidenceSteps
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.importance import estimate, propose
 from descentflow.densities.mixture import GaussianMixtureDensity
-from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.observed import block_posteriors, log_observed, posteriors
+from descentflow.densities.mixture_parameters import Mixture, block_posteriors, log_observed, posteriors
 from descentflow.representation.evidence import BLOCK, Evidence
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
 

@@ -7,9 +7,9 @@ import pytest
 import torch
 from torch import Tensor
 
-from descentflow.densities import row_parts
+from descentflow.densities import layers
 from descentflow.densities.flow import FlowDensity, MaskedAffineFlowDensity, SplineFlowDensity
-from descentflow.densities.splines import Spline, rational_quadratic
+from descentflow.densities.layers import Spline, rational_quadratic
 
 
 def flow(kind: type[MaskedAffineFlowDensity | SplineFlowDensity], n_context: int, whitened: bool) -> FlowDensity:
@@ -88,7 +88,7 @@ def test_many_rows_have_the_density_that_they_have_alone(
     kind: type[MaskedAffineFlowDensity | SplineFlowDensity], n_context: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Part by part without gradients, all at once with them; products of other sizes round otherwise."""
-    monkeypatch.setattr(row_parts, "ROWS", 7)
+    monkeypatch.setattr(layers, "ROWS", 7)
     density = flow(kind, n_context, whitened=True)
     weights, context = (torch.randn(30, n, dtype=torch.float64) for n in (4, n_context))
     rest = (context,) if n_context else ()

@@ -16,9 +16,9 @@ from descentflow.densities.checkpoint import load_model
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.evaluation.figures.components import components_figure
 from descentflow.physics.airspeed import cas_to_mach, cas_to_tas_mps, mach_to_cas_mps
-from descentflow.representation.decoder.flown_air import flown_in
 from descentflow.representation.decoder.trajectories import integrate
 from descentflow.representation.drag_scale import LEAST_FORCE, DragScale, fit_drag_scale
+from descentflow.representation.own_air import flown_in
 from descentflow.representation.profiles import Profiles, observed_profiles
 from descentflow.representation.representation import Representation, Split, fit_representation
 from descentflow.training.fit import fit

@@ -21,7 +21,7 @@ from descentflow.generation.rejection import sample_descents
 from descentflow.generation.sample_airs import air_of_table, airs_of
 from descentflow.generation.sample_tables import UNITS
 from descentflow.positions.ground_plan import ground_plan
-from descentflow.representation.decoder.flown_air import flown_in
+from descentflow.representation.own_air import flown_in
 from descentflow.representation.read_checkpoint import load_representation
 from descentflow.simulation.world_config import WorldConfig
 from descentflow.surveillance.descents.prepared_descents import Descents

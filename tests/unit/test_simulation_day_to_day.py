@@ -11,7 +11,7 @@ from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
 from descentflow.representation.flight_parts import top_level
-from descentflow.representation.fpca.number_of_components import explained_share, number_of_components
+from descentflow.representation.fpca.basis import explained_share, number_of_components
 from descentflow.representation.profiles import profiles_from_frame
 from descentflow.simulation.autopilot import LEAST_FPM
 from descentflow.simulation.parameters import draw_parameters

@@ -1,8 +1,7 @@
 """Functional principal component analysis of drag and of CAS from profiles with missing levels.
 
 Reading order: :mod:`~descentflow.representation.fpca.gappy` (fit),
-:mod:`~descentflow.representation.fpca.number_of_components` (how many are kept),
-:mod:`~descentflow.representation.fpca.basis` (what a checkpoint keeps),
+:mod:`~descentflow.representation.fpca.basis` (what a checkpoint keeps, and how many components),
 :mod:`~descentflow.representation.fpca.ppca` (probabilistic PCA),
 :mod:`~descentflow.representation.fpca.iterative` (the paper's own algorithm),
 :mod:`~descentflow.representation.fpca.judged_by_others` (how far extrapolated levels are trusted).

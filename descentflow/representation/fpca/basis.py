@@ -6,7 +6,6 @@ from typing import Any, Self
 import torch
 from torch import Tensor, nn
 
-from descentflow.representation.fpca.iterative import modewise_weights
 from descentflow.representation.fpca.mask_groups import group_masks
 from descentflow.representation.fpca.ppca import posterior
 
@@ -121,3 +120,62 @@ class FunctionalBasis(nn.Module):
     def from_state(cls, state: dict[str, Any]) -> Self:
         """Rebuild from :meth:`to_state`."""
         return cls(**state)
+
+
+ROUNDING = 1e-12
+"""A share that misses the one asked for by rounding alone explains it."""
+
+
+def explained_share(eigenvalues: Tensor) -> Tensor:
+    """Share of the variance that the first k components explain together, for each k.
+
+    Args:
+        eigenvalues: (L,) in descending order; negative ones (of a covariance estimated pairwise) count as 0.
+
+    Returns:
+        (L,) ascending to one.
+
+    Example:
+        >>> explained_share(torch.tensor([6.0, 3.0, 1.0]))
+        tensor([0.6000, 0.9000, 1.0000])
+    """
+    positive = eigenvalues.clamp(min=0)
+    return positive.cumsum(0) / positive.sum()
+
+
+def number_of_components(share: Tensor, explained_variance: float) -> int:
+    """The fewest components that explain a share of the variance (paper, section 2.2: 80 %).
+
+    Args:
+        share: (L,) of :func:`explained_share`.
+        explained_variance: Share asked for, between 0 and 1: the option ``data.explained_variance``.
+
+    Example:
+        >>> number_of_components(explained_share(torch.tensor([6.0, 3.0, 1.0])), 0.8)
+        2
+    """
+    return int((share < explained_variance - ROUNDING).sum()) + 1
+
+
+def modewise_weights(centred: Tensor, mask: Tensor, modes: Tensor) -> Tensor:
+    """Weights (n, k) of unit-norm modes (L, k), one mode after the other on the observed levels (appendix A, 3).
+
+    Args:
+        centred: (n, L) values minus the mean; masked values are ignored.
+        mask: (n, L) observed.
+        modes: (L, k) eigenvectors.
+
+    Example:
+        >>> mode = torch.tensor([[0.6], [0.8]])
+        >>> modewise_weights(torch.tensor([[3.0, 999.0]]), torch.tensor([[True, False]]), mode)  # 3 / 0.6
+        tensor([[5.]])
+    """
+    seen = mask.to(centred.dtype)
+    rest = torch.where(mask, centred, 0.0)
+    weights = []
+    for mode in modes.T:
+        length = (seen @ mode.square()).clamp(min=1e-12)
+        weight = (rest @ mode) / length
+        rest = rest - weight[:, None] * mode * seen
+        weights.append(weight)
+    return torch.stack(weights, 1)

@@ -10,11 +10,10 @@ from torch import Tensor
 from descentflow.core.errors import DataError, DescentflowWarning
 from descentflow.core.threads import one_thread
 from descentflow.representation.fpca import ppca
-from descentflow.representation.fpca.basis import FunctionalBasis
+from descentflow.representation.fpca.basis import FunctionalBasis, explained_share, number_of_components
 from descentflow.representation.fpca.complete import CompleteProfiles
 from descentflow.representation.fpca.iterative import MAX_GROWTH, iterate
 from descentflow.representation.fpca.judged_by_others import roughness_and_length
-from descentflow.representation.fpca.number_of_components import explained_share, number_of_components
 from descentflow.representation.fpca.roughness import smoothed
 
 Method = Literal["ppca", "iterative"]

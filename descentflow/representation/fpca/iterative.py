@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from descentflow.representation.fpca.number_of_components import explained_share, number_of_components
+from descentflow.representation.fpca.basis import explained_share, modewise_weights, number_of_components
 from descentflow.representation.fpca.ppca import observed_mean, pairwise_covariance
 
 QUIET_CHANGE = 0.01
@@ -44,30 +44,6 @@ class IterativeFit:
     n_iterations: int
     converged: bool
     growth: float
-
-
-def modewise_weights(centred: Tensor, mask: Tensor, modes: Tensor) -> Tensor:
-    """Weights (n, k) of unit-norm modes (L, k), one mode after the other on the observed levels (appendix A, 3).
-
-    Args:
-        centred: (n, L) values minus the mean; masked values are ignored.
-        mask: (n, L) observed.
-        modes: (L, k) eigenvectors.
-
-    Example:
-        >>> mode = torch.tensor([[0.6], [0.8]])
-        >>> modewise_weights(torch.tensor([[3.0, 999.0]]), torch.tensor([[True, False]]), mode)  # 3 / 0.6
-        tensor([[5.]])
-    """
-    seen = mask.to(centred.dtype)
-    rest = torch.where(mask, centred, 0.0)
-    weights = []
-    for mode in modes.T:
-        length = (seen @ mode.square()).clamp(min=1e-12)
-        weight = (rest @ mode) / length
-        rest = rest - weight[:, None] * mode * seen
-        weights.append(weight)
-    return torch.stack(weights, 1)
 
 
 def iterate(

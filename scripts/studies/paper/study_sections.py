@@ -9,7 +9,7 @@ from descentflow.densities.checkpoint import load_model
 from descentflow.densities.component_search import max_components
 from descentflow.evaluation.metrics.score_registry import STATISTICS, level_parts
 from descentflow.reporting.pages import figure
-from descentflow.representation.fpca.number_of_components import number_of_components
+from descentflow.representation.fpca.basis import number_of_components
 from studies.page_elements import Html, bold, cell, number, paragraph, table
 from studies.paper.figures.boxes import boxes_figure
 from studies.paper.figures.rejection_rates import rejection_rates_figure

@@ -21,7 +21,8 @@ from descentflow.densities.transformed import TransformedDensity
 from descentflow.generation.rejection import sample_descents
 from descentflow.positions.placing import place
 from descentflow.representation.decoder.trajectories import Trajectories, concatenate
-from descentflow.representation.representation import Representation, Split, fit_representation
+from descentflow.representation.fit_representation import fit_representation
+from descentflow.representation.representation import Representation, Split
 
 BOTTOM, TOP = 270, 370
 RARE = 1e-4

@@ -18,11 +18,12 @@ from descentflow.physics.airspeed import cas_to_mach, mach_to_cas_mps
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.drag_scale import DragScale
 from descentflow.representation.evidence import Evidence, as_evidence
+from descentflow.representation.fit_representation import fit_representation
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.linear_curves import residual_profiles
 from descentflow.representation.plausibility import Plausibility
 from descentflow.representation.profiles import Profiles, infer_drag_n
-from descentflow.representation.representation import Representation, Split, fit_representation
+from descentflow.representation.representation import Representation, Split
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents, write_descents
 from descentflow.training.flight_batches import flight_batches

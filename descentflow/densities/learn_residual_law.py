@@ -13,8 +13,7 @@ from torch import Tensor
 
 from descentflow.densities.learn_residual_scales import learn_residual_scales
 from descentflow.densities.mixture_parameters import Mixture, locations
-from descentflow.densities.residual_law import ResidualLaw
-from descentflow.densities.residual_posteriors import GivenComponent, given_component
+from descentflow.densities.residual_law import GivenComponent, ResidualLaw, given_component
 from descentflow.representation.linear_curves import Information
 
 STEPS, TOLERANCE = 40, 1e-3

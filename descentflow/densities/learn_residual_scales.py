@@ -11,8 +11,7 @@ from torch import Tensor
 
 from descentflow.densities.em_steps import evenly
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.residual_law import ResidualLaw
-from descentflow.densities.residual_posteriors import GivenComponent, given_component
+from descentflow.densities.residual_law import GivenComponent, ResidualLaw, given_component
 from descentflow.representation.linear_curves import Information
 
 FIRST_SCALES, FIRST_PROBS = (0.5, 1.0, 2.0), (0.5, 0.4, 0.1)

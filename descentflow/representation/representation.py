@@ -1,32 +1,20 @@
-"""Bases, scaler, bounds and split: fitted before any density, to the training flights alone."""
+"""Bases, scaler, bounds and split: what a density needs beside itself."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
 
-import torch
 from torch import Tensor, nn
 
 from descentflow.air.kept_air import KeptAir
 from descentflow.core.counter_random import FIRST_DRAWS, DrawNumbers
-from descentflow.core.errors import DataError
-from descentflow.core.units import FL_M
-from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.context import ContextEncoder
 from descentflow.representation.correction import Correction
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.decoder.trajectories import Trajectories
-from descentflow.representation.drag_scale import DragScale, DragScaleName, fit_drag_scale
-from descentflow.representation.fpca.basis import FunctionalBasis
-from descentflow.representation.fpca.gappy import GappyFPCA, Method
 from descentflow.representation.linear_curves import Gaps
-from descentflow.representation.plausibility import MARGIN, Bounds, Plausibility
-from descentflow.representation.profiles import Profiles
-from descentflow.representation.residual import residual_drag, residual_speed
+from descentflow.representation.plausibility import Plausibility
 from descentflow.representation.seen_flights import SeenFlights
 from descentflow.surveillance.cleaning.thresholds import Cleaning, kept_cleaning
-
-CAS_SHARE = 0.95
-"""Share of the variance of CAS that components explain, for operators' speeds lie apart by little."""
 
 
 @dataclass(frozen=True)
@@ -188,111 +176,3 @@ class Representation(nn.Module):
             None if state.get("seen_flights") is None else SeenFlights.from_state(state["seen_flights"]),
             None if corrected is None else Correction.from_state(corrected, cleaning),
         )
-
-
-def fit_representation(
-    train: Profiles,
-    aircraft: PerformanceModel,
-    split: Split,
-    *,
-    explained_variance: float = 0.8,
-    cas_explained_variance: float = CAS_SHARE,
-    method: Method = "ppca",
-    margin: float = MARGIN,
-    bounds: Bounds = "expected",
-    residual: bool = True,
-    drag_scale: DragScaleName = "log",
-    mass_kg: float | None = None,
-    provenance: dict[str, Any] | None = None,
-) -> Representation:
-    """Fit bases, scaler and bounds to training flights (paper, sections 2.2 to 2.4).
-
-    Args:
-        train: Training flights on their grid.
-        aircraft: Coefficients that inferred their drag.
-        split: The split that ``train`` comes from, to be recorded.
-        explained_variance: Share of variance that the components of drag explain.
-        cas_explained_variance: Share of variance that the components of a CAS profile explain.
-        method: Gappy fPCA algorithm, of drag, and of a CAS profile.
-        margin: Share by which the plausibility bounds lie outside the extremes of the training flights.
-        residual: Whether samples have the drag and the speed that the components leave out, with their own variance;
-            never with ``iterative``, which does not know it.
-        drag_scale: Scale on which drag is linear in the weights, see
-            :class:`~descentflow.representation.drag_scale.DragScale`: ``log`` or ``newton``.
-        bounds: Which extremes, see :meth:`~descentflow.representation.plausibility.Plausibility.from_profiles`.
-        mass_kg: Mass that inferred the drag, if not the reference mass.
-        provenance: Recorded in the checkpoint.
-
-    Raises:
-        DataError: If the flights do not vary or a level is observed by fewer than two of them.
-
-    Example:
-        >>> from descentflow.aircraft_types.registry import aircraft
-        >>> from descentflow.representation.profiles import profiles_from_frame
-        >>> import polars as pl
-        >>> train = profiles_from_frame(pl.read_parquet("descents.parquet"), aircraft("A320"), 150, 330)
-        >>> parts = fit_representation(train, aircraft("A320"), Split(train.flight_ids, (), ()))
-        >>> parts.decoder.encode(train).std(0).round(decimals=6).unique()  # standardised
-        tensor([1.], dtype=torch.float64)
-    """
-    scale = fit_drag_scale(train, aircraft, drag_scale)
-    bases = _fitted_bases(train, (explained_variance, cas_explained_variance), method, scale)
-    decoder = standardised_decoder(train, aircraft, bases, scale, mass_kg)
-    if residual and method == "ppca":
-        decoder.keep_residual(residual_drag(decoder, train), residual_speed(decoder, train))
-    plausibility = Plausibility.from_profiles(train, margin, bounds, scale)
-    return Representation(decoder, plausibility, split, provenance or {})
-
-
-def standardised_decoder(
-    train: Profiles,
-    aircraft: PerformanceModel,
-    bases: tuple[FunctionalBasis, FunctionalBasis],
-    drag_scale: DragScale,
-    mass_kg: float | None = None,
-) -> DescentDecoder:
-    """The decoder of which every weight has mean zero and variance one over the training flights.
-
-    Args:
-        train: Training flights on their grid.
-        aircraft: Coefficients that inferred their drag.
-        bases: Of drag and of CAS.
-        drag_scale: Of the basis of drag.
-        mass_kg: Mass that inferred the drag, if not the reference mass.
-
-    Raises:
-        DataError: If a weight is the same for every flight.
-
-    Example:
-        >>> from descentflow.representation.encode_flights import encode_flights
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> import polars as pl
-        >>> known = load_representation("best.ckpt")
-        >>> train = encode_flights(pl.read_parquet("descents.parquet"), known)["train"].profiles
-        >>> bases, scale = tuple(known.decoder.bases.values()), known.decoder.drag_scale
-        >>> again = standardised_decoder(train, known.decoder.aircraft, bases, scale)
-        >>> bool(torch.allclose(again.weight_scale, known.decoder.weight_scale))
-        True
-    """
-    found = drag_scale.observed(train)
-    raw = torch.cat([basis.encode(one, found.mask) for basis, one in zip(bases, found.values, strict=True)], 1)
-    scale = raw.std(0)
-    if not bool((scale > 0).all()):
-        raise DataError(
-            "a component whose weight is the same for every training flight",
-            expected="weights that vary between flights",
-            mend="prepare more descents, or lower data.explained_variance or data.cas_explained_variance",
-        )
-    return DescentDecoder(aircraft, train.levels_fl, *bases, drag_scale, raw.mean(0), scale, mass_kg)
-
-
-def _fitted_bases(
-    train: Profiles, explained_variance: tuple[float, float], method: Method, drag_scale: DragScale
-) -> tuple[FunctionalBasis, FunctionalBasis]:
-    """Bases of drag and of CAS that explain these shares of variance."""
-    found = drag_scale.observed(train)
-    drag, cas = (
-        GappyFPCA(share, method).fit(values, found.mask, FL_M).basis_
-        for values, share in zip(found.values, explained_variance, strict=True)
-    )
-    return drag, cas

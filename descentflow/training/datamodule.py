@@ -33,6 +33,7 @@ from descentflow.representation.encode_flights import (
     summary_of,
 )
 from descentflow.representation.evidence import Evidence
+from descentflow.representation.fit_representation import CAS_SHARE, fit_representation
 from descentflow.representation.flight_parts import Part, levels_shown, one_part, places, top_level, with_levels
 from descentflow.representation.fpca.gappy import Method
 from descentflow.representation.linear_curves import Gaps, evidence_of, has_noise_model
@@ -40,7 +41,7 @@ from descentflow.representation.own_air import STANDARD, airs_as_kept, in_air_as
 from descentflow.representation.plausibility import MARGIN, Bounds
 from descentflow.representation.profiles import Profiles, profiles_from_frame
 from descentflow.representation.read_checkpoint import load_representation
-from descentflow.representation.representation import CAS_SHARE, Representation, Split, fit_representation
+from descentflow.representation.representation import Representation, Split
 from descentflow.representation.seen_flights import SeenFlights
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents

@@ -14,8 +14,9 @@ from descentflow.densities import GaussianDensity, GaussianMixtureDensity, Maske
 from descentflow.densities.density import Density
 from descentflow.densities.em import fit_mixture
 from descentflow.generation.rejection import sample_descents
+from descentflow.representation.fit_representation import fit_representation
 from descentflow.representation.profiles import profiles_from_frame
-from descentflow.representation.representation import Split, fit_representation
+from descentflow.representation.representation import Split
 from descentflow.simulation.world import simulate
 from descentflow.surveillance.prepare import prepare
 

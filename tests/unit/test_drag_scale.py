@@ -18,9 +18,10 @@ from descentflow.evaluation.figures.components import components_figure
 from descentflow.physics.airspeed import cas_to_mach, cas_to_tas_mps, mach_to_cas_mps
 from descentflow.representation.decoder.trajectories import integrate
 from descentflow.representation.drag_scale import LEAST_FORCE, DragScale, fit_drag_scale
+from descentflow.representation.fit_representation import fit_representation
 from descentflow.representation.own_air import flown_in
 from descentflow.representation.profiles import Profiles, observed_profiles
-from descentflow.representation.representation import Representation, Split, fit_representation
+from descentflow.representation.representation import Representation, Split
 from descentflow.training.fit import fit
 from descentflow.training.models import Gaussian
 

@@ -13,6 +13,7 @@ from descentflow.densities.em import fit_mixture
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.generation.rejection import sample_descents
 from descentflow.physics.airspeed import cas_to_tas_mps
+from descentflow.representation.fit_representation import fit_representation
 from descentflow.representation.fpca import ppca
 from descentflow.representation.fpca.gappy import GappyFPCA
 from descentflow.representation.fpca.judged_by_others import roughness_and_length
@@ -27,7 +28,7 @@ from descentflow.representation.plausibility import (
     outward,
 )
 from descentflow.representation.profiles import Profiles
-from descentflow.representation.representation import Split, fit_representation
+from descentflow.representation.representation import Split
 
 
 def acceleration_g(flights: Profiles) -> Tensor:

@@ -11,9 +11,9 @@ from descentflow.densities.entry_gate import EntryGate, learn_gate
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.generation.rejection import MAX_TRIES, sample_descents
+from descentflow.representation.fit_representation import fit_representation, residual_drag, residual_speed
 from descentflow.representation.profiles import Profiles
-from descentflow.representation.representation import Representation, Split, fit_representation
-from descentflow.representation.residual import residual_drag, residual_speed
+from descentflow.representation.representation import Representation, Split
 
 PARTS = toys.representation(400)
 D = PARTS.decoder.dimension

@@ -15,8 +15,7 @@ from descentflow.densities.checkpoint import content_of, density_of, load_model
 from descentflow.densities.learn_residual_law import learn_residual_law
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.residual_law import ResidualLaw, components_given
-from descentflow.densities.residual_posteriors import given_component
+from descentflow.densities.residual_law import ResidualLaw, components_given, given_component
 from descentflow.generation.rejection import sample_descents
 from descentflow.representation.linear_curves import Information, linear_curves
 from descentflow.training.fit import fit

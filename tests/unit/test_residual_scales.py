@@ -13,8 +13,7 @@ from descentflow.densities.learn_residual_law import learn_residual_law
 from descentflow.densities.learn_residual_scales import learn_residual_scales
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.residual_law import ResidualLaw
-from descentflow.densities.residual_posteriors import given_component
+from descentflow.densities.residual_law import ResidualLaw, given_component
 from descentflow.densities.weight_draws import MixtureDraw
 from descentflow.generation.prediction.posterior import posterior_of, prior_of
 

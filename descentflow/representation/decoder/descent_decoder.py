@@ -67,7 +67,7 @@ class DescentDecoder(nn.Module):
             weight_scale: (d,) their standard deviation.
             mass_kg: Mass that inferred the drag and flies it; the reference mass if absent.
             residual: (r, L) drag that samples have beyond the components, each row times a standard normal of its own
-                (:func:`descentflow.representation.residual.residual_drag`); none if absent.
+                (:func:`descentflow.representation.fit_representation.residual_drag`); none if absent.
             speed_residual: (s, L) deviations of the CAS (m/s) that samples have, likewise.
         """
         super().__init__()

@@ -20,16 +20,13 @@ from descentflow.evaluation.metrics.scores import score
 from descentflow.generation.rejection import sample_descents
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.drag_scale import DragScale, fit_drag_scale
+from descentflow.representation.fit_representation import standardised_decoder
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.gappy import GappyFPCA
 from descentflow.representation.linear_curves import evidence_of
 from descentflow.representation.plausibility import Plausibility
 from descentflow.representation.profiles import Profiles
-from descentflow.representation.representation import (
-    Representation,
-    Split,
-    standardised_decoder,
-)
+from descentflow.representation.representation import Representation, Split
 
 Bases = tuple[FunctionalBasis, FunctionalBasis]
 """Of drag and of CAS."""

@@ -1,0 +1,189 @@
+"""Bases, scaler, bounds and residual, fitted before any density to the training flights alone."""
+
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from descentflow.core.errors import DataError
+from descentflow.core.units import FL_M
+from descentflow.physics.performance_model import PerformanceModel
+from descentflow.representation.decoder.descent_decoder import DescentDecoder
+from descentflow.representation.drag_scale import DragScale, DragScaleName, fit_drag_scale
+from descentflow.representation.fpca.basis import FunctionalBasis
+from descentflow.representation.fpca.gappy import GappyFPCA, Method
+from descentflow.representation.fpca.roughness import SPREAD_WEIGHT, smoother
+from descentflow.representation.plausibility import MARGIN, Bounds, Plausibility
+from descentflow.representation.profiles import Profiles
+from descentflow.representation.representation import Representation, Split
+
+CAS_SHARE = 0.95
+"""Share of the variance of CAS that components explain, for operators' speeds lie apart by little."""
+
+
+def fit_representation(
+    train: Profiles,
+    aircraft: PerformanceModel,
+    split: Split,
+    *,
+    explained_variance: float = 0.8,
+    cas_explained_variance: float = CAS_SHARE,
+    method: Method = "ppca",
+    margin: float = MARGIN,
+    bounds: Bounds = "expected",
+    residual: bool = True,
+    drag_scale: DragScaleName = "log",
+    mass_kg: float | None = None,
+    provenance: dict[str, Any] | None = None,
+) -> Representation:
+    """Fit bases, scaler and bounds to training flights (paper, sections 2.2 to 2.4).
+
+    Args:
+        train: Training flights on their grid.
+        aircraft: Coefficients that inferred their drag.
+        split: The split that ``train`` comes from, to be recorded.
+        explained_variance: Share of variance that the components of drag explain.
+        cas_explained_variance: Share of variance that the components of a CAS profile explain.
+        method: Gappy fPCA algorithm, of drag, and of a CAS profile.
+        margin: Share by which the plausibility bounds lie outside the extremes of the training flights.
+        residual: Whether samples have the drag and the speed that the components leave out, with their own variance;
+            never with ``iterative``, which does not know it.
+        drag_scale: Scale on which drag is linear in the weights, see
+            :class:`~descentflow.representation.drag_scale.DragScale`: ``log`` or ``newton``.
+        bounds: Which extremes, see :meth:`~descentflow.representation.plausibility.Plausibility.from_profiles`.
+        mass_kg: Mass that inferred the drag, if not the reference mass.
+        provenance: Recorded in the checkpoint.
+
+    Raises:
+        DataError: If the flights do not vary or a level is observed by fewer than two of them.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.representation.profiles import profiles_from_frame
+        >>> import polars as pl
+        >>> train = profiles_from_frame(pl.read_parquet("descents.parquet"), aircraft("A320"), 150, 330)
+        >>> parts = fit_representation(train, aircraft("A320"), Split(train.flight_ids, (), ()))
+        >>> parts.decoder.encode(train).std(0).round(decimals=6).unique()  # standardised
+        tensor([1.], dtype=torch.float64)
+    """
+    scale = fit_drag_scale(train, aircraft, drag_scale)
+    bases = _fitted_bases(train, (explained_variance, cas_explained_variance), method, scale)
+    decoder = standardised_decoder(train, aircraft, bases, scale, mass_kg)
+    if residual and method == "ppca":
+        decoder.keep_residual(residual_drag(decoder, train), residual_speed(decoder, train))
+    plausibility = Plausibility.from_profiles(train, margin, bounds, scale)
+    return Representation(decoder, plausibility, split, provenance or {})
+
+
+def standardised_decoder(
+    train: Profiles,
+    aircraft: PerformanceModel,
+    bases: tuple[FunctionalBasis, FunctionalBasis],
+    drag_scale: DragScale,
+    mass_kg: float | None = None,
+) -> DescentDecoder:
+    """The decoder of which every weight has mean zero and variance one over the training flights.
+
+    Args:
+        train: Training flights on their grid.
+        aircraft: Coefficients that inferred their drag.
+        bases: Of drag and of CAS.
+        drag_scale: Of the basis of drag.
+        mass_kg: Mass that inferred the drag, if not the reference mass.
+
+    Raises:
+        DataError: If a weight is the same for every flight.
+
+    Example:
+        >>> from descentflow.representation.encode_flights import encode_flights
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> import polars as pl
+        >>> known = load_representation("best.ckpt")
+        >>> train = encode_flights(pl.read_parquet("descents.parquet"), known)["train"].profiles
+        >>> bases, scale = tuple(known.decoder.bases.values()), known.decoder.drag_scale
+        >>> again = standardised_decoder(train, known.decoder.aircraft, bases, scale)
+        >>> bool(torch.allclose(again.weight_scale, known.decoder.weight_scale))
+        True
+    """
+    found = drag_scale.observed(train)
+    raw = torch.cat([basis.encode(one, found.mask) for basis, one in zip(bases, found.values, strict=True)], 1)
+    scale = raw.std(0)
+    if not bool((scale > 0).all()):
+        raise DataError(
+            "a component whose weight is the same for every training flight",
+            expected="weights that vary between flights",
+            mend="prepare more descents, or lower data.explained_variance or data.cas_explained_variance",
+        )
+    return DescentDecoder(aircraft, train.levels_fl, *bases, drag_scale, raw.mean(0), scale, mass_kg)
+
+
+def _fitted_bases(
+    train: Profiles, explained_variance: tuple[float, float], method: Method, drag_scale: DragScale
+) -> tuple[FunctionalBasis, FunctionalBasis]:
+    """Bases of drag and of CAS that explain these shares of variance."""
+    found = drag_scale.observed(train)
+    drag, cas = (
+        GappyFPCA(share, method).fit(values, found.mask, FL_M).basis_
+        for values, share in zip(found.values, explained_variance, strict=True)
+    )
+    return drag, cas
+
+
+def residual_drag(decoder: DescentDecoder, train: Profiles) -> Tensor:
+    """Curves of drag (r, L), N on its scale, each of which samples have times a standard normal of its own.
+
+    They are the directions of the probabilistic PCA beyond the kept components, which are smooth, made as large at each
+    level as what flights show less their kept components. Where few flights show a level, as at the top, the model's
+    are half as large again.
+
+    Args:
+        decoder: With the components kept, of a probabilistic PCA.
+        train: Training flights on its grid.
+
+    Example:
+        >>> from descentflow.representation.encode_flights import encode_flights
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> import polars as pl
+        >>> known = load_representation("best.ckpt")
+        >>> train = encode_flights(pl.read_parquet("descents.parquet"), known)["train"].profiles
+        >>> curves = residual_drag(known.decoder, train)
+        >>> spread = curves.square().sum(0).sqrt()
+        >>> bool((spread < train.drag_n[:, 0].std()).all())  # less than of the flights
+        True
+    """
+    kept, *_ = decoder.profiles(decoder.encode(train))
+    shown = decoder.drag_scale.observed(train).values[0]
+    return _as_large_as_left(decoder.drag_basis, shown - kept, train.mask)
+
+
+def residual_speed(decoder: DescentDecoder, train: Profiles) -> Tensor:
+    """Deviations of the CAS (s, L) in m/s, as :func:`residual_drag` has those of drag.
+
+    Args:
+        decoder: With the components kept, of a probabilistic PCA.
+        train: Training flights on its grid.
+
+    Example:
+        >>> from descentflow.representation.encode_flights import encode_flights
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> import polars as pl
+        >>> known = load_representation("best.ckpt")
+        >>> train = encode_flights(pl.read_parquet("descents.parquet"), known)["train"].profiles
+        >>> residual_speed(known.decoder, train).shape[1] == train.cas_mps.shape[1]
+        True
+    """
+    _, kept = decoder.curves(decoder.encode(train))
+    return _as_large_as_left(decoder.cas_basis, train.cas_mps - kept, train.mask)
+
+
+def _as_large_as_left(basis: FunctionalBasis, left: Tensor, mask: Tensor) -> Tensor:
+    """Directions that a basis leaves out, as large as ``left`` (n, L) of what flights show.
+
+    They carry the noise of the probabilistic PCA as well, for it is how flights vary from one stretch of levels to the
+    next. So they are made larger by it at the most; smaller as flights show.
+    """
+    curves, count = basis.left_out().T, mask.sum(0).to(left)
+    model = curves.square().sum(0)
+    shown = torch.where(mask, left, 0.0).square().sum(0) / count
+    ratio = (torch.minimum(shown, model + basis.noise_variance) / model.clamp(min=1e-18)).sqrt()
+    return (curves * (smoother(count, SPREAD_WEIGHT) @ ratio).clamp(min=0.0)).contiguous()

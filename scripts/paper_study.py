@@ -22,13 +22,13 @@ with ended_in_order("paper_study"):  # while the large libraries are loaded, too
 
     from descentflow.aircraft_types.registry import aircraft
     from descentflow.core.errors import DescentflowError
-    from descentflow.core.workers import DaskEngine, Engine
+    from descentflow.core.workers import Engine, engine_of
     from descentflow.simulation.scenarios import scenario_settings
     from studies.paper.study_plan import MODELS, PAPER_FLIGHTS, RECIPES, StudyPlan, begin, paper_plan
     from studies.paper.study_report import write_report
     from studies.paper.study_run import costs, run_study
     from studies.paper.sweeps import NAMES, SweepPlan, run_sweeps
-    from studies.process_engine import ProcessEngine
+    from studies.process_engine import processes
 
 _SPENT = (pl.col("cpu_s").sum(), pl.col("peak_mb").max())
 
@@ -59,7 +59,9 @@ def main() -> None:
     parser.add_argument(
         "--workers", type=int, default=1, help="processes, or Dask workers on this machine (default: 1)"
     )
-    parser.add_argument("--scheduler", help="address of a Dask scheduler; its workers must see OUT under the same name")
+    parser.add_argument(
+        "--scheduler", help="of Dask: address, or file (.json); workers must see OUT under the same name"
+    )
     args = parser.parse_args()
     settings = {
         "models": tuple(args.models.split(",") if args.models else RECIPES[args.recipe].models),
@@ -89,7 +91,9 @@ def main() -> None:
 
 
 def _engine(args: argparse.Namespace) -> Engine:
-    return ProcessEngine(args.workers) if args.engine == "local" else DaskEngine(args.workers, args.scheduler)
+    if args.engine == "local" and args.scheduler is None:
+        return processes(args.workers)
+    return engine_of(args.scheduler or "dask", args.workers)
 
 
 def _of_store(args: argparse.Namespace, settings: dict[str, object]) -> StudyPlan:

@@ -4,7 +4,7 @@ import argparse
 import re
 from dataclasses import fields
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from descentflow.cli.options import pairs
 from descentflow.configs.packaged_config import config_file
@@ -63,7 +63,7 @@ def run(
     report: Path | None = None,
     figures: Path | None = None,
     memory: Annotated[int, memory_bytes] = 2_000_000_000,
-    engine: Literal["local", "dask"] = "local",
+    engine: str = "local",
     scheduler: str | None = None,
     workers: int | None = None,
     config: Path | None = None,
@@ -88,18 +88,16 @@ def run(
         report: also write the report as JSON
         figures (DIR): plots of the rows kept and dropped of some flights
         memory: bound on each process's memory (default: 2GB)
-        engine: threads of this process, or a Dask cluster
-        scheduler: address of a Dask scheduler (default: workers on this machine)
-        workers: threads, or Dask workers on this machine (default: processors)
+        engine: local, threads of this process; or dask, workers of Dask
+        scheduler: of Dask: its address, or the file it wrote, .json (default: workers on this machine)
+        workers: threads, or Dask's workers on this machine (default: processors)
         config: YAML file of thresholds; options given here override it
         **thresholds: the others, each with its source in configs/prepare/default.yaml
     """
     import json
-    import os
 
     from descentflow.core.files import check_folder, whole_file
     from descentflow.core.progress import stage
-    from descentflow.core.workers import DaskEngine, LocalEngine
     from descentflow.surveillance.formats.aircraft_json import embedded_rows, embedded_types
     from descentflow.surveillance.prepare import prepare
 
@@ -110,7 +108,6 @@ def run(
         check_folder(figures, "index.html")
     if not rows and not embedded:
         raise ConfigError("no rows", expected="files, folders or --embedded", mend="name what is to be prepared")
-    threads = workers or os.cpu_count() or 1
     was_there = out.is_dir() and any(out.iterdir())
     with stage("reading rows") as shown:
         descents = prepare(
@@ -122,7 +119,8 @@ def run(
             format=format,
             columns=pairs("--column", column or []),
             memory_bytes=memory,
-            engine=DaskEngine(threads, scheduler) if engine == "dask" or scheduler else LocalEngine(threads),
+            engine=scheduler or engine,
+            workers=workers,
             shown=SHOWN_AT_RANDOM if figures else 0,
             progress=shown.say,
         )

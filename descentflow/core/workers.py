@@ -1,13 +1,17 @@
-"""Execution of tasks in this process or on a Dask cluster, by the same code."""
+"""Parallel work by joblib: threads or processes of this machine, or a Dask cluster; results do not depend on which."""
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
-from dataclasses import dataclass
+import os
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, TypeVar
+from pathlib import Path
+from typing import Any, Literal, TypeVar
 
 import polars as pl
+from joblib import Parallel, delayed, parallel_config
 
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.tabular import optional_library
@@ -18,119 +22,113 @@ STARTS = 3
 """Times that Dask's workers on this machine are started before that is given up."""
 
 
-class Engine(ABC):
+@dataclass
+class Engine:
     """Runs a function on tasks.
 
-    Example:
-        >>> engine: Engine = LocalEngine(workers=2)
-        >>> engine.workers
-        2
-    """
+    All workers of a cluster must see the same files under the same names, and have this version of descentflow. A task
+    whose worker dies is run again by another.
 
-    workers: int
-
-    @abstractmethod
-    def run(self, function: Callable[[Task, Any], object], tasks: Sequence[Task], common: object) -> Iterator[None]:
-        """Yield once per finished task; the first error ends the run."""
-
-
-def each_of(
-    pool: Executor, function: Callable[[Task, Any], object], tasks: Sequence[Task], common: object
-) -> Iterator[None]:
-    """Yield as tasks finish; tasks that have not begun are cancelled when one fails or the caller stops.
-
-    Example:
-        >>> [None for _ in each_of(ThreadPoolExecutor(2), lambda task, common: None, [1, 2], None)]
-        [None, None]
-    """
-    with pool:
-        waiting = [pool.submit(function, task, common) for task in tasks]
-        try:
-            for done in as_completed(waiting):
-                done.result()
-                yield
-        finally:
-            pool.shutdown(cancel_futures=True)
-
-
-def killed() -> DataError:
-    """The error of a run whose worker was killed.
-
-    Example:
-        >>> print(killed())
-        a worker was killed, which the system does where memory runs out; expected ...
-    """
-    return DataError(
-        "a worker was killed, which the system does where memory runs out",
-        expected="workers that run to their end",
-        mend="start it again, which goes on with what is not done yet; with fewer --workers if it happens again",
-    )
-
-
-@dataclass
-class LocalEngine(Engine):
-    """Threads of this process: Polars and NumPy let others run while they compute.
+    Attributes:
+        workers: Tasks at a time; of a cluster, those that share its memory.
+        backend: Of joblib.
+        scheduler: Of Dask: a `Client`, the address of a scheduler or its file; workers of this machine if absent.
+        options: Of joblib's backend.
 
     Example:
         >>> done = []
-        >>> for _ in LocalEngine(workers=2).run(lambda task, common: done.append(task * common), [1, 2, 3], 10):
+        >>> for _ in Engine(workers=2).run(lambda task, common: done.append(task * common), [1, 2, 3], 10):
         ...     pass
         >>> sorted(done)
         [10, 20, 30]
     """
 
-    workers: int
+    workers: int = 1
+    backend: Literal["threading", "loky", "dask"] = "threading"
+    scheduler: Any = None
+    options: dict[str, Any] = field(default_factory=dict)
 
-    def run(self, function: Callable[[Task, Any], object], tasks: Sequence[Task], common: object) -> Iterator[None]:
-        """See :class:`Engine`."""
-        yield from each_of(ThreadPoolExecutor(self.workers), function, tasks, common)
+    @property
+    def shares_memory(self) -> bool:
+        """True for threads of this process."""
+        return self.backend == "threading"
 
+    def run(
+        self,
+        function: Callable[[Task, Any], object],
+        tasks: Sequence[Task],
+        common: object,
+        progress: Callable[[str], None] = lambda _: None,
+    ) -> Iterator[None]:
+        """Yield once per finished task; the first error ends the run, and tasks that have not begun.
 
-@dataclass
-class DaskEngine(Engine):
-    """Workers of a Dask cluster: the one at an address, or processes on this machine.
+        Args:
+            function: Called with each task and what is common to all; what it returns is not fetched.
+            tasks: Each alone is what a worker does.
+            common: Same for all tasks.
+            progress: Called where workers of a cluster are waited for.
 
-    All must see the same files under the same names, and have this version of descentflow. A task whose worker dies
-    is run again by another.
-
-    Example:
-        >>> DaskEngine(scheduler="tcp://host:8786").scheduler  # it connects when it runs
-        'tcp://host:8786'
-    """
-
-    workers: int = 2
-    scheduler: str | None = None
-
-    def run(self, function: Callable[[Task, Any], object], tasks: Sequence[Task], common: object) -> Iterator[None]:
-        """See :class:`Engine`."""
-        distributed: Any = optional_library("distributed", "dask")
-        try:
-            cluster = self.scheduler or self._begun(distributed)
-            client = distributed.Client(cluster, timeout=30)
-        except (OSError, ValueError, TypeError) as error:
-            raise ConfigError(
-                f"no Dask scheduler at {self.scheduler} ({error})",
-                expected="an address such as tcp://host:8786",
-                mend="start one with `dask scheduler`, or leave --scheduler out for local workers",
-            ) from error
-        try:
-            _check_versions(client)
-            # Data that is scattered is lost with the worker that dies before another one has it.
-            work = partial(_called, function, common)
-            futures = client.map(work, tasks, pure=False, key=function.__name__)
-            for future in distributed.as_completed(futures):
-                # Results are not fetched: nothing needs them, and their worker may be dead by now.
-                if future.status != "finished":
-                    future.result()
+        Raises:
+            ConfigError: If there is no such scheduler.
+            DataError: If workers have other versions, or are killed.
+        """
+        # Bound to the function: joblib scatters large arguments, which are lost with the worker that dies.
+        call = delayed(partial(_called, function, common))
+        with self._backend(progress) as backend:
+            parallel = Parallel(
+                self.workers,
+                backend=backend,
+                batch_size=1,
+                pre_dispatch="all",
+                return_as="generator_unordered",
+                **self.options,
+            )
+            for _ in results_of(parallel, (call(task) for task in tasks)):
                 yield
-        except distributed.KilledWorker as error:
-            raise killed() from error
-        finally:
-            client.close()
-            if not isinstance(cluster, str):
-                cluster.close()
 
-    def _begun(self, distributed: Any) -> Any:
+    @contextmanager
+    def _backend(self, progress: Callable[[str], None]) -> Iterator[Any]:
+        """Joblib's backend, for Dask connected; a killed worker is an error in a line."""
+        with ExitStack() as stack:
+            killed: Any = BrokenExecutor
+            backend: Any = self.backend
+            if self.backend == "dask":
+                distributed: Any = optional_library("distributed", "dask")
+                killed = distributed.KilledWorker
+                client = self._client(distributed, stack)
+                if not client.nthreads():
+                    progress(f"waiting for workers of {client.scheduler.address}")
+                client.wait_for_workers(1)
+                _check_versions(client)
+                backend = _dask_backend(client)
+            try:
+                yield backend
+            except killed as error:
+                raise DataError(
+                    "a worker was killed, which the system does where memory runs out",
+                    expected="workers that run to their end",
+                    mend="start it again, which goes on with what is not done yet; with fewer --workers if it happens "
+                    "again",
+                ) from error
+
+    def _client(self, distributed: Any, stack: ExitStack) -> Any:
+        """The user's client, or one that is closed with the stack."""
+        if isinstance(self.scheduler, distributed.Client):
+            return self.scheduler
+        if self.scheduler is None:
+            place = {"address": stack.enter_context(self._local_cluster(distributed))}
+        elif str(self.scheduler).endswith(".json"):
+            if not Path(self.scheduler).is_file():  # Dask would wait for it for ever
+                raise _no_scheduler(f"file {self.scheduler}")
+            place = {"scheduler_file": str(self.scheduler)}
+        else:
+            place = {"address": str(self.scheduler)}
+        try:
+            return stack.enter_context(distributed.Client(**place, timeout=30))
+        except (OSError, ValueError, TypeError) as error:
+            raise _no_scheduler(f"at {self.scheduler} ({error})") from error
+
+    def _local_cluster(self, distributed: Any) -> Any:
         """Workers on this machine; where one is killed while it starts, all are started again."""
         for _ in range(STARTS):
             try:
@@ -146,17 +144,94 @@ class DaskEngine(Engine):
         )
 
 
+def results_of(parallel: Parallel, calls: Iterable[Any]) -> Iterator[Any]:
+    """Results of joblib's generator, which would warn of those that a caller who stops does not take.
+
+    Example:
+        >>> parallel = Parallel(2, backend="threading", return_as="generator")
+        >>> list(results_of(parallel, [delayed(abs)(-1), delayed(abs)(2)]))
+        [1, 2]
+    """
+    found = parallel(calls)
+    try:
+        for one in found:  # noqa: UP028 - it would be closed, and warn, before the filter below
+            yield one
+    finally:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)
+            found.close()
+
+
+def engine_of(engine: Any = None, workers: int | None = None) -> Engine:
+    """An engine as a user names it.
+
+    Args:
+        engine: Threads of this process if None or ``local``; ``dask`` for Dask's workers on this machine; the address
+            of a Dask scheduler, the path of its file (``.json``), or a `distributed.Client`; or an engine.
+        workers: Threads, or Dask's workers on this machine; as many as there are processors if absent.
+
+    Raises:
+        ConfigError: If it is none of these.
+
+    Example:
+        >>> engine_of("tcp://host:8786", 2)  # it connects when it runs
+        Engine(workers=2, backend='dask', scheduler='tcp://host:8786', options={})
+    """
+    if isinstance(engine, Engine):
+        return engine
+    number = workers or os.cpu_count() or 1
+    if engine is None or engine == "local":
+        return Engine(number)
+    if isinstance(engine, str | Path) or hasattr(engine, "wait_for_workers"):
+        return Engine(number, "dask", None if engine == "dask" else engine)
+    raise ConfigError(
+        f"an engine of type {type(engine).__name__}",
+        expected="local, dask, the address or the file of a Dask scheduler, or a distributed.Client",
+        mend="leave it out for threads of this process",
+    )
+
+
+def _no_scheduler(where: str) -> ConfigError:
+    return ConfigError(
+        f"no Dask scheduler {where}",
+        expected="an address such as tcp://host:8786, or the file that `dask scheduler --scheduler-file` writes",
+        mend="start one with `dask scheduler`, or leave --scheduler out for local workers",
+    )
+
+
+def _dask_backend(client: Any) -> Any:
+    """Mend joblib's backend for Dask: it waits for ever for a task that Dask gives up."""
+    from joblib._dask import DaskDistributedBackend
+
+    class Backend(DaskDistributedBackend):  # type: ignore[misc]  # joblib has no types
+        def effective_n_jobs(self, n_jobs: int = 1) -> int:
+            return max(2, super().effective_n_jobs(n_jobs))  # of one worker, joblib works in this process
+
+        def submit(self, func: Any, callback: Any = None) -> Any:
+            future = super().submit(func, callback)
+            future.add_done_callback(lambda done: callback(done.exception()) if done.exception() else None)
+            return future
+
+        def retrieve_result_callback(self, out: Any) -> Any:
+            if isinstance(out, BaseException):
+                raise out
+            return super().retrieve_result_callback(out)
+
+    return Backend(client=client)
+
+
 def _called(function: Callable[[Task, Any], object], common: object, task: Task) -> None:
-    function(task, common)
+    with parallel_config(backend="sequential"):  # within a worker of Dask, joblib would send parts to the others
+        function(task, common)
 
 
 def _check_versions(client: Any) -> None:
-    """Refuse workers with other versions."""
-    client.wait_for_workers(1, timeout=60)
-    found = set(client.run(version).values())
+    """Refuse workers with other versions; one that dies meanwhile has none."""
+    answers = client.run(version, on_error="return").values()
+    found = {str(one) for one in answers if not isinstance(one, OSError)} | {version()}
     if found != {version()}:
         raise DataError(
-            f"workers with {', '.join(sorted(found))}",
+            f"workers with {', '.join(sorted(found - {version()}))}",
             expected=f"{version()} everywhere",
             mend="install the same versions on all workers",
         )

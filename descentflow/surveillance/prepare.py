@@ -1,6 +1,5 @@
 """From rows to prepared descents: every step in its order, every dropped row counted, memory bounded."""
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import Any
 import polars as pl
 
 from descentflow.core.arguments import Count, checked_arguments
-from descentflow.core.workers import Engine, LocalEngine
+from descentflow.core.workers import engine_of
 from descentflow.surveillance.cleaning.thresholds import Cleaning, cleaning_of
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.out_of_core.held_rows import clean_held
@@ -37,7 +36,8 @@ def prepare(
     format: str | None = None,
     columns: Mapping[str, str] | None = None,
     memory_bytes: Count = MEMORY_BYTES,
-    engine: Engine | None = None,
+    engine: Any = None,
+    workers: Count | None = None,
     shown: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> Descents:
@@ -59,7 +59,10 @@ def prepare(
         format: Name of the files' format; recognised from their content if None.
         columns: Name in a row -> column of the rows' tables, for instance `{"altitude": "alt_ft"}`.
         memory_bytes: Bound on this process, and on each worker, if `out` is given.
-        engine: Where partitions are cleaned if `out` is given; threads of this process by default.
+        engine: Where partitions are cleaned if `out` is given: threads of this process by default; ``"dask"``, the
+            address or the file of a Dask scheduler, or a `distributed.Client`
+            (:func:`~descentflow.core.workers.engine_of`).
+        workers: Threads, or Dask's workers on this machine; as many as there are processors if absent.
         shown: Number of random flights whose dropped rows are kept in `dropped_rows`; none if 0.
         progress: Progress callback, called with each stage and part.
 
@@ -95,12 +98,11 @@ def prepare(
     )
     report_progress = progress or (lambda _: None)
     if out is not None:
-        workers = engine or LocalEngine(os.cpu_count() or 1)
-        return prepare_to(Path(out), request, Memory(memory_bytes), workers, report_progress)
+        return prepare_to(Path(out), request, Memory(memory_bytes), engine_of(engine, workers), report_progress)
     files = request.files()
     report_progress("reading rows")
     intake = take_in([*request.tables, *files], format, Spill.unbounded(), columns=request.columns)
-    outcome = clean_held(intake, request, os.cpu_count() or 1, report_progress)
+    outcome = clean_held(intake, request, engine_of(None, workers).workers, report_progress)
     metadata = description(request.facts(files), intake.report, outcome.levels)
     return Descents(outcome.levels, metadata, dropped_rows=outcome.dropped_rows)
 

@@ -70,7 +70,7 @@ def jobs(inputs: Path) -> dict[str, Job]:
         "prepare, a file": Job(_prepared(rows, "out.parquet"), ("out.parquet",)),
         "prepare, a store": Job(_prepared(rows, "out"), ("out/**/*",)),
         "prepare, a Dask worker": Job(
-            _prepared(rows, "out", "DaskEngine(2)"), ("out/**/*",), spares_parent=True, always_anew=True
+            _prepared(rows, "out", "dask"), ("out/**/*",), spares_parent=True, always_anew=True
         ),
         **fits,
         **resumed,
@@ -96,13 +96,12 @@ def _without_figures(name: str) -> tuple[str, ...]:
     return logger, "lightning.pytorch.loggers.CSVLogger", f"{logger}.save_dir", "runs", f"{logger}.name", name
 
 
-def _prepared(rows: str, out: str, engine: str = "None") -> tuple[str, ...]:
+def _prepared(rows: str, out: str, engine: str = "local") -> tuple[str, ...]:
     code = (
         "from descentflow.cli.ending import ended_in_order\n"
         "with ended_in_order('prepare'):\n"
         "    import descentflow as df\n"
-        "    from descentflow.core.workers import DaskEngine\n"
-        f"    df.prepare({rows!r}, out={out!r}, memory_bytes={FLIGHTS_BYTES}, engine={engine})"
+        f"    df.prepare({rows!r}, out={out!r}, memory_bytes={FLIGHTS_BYTES}, engine={engine!r}, workers=2)"
     )
     return sys.executable, "-c", code
 

@@ -10,7 +10,6 @@ from surveillance_toys import fleet, written
 
 from descentflow.cli.entry import main
 from descentflow.core.errors import ConfigError
-from descentflow.core.workers import LocalEngine
 from descentflow.surveillance.cleaning.drop_reasons import SHOWN, some_flights
 from descentflow.surveillance.prepare import prepare
 
@@ -36,7 +35,7 @@ def test_dropped_rows_account_for_every_row_and_do_not_depend_on_partitions(path
     }
     assert counts[None] == after[-1].rows_left
     few = [
-        prepare([path], shown=2, out=tmp_path / f"{memory}.parquet", memory_bytes=memory, engine=LocalEngine(2))
+        prepare([path], shown=2, out=tmp_path / f"{memory}.parquet", memory_bytes=memory, workers=2)
         for memory in (10**9, 500_000)
     ]
     frames = [

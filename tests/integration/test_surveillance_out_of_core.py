@@ -10,7 +10,6 @@ from polars.testing import assert_frame_equal
 from surveillance_toys import fleet, written
 
 from descentflow.core.errors import ConfigError, DataError
-from descentflow.core.workers import LocalEngine
 from descentflow.surveillance.descents import store
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
 from descentflow.surveillance.out_of_core import intake, spill
@@ -74,7 +73,7 @@ def test_descents_do_not_depend_on_memory_or_form(
         cleaning=Cleaning(bottom_fl=100),
         out=tmp_path / out,
         memory_bytes=memory,
-        engine=LocalEngine(workers),
+        workers=workers,
         progress=said.append,
     )
     partitions = [int(words.split()[-1]) for words in said if words.startswith("cleaning rows")]

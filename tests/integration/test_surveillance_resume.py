@@ -18,7 +18,7 @@ from polars.testing import assert_frame_equal
 from surveillance_toys import fleet, written
 
 from descentflow.core.errors import ConfigError, DataError
-from descentflow.core.workers import DaskEngine, LocalEngine
+from descentflow.core.workers import Engine
 from descentflow.surveillance.descents.prepared_descents import read_descents
 from descentflow.surveillance.out_of_core import intake, job
 from descentflow.surveillance.out_of_core import partitions as engines
@@ -29,12 +29,11 @@ MEMORY = 800_000
 SLOW_RUN = """
 import sys, time
 from pathlib import Path
-from descentflow.core.workers import LocalEngine
 from descentflow.surveillance.out_of_core import partitions as engine
 from descentflow.surveillance import prepare
 clean = engine.clean
 engine.clean = lambda *args: (time.sleep(0.15), clean(*args))[1]
-prepare.prepare([Path(sys.argv[1])], out=Path(sys.argv[2]), memory_bytes={memory}, engine=LocalEngine(1))
+prepare.prepare([Path(sys.argv[1])], out=Path(sys.argv[2]), memory_bytes={memory}, workers=1)
 """
 
 SLOW_WORKER = """
@@ -82,10 +81,10 @@ def test_a_killed_run_leaves_its_parts_and_the_rerun_goes_on(out: str, rows: Pat
     said: list[str] = []
     cleaned: list[Path] = []
 
-    class Watched(LocalEngine):
-        def run(self, function, tasks, common):  # type: ignore[no-untyped-def]
+    class Watched(Engine):
+        def run(self, function, tasks, *more):  # type: ignore[no-untyped-def]
             cleaned.extend(task.target for task in tasks if isinstance(task, engines.Partition))
-            return super().run(function, tasks, common)
+            return super().run(function, tasks, *more)
 
     prepare([rows], out=target, engine=Watched(2), progress=said.append)
     assert f"going on after {len(done)} of {planned} parts" in said
@@ -220,14 +219,51 @@ def test_dask_workers_give_the_same_even_when_one_is_killed(rows: Path, tmp_path
 
         killer = threading.Thread(target=kill)
         killer.start()
-        engine = DaskEngine(scheduler=cluster.scheduler_address)
-        prepared = prepare([rows], out=tmp_path / "s", memory_bytes=MEMORY, engine=engine)
+        prepared = prepare([rows], out=tmp_path / "s", memory_bytes=MEMORY, engine=cluster.scheduler_address)
         killer.join()
     assert 3 <= killed[0] < 12
     found = read_descents(tmp_path / "s")
     assert_frame_equal(found.frame, whole.frame, check_exact=True)
     assert prepared.report.as_dict() == whole.report.as_dict()
     assert [path.name for path in tmp_path.iterdir()] == ["s"]
+
+
+def suicide(task: int, _: None) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_is_a_client_or_a_file_its_workers_are_waited_for_and_a_task_that_kills_them_is_told(
+    rows: Path, tmp_path: Path
+) -> None:
+    distributed = pytest.importorskip("distributed", reason="the extra `dask` is not installed")
+    cloudpickle = pytest.importorskip("cloudpickle")
+    cloudpickle.register_pickle_by_value(sys.modules[__name__])  # workers do not know the tests' modules
+    said: list[str] = []
+    with (
+        distributed.LocalCluster(n_workers=0, threads_per_worker=1, memory_limit=0, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+
+        def come(line: str) -> None:
+            said.append(line)
+            if line.startswith("waiting"):
+                cluster.scale(1)
+
+        prepare([rows], out=tmp_path / "by_client", memory_bytes=MEMORY, engine=client, progress=come)
+        assert f"waiting for workers of {cluster.scheduler_address}" in said
+        (tmp_path / "scheduler.json").write_text(json.dumps({"address": cluster.scheduler_address}))
+        prepare([rows], out=tmp_path / "by_file", memory_bytes=MEMORY, engine=tmp_path / "scheduler.json")
+        with pytest.raises(DataError, match="a worker was killed"):
+            list(Engine(1, "dask", client).run(suicide, [0], None))
+    stores = (tmp_path / "by_client", tmp_path / "by_file")
+    of_client, of_file = ([one.read_bytes() for one in sorted(folder.rglob("*.*"))] for folder in stores)
+    assert of_client == of_file
+
+
+def test_killed_processes_are_told() -> None:
+    with pytest.raises(DataError, match="a worker was killed"):
+        list(Engine(2, "loky").run(suicide, [0, 1], None))
 
 
 @pytest.mark.parametrize("failures", [2, 3])
@@ -239,12 +275,12 @@ def test_workers_that_are_killed_while_they_start_are_started_again(failures: in
             raise now
         return now
 
-    engine = DaskEngine(2)
+    engine, distributed = Engine(2, "dask"), SimpleNamespace(LocalCluster=start)
     if failures == 2:
-        assert engine._begun(SimpleNamespace(LocalCluster=start)) == "cluster"
+        assert engine._local_cluster(distributed) == "cluster"
     else:
         with pytest.raises(DataError, match="did not start, 3 times"):
-            engine._begun(SimpleNamespace(LocalCluster=start))
+            engine._local_cluster(distributed)
 
 
 def test_without_dask_or_a_scheduler_the_error_says_what_to_do(
@@ -252,7 +288,11 @@ def test_without_dask_or_a_scheduler_the_error_says_what_to_do(
 ) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ConfigError, match="pip install 'distributed>="):
-        prepare([rows], out=tmp_path / "d.parquet", memory_bytes=MEMORY, engine=DaskEngine(2))
+        prepare([rows], out=tmp_path / "d.parquet", memory_bytes=MEMORY, engine="dask")
+    monkeypatch.undo()
+    for engine, message in (("absent.json", "no Dask scheduler file"), (3, "an engine of type int")):
+        with pytest.raises(ConfigError, match=message):
+            prepare([rows], out=tmp_path / "d.parquet", memory_bytes=MEMORY, engine=engine)
 
 
 @pytest.mark.slow

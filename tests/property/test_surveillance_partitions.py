@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from polars.testing import assert_frame_equal
 from surveillance_toys import fleet
 
-from descentflow.core.workers import LocalEngine
 from descentflow.surveillance.descents.prepared_descents import read_descents
 from descentflow.surveillance.prepare import prepare
 
@@ -40,7 +39,7 @@ def test_partitions_make_the_descents_of_the_whole(
         for number, part in enumerate(rows.iter_slices(len(rows) // files + 1)):
             part.write_parquet(folder / "rows" / f"{number}.parquet")
         whole = prepare([folder / "rows"])
-        prepared = prepare([folder / "rows"], out=folder / "store", memory_bytes=memory, engine=LocalEngine(workers))
+        prepared = prepare([folder / "rows"], out=folder / "store", memory_bytes=memory, workers=workers)
         found = read_descents(folder / "store").frame
     assert_frame_equal(found, whole.frame, check_exact=True)
     assert prepared.report.as_dict() == whole.report.as_dict()

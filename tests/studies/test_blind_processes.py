@@ -1,6 +1,5 @@
 """Work of the sealed study spread over processes."""
 
-import time
 from pathlib import Path
 
 import pytest
@@ -11,7 +10,6 @@ from studies.blind_diagnosis import processes
 def test_more_work_than_processes_are_kept_for_is_all_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """All processes of a share end at the same time; the study of 980 files stood still after the first fifty."""
     monkeypatch.setattr(processes, "TASKS_PER_PROCESS", 2)
-    monkeypatch.setattr(processes, "_alone", time.monotonic)  # nothing of torch is needed
     files, counted = [tmp_path / str(k) for k in range(9)], []
     processes.spread([(Path.touch, file) for file in files], 2, counted.append)
     assert all(file.exists() for file in files)
@@ -21,7 +19,6 @@ def test_more_work_than_processes_are_kept_for_is_all_done(tmp_path: Path, monke
 def test_the_first_error_ends_the_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The failure is reported, and nothing further is begun."""
     monkeypatch.setattr(processes, "TASKS_PER_PROCESS", 1)
-    monkeypatch.setattr(processes, "_alone", time.monotonic)
     work = [(Path.rmdir, tmp_path / "absent"), *[(Path.touch, tmp_path / str(k)) for k in range(8)]]
     with pytest.raises(FileNotFoundError):
         processes.spread(work, 2, lambda done: None)

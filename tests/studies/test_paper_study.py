@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from descentflow.core.errors import ConfigError, DataError
-from descentflow.core.workers import DaskEngine
+from descentflow.core.workers import engine_of
 from descentflow.densities.checkpoint import load_model
 from descentflow.training.datamodule import DescentDataModule
 from studies.paper.fidelity_tables import summary, whole_descents
@@ -18,7 +18,7 @@ from studies.paper.study_run import costs, run_study
 from studies.paper.study_tables import all_scores, means, table, with_best
 from studies.paper.sweep_report import sweep_sections
 from studies.paper.sweeps import NAMES, SweepPlan, run_sweeps
-from studies.process_engine import ProcessEngine
+from studies.process_engine import processes
 
 PLAN = StudyPlan({"A320": 160, "DH8D": 160, "BE20": 160}, models=("gaussian", "gmm"), n_samples=300, max_epochs=2)
 
@@ -27,7 +27,7 @@ PLAN = StudyPlan({"A320": 160, "DH8D": 160, "BE20": 160}, models=("gaussian", "g
 def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("study")
     begin(PLAN, folder)
-    run_study(PLAN, folder, ProcessEngine(1), lambda _: None)
+    run_study(PLAN, folder, processes(1), lambda _: None)
     write_report(PLAN, folder)
     return folder
 
@@ -84,7 +84,7 @@ def test_a_study_goes_on_where_it_was_killed_with_the_same_results(study: Path) 
     (study / "BE20" / "gaussian" / "fit.log").write_text("flights: ")
     begin(PLAN, study)
     said: list[str] = []
-    run_study(PLAN, study, DaskEngine(1), said.append)
+    run_study(PLAN, study, engine_of("dask", 1), said.append)
     assert said == ["first model: 1 of 1 done (2 were there); last BE20 gaussian"]
     write_report(PLAN, study)
     assert (study / "A320" / "gmm" / "model.ckpt").stat().st_mtime_ns == untouched
@@ -98,7 +98,7 @@ def test_sweeps_leave_a_file_a_job_go_on_and_show_in_the_page(study: Path) -> No
     plan = StudyPlan({"BE20": 160}, models=PLAN.models, n_samples=300)
     sweep = SweepPlan(flights=90, shares=(0.5, 0.8), folds=2, flows=(1, 5), hidden=(2,), max_epochs=1)
     said: list[str] = []
-    run_sweeps(plan, sweep, study, NAMES, ProcessEngine(1), said.append)
+    run_sweeps(plan, sweep, study, NAMES, processes(1), said.append)
     assert [line for line in said if "2 of 2" in line or "1 of 1" in line] == [
         f"sweep {name}: {n} of {n} done (0 were there)" for name, n in (("variance", 2), ("gappy", 1), ("flow", 2))
     ]
@@ -107,7 +107,7 @@ def test_sweeps_leave_a_file_a_job_go_on_and_show_in_the_page(study: Path) -> No
     assert scores.filter(pl.col("share") == 0.5)["components"].max() < scores["components"].max()  # type: ignore[operator]
     before = (study / "sweeps" / "variance" / "BE20-1.csv").read_bytes()
     (study / "sweeps" / "variance" / "BE20-1.csv").unlink()
-    run_sweeps(plan, sweep, study, ("variance",), ProcessEngine(1), said.append)
+    run_sweeps(plan, sweep, study, ("variance",), processes(1), said.append)
     assert said[-1] == "sweep variance: 1 of 1 done (1 were there)"
     assert (study / "sweeps" / "variance" / "BE20-1.csv").read_bytes() == before
     sections = dict(sweep_sections(plan, study))
@@ -116,9 +116,9 @@ def test_sweeps_leave_a_file_a_job_go_on_and_show_in_the_page(study: Path) -> No
     shutil.rmtree(study / "sweeps" / "flow")
     assert len(sweep_sections(plan, study)) == 2
     with pytest.raises(ConfigError, match="sweeps colours"):
-        run_sweeps(plan, sweep, study, ("colours",), ProcessEngine(1), said.append)
+        run_sweeps(plan, sweep, study, ("colours",), processes(1), said.append)
     with pytest.raises(ConfigError, match="another plan"):
-        run_sweeps(plan, SweepPlan(), study, NAMES, ProcessEngine(1), said.append)
+        run_sweeps(plan, SweepPlan(), study, NAMES, processes(1), said.append)
     shutil.rmtree(study / "sweeps")
 
 

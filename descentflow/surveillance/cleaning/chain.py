@@ -2,12 +2,13 @@
 
 import itertools
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
 import polars as pl
+from joblib import Parallel, delayed
 
+from descentflow.core.workers import results_of
 from descentflow.surveillance.cleaning import descent_filters, faulty_values, filters
 from descentflow.surveillance.cleaning.descent_filters import ClearedLevel, ClearedSpeed, LargestBank
 from descentflow.surveillance.cleaning.drop_reasons import ROW, TracedReport, some_flights
@@ -116,13 +117,13 @@ def clean(
     batches = _batches(rows)
     del rows
     levels, dropped_rows, parts = [], [], []
-    with ThreadPoolExecutor(max_workers=threads) as pool:
-        for done in pool.map(lambda batch: _cleaned(batch, work), batches):
-            levels.append(done.levels)
-            parts.append(done.report)
-            dropped_rows += [done.dropped_rows] if done.dropped_rows is not None else []
-            if progress:
-                progress(f"cleaning rows, part {len(levels)} of {len(batches)}")
+    parallel = Parallel(threads, backend="threading", batch_size=1, return_as="generator")
+    for done in results_of(parallel, (delayed(_cleaned)(batch, work) for batch in batches)):
+        levels.append(done.levels)
+        parts.append(done.report)
+        dropped_rows += [done.dropped_rows] if done.dropped_rows is not None else []
+        if progress:
+            progress(f"cleaning rows, part {len(levels)} of {len(batches)}")
     report.extend(parts)
     shown = some_flights(pl.concat(dropped_rows), work.shown) if dropped_rows else None
     found = pl.concat(levels)

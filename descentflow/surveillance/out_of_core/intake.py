@@ -12,7 +12,7 @@ from typing import TypeVar
 import polars as pl
 
 from descentflow.core.errors import DataError
-from descentflow.core.workers import Engine, LocalEngine
+from descentflow.core.workers import Engine
 from descentflow.surveillance.cleaning.flights import names_given, usable
 from descentflow.surveillance.out_of_core.job import ROWS
 from descentflow.surveillance.out_of_core.spill import Bucket, Memory, Spill, joined
@@ -218,22 +218,22 @@ def read_groups(
 
     Example:
         >>> files, memory = [Path("rows.parquet")], Memory(4_000_000)
-        >>> intake = read_groups(files, None, Path("groups.work"), memory, LocalEngine(1), lambda stage: None)
+        >>> intake = read_groups(files, None, Path("groups.work"), memory, Engine(), lambda stage: None)
         >>> sum(bucket.rows for bucket in intake.buckets)
         23216
     """
     groups = groups_of(files)
-    local = isinstance(engine, LocalEngine)
     tasks = [
         _Group(group, format, folder / ROWS / f"group-{number:05d}", memory, columns, len(groups) == 1)
         for number, group in enumerate(groups)
     ]
-    if local and len(tasks) == 1 and not tasks[0].folder.exists():
+    if engine.shares_memory and len(tasks) == 1 and not tasks[0].folder.exists():
         held = _read_group(tasks[0], always=False)
         if held is not None:
             return held
     # Readers hold blocks of their own, and Polars reads with all processors: one group at a time on this machine.
-    for number, _ in enumerate((LocalEngine(1) if local else engine).run(_read_group, tasks, True), 1):
+    one_by_one = Engine() if engine.shares_memory else engine
+    for number, _ in enumerate(one_by_one.run(_read_group, tasks, True, progress), 1):
         progress(f"reading rows, group {number} of {len(tasks)}")
     intakes = [_read_again(task.folder) for task in tasks]
     report = DropReport()

@@ -9,7 +9,7 @@ from pathlib import Path
 import polars as pl
 
 from descentflow.core.files import whole_file
-from descentflow.core.workers import Engine, LocalEngine
+from descentflow.core.workers import Engine
 from descentflow.surveillance.cleaning.chain import Work, clean
 from descentflow.surveillance.descents.store import KEY, ROW_GROUP
 from descentflow.surveillance.out_of_core.intake import Intake
@@ -89,7 +89,7 @@ def clean_partitions(
 
     Example:
         >>> from descentflow.surveillance.out_of_core.intake import read_groups
-        >>> request, memory, engine = Request(["rows.parquet"]), Memory(4_000_000), LocalEngine(1)
+        >>> request, memory, engine = Request(["rows.parquet"]), Memory(4_000_000), Engine()
         >>> folder = Path("parts.work")
         >>> intake = read_groups(request.files(), None, folder, memory, engine, lambda stage: None)
         >>> cleaned = clean_partitions(request, intake, folder, memory, engine, lambda stage: None)
@@ -104,12 +104,12 @@ def clean_partitions(
     large = [task for task, (_, in_memory) in zip(tasks, planned, strict=True) if in_memory > size]
     small = [task for task in tasks if task not in large]
     number = 0
-    for runner, some in ((engine, small), (LocalEngine(1) if isinstance(engine, LocalEngine) else engine, large)):
+    for runner, some in ((engine, small), (Engine() if engine.shares_memory else engine, large)):
         waiting = [task for task in some if not task.target.exists()]
         number += len(some) - len(waiting)
         if len(waiting) < len(some):
             progress(f"going on after {number} of {len(tasks)} parts")
-        for _ in runner.run(_clean_partition, waiting, work):
+        for _ in runner.run(_clean_partition, waiting, work, progress):
             number += 1
             progress(f"cleaning rows, part {number} of {len(tasks)}")
     request.account(intake.report, [_described(task.target) for task in tasks])

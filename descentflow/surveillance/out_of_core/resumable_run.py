@@ -49,9 +49,9 @@ def prepare_to(out: Path, request: Request, memory: Memory, engine: Engine, prog
         ConfigError: If the output cannot be written or belongs to another run.
 
     Example:
-        >>> from descentflow.core.workers import LocalEngine
+        >>> from descentflow.core.workers import Engine
         >>> request, memory = Request(["rows.parquet"]), Memory(2_000_000_000)
-        >>> prepare_to(Path("prepared.parquet"), request, memory, LocalEngine(1), lambda stage: None).flights
+        >>> prepare_to(Path("prepared.parquet"), request, memory, Engine(), lambda stage: None).flights
         {'A320': 120}
     """
     _check_ending(out)

@@ -1,13 +1,13 @@
 """Work of a study spread over processes, each replaced before long, and how long it takes."""
 
 import logging
-import multiprocessing
 import time
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Sequence
 from typing import Any
 
-from studies.process_engine import end_with_parent
+from joblib.externals.loky import get_reusable_executor
+
+from studies import process_engine
 
 TASKS_PER_PROCESS = 25
 """After which processes are replaced by fresh ones: what a diagnosis leaves in memory does not add up."""
@@ -47,37 +47,16 @@ def spread(work: Sequence[tuple[Any, ...]], processes: int, count: Callable[[int
         two
         2 done
     """
-    if processes == 1:
-        for done, (function, *arguments) in enumerate(work, start=1):
-            function(*arguments)
-            count(done)
-        return
-    # Spawned, for a forked process inherits torch's threads in whatever state they are. A pool for each share of the
-    # work: one that replaces its own processes (max_tasks_per_child) stops for ever if all end at once (Python 3.11).
-    context, share, done = multiprocessing.get_context("spawn"), processes * TASKS_PER_PROCESS, 0
+    share, done = processes * TASKS_PER_PROCESS, 0
     for begin in range(0, len(work), share):
-        with ProcessPoolExecutor(processes, mp_context=context, initializer=_alone) as pool:
-            futures = [pool.submit(function, *arguments) for function, *arguments in work[begin : begin + share]]
-            for future in _finished(futures):
-                future.result()
-                done += 1
-                count(done)
+        for _ in process_engine.processes(processes).run(_called, work[begin : begin + share], None):
+            done += 1
+            count(done)
+        if processes > 1:
+            get_reusable_executor().shutdown()
 
 
-def _finished(futures: list[Future[Any]]) -> Iterable[Future[Any]]:
-    """Futures as they finish; the first error cancels the rest."""
-    try:
-        yield from as_completed(futures)
-    except BaseException:
-        for future in futures:
-            future.cancel()
-        raise
-
-
-def _alone() -> None:
-    """A worker keeps to one thread, prints nothing, and ends with the study that it works for."""
-    import torch
-
-    end_with_parent()
-    torch.set_num_threads(1)
+def _called(work: tuple[Any, ...], _: None) -> None:
     logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)
+    function, *arguments = work
+    function(*arguments)

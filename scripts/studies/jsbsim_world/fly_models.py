@@ -1,9 +1,7 @@
 """Flights of JSBSim's models with their truth, and the rows that a radar would have of them."""
 
-import multiprocessing
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,9 +9,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import polars as pl
 import torch
+from joblib import Parallel, delayed
 
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
+from descentflow.core.workers import results_of
 from descentflow.physics.atmosphere import isa_temperature_k
 from descentflow.simulation.autopilot import LABELS
 from descentflow.simulation.injected import Injected, neutral
@@ -25,7 +25,7 @@ from studies.jsbsim_world.model_aircraft import FlightFailed
 from studies.jsbsim_world.model_effects import inject
 from studies.jsbsim_world.model_files import jsbsim
 from studies.jsbsim_world.model_flight import COLUMNS, ModelFleet, Record
-from studies.process_engine import end_with_parent
+from studies.process_engine import alone
 
 _INSTRUMENTS = ("cas_bias_mps", "cas_bias_slope_mps", "rate_lag_s", "noise_factor")
 
@@ -152,13 +152,11 @@ def _flown(
         return _fly_share(airframe, plans, config, progress)
     shares = [plans[first : first + 10] for first in range(0, len(plans), 10)]
     outcomes: list[Record | str] = []
-    with ProcessPoolExecutor(
-        workers, mp_context=multiprocessing.get_context("spawn"), initializer=end_with_parent
-    ) as pool:
-        for done in [pool.submit(_fly_share, airframe, share, config) for share in shares]:
-            outcomes += done.result()
-            if progress is not None:
-                progress(10)
+    parallel = Parallel(workers, backend="loky", batch_size=1, return_as="generator", initializer=alone)
+    for done in results_of(parallel, (delayed(_fly_share)(airframe, share, config) for share in shares)):
+        outcomes += done
+        if progress is not None:
+            progress(10)
     return outcomes
 
 

@@ -59,12 +59,12 @@ def run_study(plan: StudyPlan, folder: Path, engine: Engine, progress: Progress)
         DescentflowError: If a step fails; its log in the type's folder has the message too.
 
     Example:
-        >>> from studies.process_engine import ProcessEngine
+        >>> from studies.process_engine import processes
         >>> plan, folder = StudyPlan({"A320": 120}, models=("gaussian",), store="descents.parquet"), Path("study_run")
         >>> (folder / "A320" / "gaussian").mkdir(parents=True)
         >>> for name in ("gaussian/done", LAST):  # as if a run had left all but the descents
         ...     (folder / "A320" / name).touch()
-        >>> run_study(plan, folder, ProcessEngine(1), print)
+        >>> run_study(plan, folder, processes(1), print)
         descents: 1 of 1 done (0 were there); last A320
     """
     place = _Place(plan, folder.resolve())
@@ -83,7 +83,7 @@ def run_study(plan: StudyPlan, folder: Path, engine: Engine, progress: Progress)
         missing = [job for job in jobs if not product(job).exists()]
         if not missing:
             continue
-        for done, _ in enumerate(engine.run(work, missing, place), 1):
+        for done, _ in enumerate(engine.run(work, missing, place, progress), 1):
             finished = [job for job in missing if product(job).exists()]
             progress(
                 f"{name}: {done} of {len(missing)} done ({len(jobs) - len(missing)} were there); last {finished[-1]}"

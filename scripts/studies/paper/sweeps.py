@@ -118,8 +118,8 @@ def run_sweeps(
         ConfigError: If a name is not among them, or the folder holds sweeps of another plan.
 
     Example:
-        >>> from studies.process_engine import ProcessEngine
-        >>> run_sweeps(StudyPlan({"A320": 120}), SweepPlan(), Path("."), ("depth",), ProcessEngine(1), print)
+        >>> from studies.process_engine import processes
+        >>> run_sweeps(StudyPlan({"A320": 120}), SweepPlan(), Path("."), ("depth",), processes(1), print)
         Traceback (most recent call last):
             ...
         descentflow.core.errors.ConfigError: sweeps depth...
@@ -136,7 +136,7 @@ def run_sweeps(
         missing = [job for job in jobs if not job.product(common.own).exists()]
         if missing:
             (common.own / name).mkdir(exist_ok=True)
-            for done, _ in enumerate(engine.run(_do_job, missing, common), 1):
+            for done, _ in enumerate(engine.run(_do_job, missing, common, progress), 1):
                 progress(f"sweep {name}: {done} of {len(missing)} done ({len(jobs) - len(missing)} were there)")
 
 

@@ -29,6 +29,8 @@ COMMANDS = {
     "evaluate": "scores of a checkpoint against the descents of any prepared file",
     "diagnose": "where a simulator and real descents differ, and which unmodelled effect causes it",
 }
+OUTPUTS = ("out", "report", "figures", "figure", "truth", "continuations", "occupancy")
+"""Options of commands that name what is written."""
 QUIET = "--quiet"
 """Option of every command: no progress on stderr."""
 
@@ -132,7 +134,11 @@ def _run(name: str, rest: list[str]) -> int:
     if (own := options.pop("model")) is not None:
         options_of.class_in(own)
     del options["quiet"]
-    module.run(**options)
+    remote = import_module("descentflow.core.remote_files")
+    remote.with_local_files(lambda given: module.run(**given), options, OUTPUTS)
+    for name in OUTPUTS:
+        if (url := remote.address(options.get(name))) is not None:
+            print(f"sent to {url}")
     return 0
 
 

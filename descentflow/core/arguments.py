@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, NamedTuple, ParamSpec, TypeVar, Unio
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import is_name
+from descentflow.core.remote_files import with_local_files
 from descentflow.core.tabular import held_table
 
 P = ParamSpec("P")
@@ -48,6 +49,8 @@ Seed = Annotated[int, Within(0, (1 << 32) - 1)]
 Numbered = Annotated[int, Within(0, 1 << 53)]
 """A number of a draw, which float64 and every counter hold exactly."""
 NotNegativeFloat = Annotated[float, Within(0)]
+Output = Annotated[str | Path, "a path"]
+"""A file or a folder to write; one elsewhere is sent when the function has ended well."""
 
 
 class Kind(NamedTuple):
@@ -60,9 +63,9 @@ class Kind(NamedTuple):
 def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
     """Let a function refuse arguments that are not of the annotated kinds.
 
-    Numbers of NumPy and torch are passed on as Python's own, tables as those of Polars where these are taken. A text is
-    a path too; a list, a tuple, an array and a column are all sequences. Missing and unknown names remain Python's own
-    `TypeError`.
+    Numbers of NumPy and torch are passed on as Python's own, tables as those of Polars where these are taken, and
+    addresses as copies (:mod:`~descentflow.core.remote_files`). A text is a path too; a list, a tuple, an array and a
+    column are all sequences. Missing and unknown names remain Python's own `TypeError`.
 
     Example:
         >>> @checked_arguments
@@ -77,6 +80,9 @@ def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
     """
     parameters = signature(function)
     kinds = {name: kind_of(one.annotation) for name, one in parameters.parameters.items() if _is_checked(one)}
+    hints = {name: one.annotation for name, one in parameters.parameters.items()}
+    outputs = [name for name, hint in hints.items() if Output in (hint, *get_args(hint))]
+    is_constructor = function.__name__ == "__init__"
 
     @wraps(function)
     def checked(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -93,7 +99,13 @@ def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
                 if not kind.takes(value):
                     place = function.__qualname__.removesuffix(".__init__")
                     raise ConfigError(f"{name} = {_shown(value)}", expected=kind.words, mend=f"see help({place})")
-        return function(*bound.args, **bound.kwargs)
+
+        def call(arguments: Mapping[str, Any]) -> R:
+            bound.arguments.update(arguments)
+            return function(*bound.args, **bound.kwargs)
+
+        # What a constructor is given is read later, by functions that fetch it.
+        return call({}) if is_constructor else with_local_files(call, bound.arguments, outputs)
 
     return checked
 

@@ -205,7 +205,7 @@ def _dask_backend(client: Any) -> Any:
 
     class Backend(DaskDistributedBackend):  # type: ignore[misc]  # joblib has no types
         def effective_n_jobs(self, n_jobs: int = 1) -> int:
-            return max(2, super().effective_n_jobs(n_jobs))  # of one worker, joblib works in this process
+            return max(2, int(super().effective_n_jobs(n_jobs)))  # of one worker, joblib works in this process
 
         def submit(self, func: Any, callback: Any = None) -> Any:
             future = super().submit(func, callback)

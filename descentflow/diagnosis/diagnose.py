@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from descentflow.core.arguments import checked_arguments
+from descentflow.core.arguments import Output, checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_folder
 from descentflow.core.own_file import lines_named
@@ -35,7 +35,7 @@ def diagnose(
     catalogue: Mapping[str, Effect] | str | Path | None = None,
     previous: str | Path | None = None,
     seed: int = 0,
-    out: str | Path | None = None,
+    out: Output | None = None,
     any_type: bool = False,
     air: AirSource | None = None,
     columns: Mapping[str, str] | None = None,

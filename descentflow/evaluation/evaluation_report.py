@@ -4,13 +4,12 @@ import json
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from io import BytesIO
-from pathlib import Path
 from typing import Any
 
 import polars as pl
 from matplotlib.figure import Figure
 
-from descentflow.core.arguments import Count, checked_arguments
+from descentflow.core.arguments import Count, Output, checked_arguments
 from descentflow.core.files import check_folder, whole_file
 from descentflow.core.tabular import to_pandas
 from descentflow.evaluation.figures.acceptance import acceptance_figure
@@ -145,7 +144,7 @@ class Evaluation(InNotebook):
         return to_pandas(self.scores.frame())
 
     @checked_arguments
-    def write(self, folder: str | Path, *, figures: bool = True) -> None:
+    def write(self, folder: Output, *, figures: bool = True) -> None:
         """Write `scores.csv`, `classifier.csv`, `rejections.json` and, unless they are not wanted, figures as PNG."""
         folder = check_folder(folder, *FILES)
         folder.mkdir(parents=True, exist_ok=True)

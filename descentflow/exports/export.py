@@ -7,7 +7,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Annotated
 
-from descentflow.core.arguments import Count, Within, checked_arguments
+from descentflow.core.arguments import Count, Output, Within, checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_output
 from descentflow.densities.checkpoint import as_density
@@ -30,7 +30,7 @@ PREFIX = re.compile(r"[A-Z]+[0-9]*")
 def export(
     model: object | Sequence[object],
     to: str,
-    path: str | Path,
+    path: Output,
     *,
     n: Count = 1000,
     seed: int = 0,

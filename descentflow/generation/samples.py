@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from descentflow.air.level_air import LevelAir
-from descentflow.core.arguments import checked_arguments
+from descentflow.core.arguments import Output, checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.core.tabular import to_pandas
 from descentflow.generation.sample_tables import to_dataset, to_frame, write_samples
@@ -171,7 +171,7 @@ class Samples(InNotebook):
         return to_dataset(self.trajectories, self.context, self.positions, self.air).assign_attrs(self.origin)
 
     @checked_arguments
-    def write(self, path: str | Path) -> None:
+    def write(self, path: Output) -> None:
         """Write a table (``.parquet``, ``.csv``) or a NetCDF file (``.nc``), whole or not at all.
 
         Parquet has ``origin`` in its metadata, NetCDF in its attributes.

@@ -8,7 +8,7 @@ from typing import Any
 import polars as pl
 
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
-from descentflow.core.arguments import Count, NotNegativeInt, checked_arguments
+from descentflow.core.arguments import Count, NotNegativeInt, Output, checked_arguments
 from descentflow.core.tabular import to_pandas
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.simulation.cause_values import Values
@@ -86,7 +86,7 @@ class World:
         return to_pandas(self.rows)
 
     @checked_arguments
-    def write(self, out: str | Path, truth: str | Path | None = None) -> WorldFiles:
+    def write(self, out: Output, truth: Output | None = None) -> WorldFiles:
         """Write rows, truth and flights as Parquet, each file whole or not at all.
 
         Args:
@@ -114,8 +114,8 @@ def simulate(
     bada_dir: str | Path | None = None,
     plant: Mapping[str, Values] | None = None,
     inject: Callable[[FlightParameters], FlightParameters] | None = None,
-    out: str | Path | None = None,
-    truth_out: str | Path | None = None,
+    out: Output | None = None,
+    truth_out: Output | None = None,
     chunk: Count = CHUNK,
     progress: Callable[[int], object] | None = None,
 ) -> World:

@@ -8,6 +8,7 @@ from typing import Any
 
 import polars as pl
 
+from descentflow.core.arguments import checked_arguments
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.core.tabular import held_table, is_pandas
 from descentflow.surveillance.cleaning.thresholds import Cleaning, differences_in_words, different_settings
@@ -26,6 +27,7 @@ from descentflow.surveillance.unpacking.streams import whole_input
 Say = Callable[[str], None]
 
 
+@checked_arguments
 def open_descents(
     source: Any,
     cleaning: Cleaning | None = None,
@@ -69,6 +71,7 @@ def open_descents(
     return descents
 
 
+@checked_arguments
 def open_prepared(source: Any) -> Descents:
     """As :func:`open_descents`, but rows are refused: what a model is trained on is prepared knowingly.
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import polars as pl
 
-from descentflow.core.arguments import Count, checked_arguments
+from descentflow.core.arguments import Count, Output, checked_arguments
 from descentflow.core.workers import engine_of
 from descentflow.surveillance.cleaning.thresholds import Cleaning, cleaning_of
 from descentflow.surveillance.descents.prepared_descents import Descents
@@ -32,7 +32,7 @@ def prepare(
     types: Any = None,
     bottom_fl: int | None = None,
     cleaning: Cleaning | Mapping[str, Any] | None = None,
-    out: str | Path | None = None,
+    out: Output | None = None,
     format: str | None = None,
     columns: Mapping[str, str] | None = None,
     memory_bytes: Count = MEMORY_BYTES,

@@ -15,7 +15,7 @@ from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.loggers import CSVLogger
 from lightning.pytorch.utilities.seed import isolate_rng
 
-from descentflow.core.arguments import Count, Seed, checked_arguments
+from descentflow.core.arguments import Count, Output, Seed, checked_arguments
 from descentflow.core.errors import ConfigError, nearest
 from descentflow.core.files import check_output
 from descentflow.core.threads import one_thread_unless_told
@@ -41,7 +41,7 @@ def fit(
     descents: str | Path | Sequence[str | Path] | Descents | DescentDataModule,
     model: str | LatentModel[Any] = "mixture",
     *,
-    out: str | Path | None = None,
+    out: Output | None = None,
     seed: Seed = 0,
     max_epochs: Count | None = None,
     aircraft: str | None = None,

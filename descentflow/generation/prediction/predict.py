@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
-from descentflow.core.arguments import checked_arguments
+from descentflow.core.arguments import Output, checked_arguments
 from descentflow.core.errors import ConfigError, DataError, SamplingError
 from descentflow.core.tabular import to_dataset, to_pandas, write_table
 from descentflow.core.threads import one_thread_where_they_spin
@@ -147,7 +147,7 @@ class Prediction(InNotebook):
         return coverage(self._intervals, actual_times(self.flights, self.observed))
 
     @checked_arguments
-    def write(self, path: str | Path) -> None:
+    def write(self, path: Output) -> None:
         """Write the intervals as Parquet or CSV, whole or not at all.
 
         Raises:

@@ -13,7 +13,7 @@ from lightning.pytorch import LightningModule, Trainer
 from lightning.pytorch.callbacks import Timer
 from torch import Tensor
 
-from descentflow.core.arguments import checked_arguments
+from descentflow.core.arguments import Output, checked_arguments
 from descentflow.core.counter_random import seed_for_index
 from descentflow.core.errors import CheckpointError, ConfigError, DescentflowWarning
 from descentflow.core.files import whole_file
@@ -149,7 +149,7 @@ class LatentModel(LightningModule, InNotebook, ABC, Generic[D]):
             )
 
     @checked_arguments
-    def save(self, path: str | Path) -> None:
+    def save(self, path: Output) -> None:
         """Write a checkpoint, whole or not at all; :func:`descentflow.densities.checkpoint.load_model` reads it.
 
         Where there is a final fit it is that one's, with the held-out fit inside.

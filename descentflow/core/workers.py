@@ -115,18 +115,19 @@ class Engine:
         """The user's client, or one that is closed with the stack."""
         if isinstance(self.scheduler, distributed.Client):
             return self.scheduler
-        if self.scheduler is None:
-            place = {"address": stack.enter_context(self._local_cluster(distributed))}
-        elif str(self.scheduler).endswith(".json"):
-            if not Path(self.scheduler).is_file():  # Dask would wait for it for ever
-                raise _no_scheduler(f"file {self.scheduler}")
-            place = {"scheduler_file": str(self.scheduler)}
-        else:
-            place = {"address": str(self.scheduler)}
+        place = self.scheduler or stack.enter_context(self._local_cluster(distributed))
+        by_file = str(place).endswith(".json")
         try:
-            return stack.enter_context(distributed.Client(**place, timeout=30))
+            if by_file and not Path(place).is_file():
+                raise OSError("no such file")  # Dask would wait for it for ever
+            client = distributed.Client(**{"scheduler_file" if by_file else "address": place}, timeout=30)
         except (OSError, ValueError, TypeError) as error:
-            raise _no_scheduler(f"at {self.scheduler} ({error})") from error
+            raise ConfigError(
+                f"no Dask scheduler at {self.scheduler} ({error})",
+                expected="an address such as tcp://host:8786, or the file of `dask scheduler --scheduler-file`",
+                mend="start one with `dask scheduler`, or leave --scheduler out for local workers",
+            ) from error
+        return stack.enter_context(client)
 
     def _local_cluster(self, distributed: Any) -> Any:
         """Workers on this machine; where one is killed while it starts, all are started again."""
@@ -188,14 +189,6 @@ def engine_of(engine: Any = None, workers: int | None = None) -> Engine:
         f"an engine of type {type(engine).__name__}",
         expected="local, dask, the address or the file of a Dask scheduler, or a distributed.Client",
         mend="leave it out for threads of this process",
-    )
-
-
-def _no_scheduler(where: str) -> ConfigError:
-    return ConfigError(
-        f"no Dask scheduler {where}",
-        expected="an address such as tcp://host:8786, or the file that `dask scheduler --scheduler-file` writes",
-        mend="start one with `dask scheduler`, or leave --scheduler out for local workers",
     )
 
 

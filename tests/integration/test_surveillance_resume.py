@@ -290,7 +290,7 @@ def test_without_dask_or_a_scheduler_the_error_says_what_to_do(
     with pytest.raises(ConfigError, match="pip install 'distributed>="):
         prepare([rows], out=tmp_path / "d.parquet", memory_bytes=MEMORY, engine="dask")
     monkeypatch.undo()
-    for engine, message in (("absent.json", "no Dask scheduler file"), (3, "an engine of type int")):
+    for engine, message in (("absent.json", "no Dask scheduler at absent.json"), (3, "an engine of type int")):
         with pytest.raises(ConfigError, match=message):
             prepare([rows], out=tmp_path / "d.parquet", memory_bytes=MEMORY, engine=engine)
 

@@ -15,7 +15,6 @@ from descentflow.effects.geometric_path import GeometricPath
 from descentflow.effects.idle_thrust import IdleThrust
 from descentflow.effects.level_off import LevelOff
 from descentflow.effects.mass import Mass
-from descentflow.effects.measurement_noise import MeasurementNoise
 from descentflow.effects.speed_brake import SpeedBrake
 from descentflow.effects.speed_schedule import SpeedSchedule
 from descentflow.effects.temperature import Temperature
@@ -42,7 +41,6 @@ EFFECTS: dict[str, Effect] = {
         SpeedSchedule(),
         AirspeedBias(),
         VerticalRateLag(),
-        MeasurementNoise(),
     )
 }
 """Every effect by its name."""

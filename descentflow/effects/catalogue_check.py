@@ -7,7 +7,7 @@ from typing import NoReturn
 import torch
 
 from descentflow.core.errors import ConfigError
-from descentflow.effects.effect import Effect
+from descentflow.effects.effect import NOISE, Effect
 from descentflow.effects.example_flights import example_flights
 from descentflow.measurements.quantity_registry import CHANNELS, QUANTITIES
 
@@ -58,6 +58,8 @@ def _check_shift(effect: Effect) -> None:
     shift = effect.shift(state, effect.clamp(theta))
     if not isinstance(shift, Mapping):
         _refuse(effect, f"a {type(shift).__name__}", "a dictionary of quantities")
+    if all(name.startswith(NOISE) for name in shift):
+        _refuse(effect, "noise alone", "a change of what is flown or reported: noise is listed beside the causes")
     n, bands = state.cas_mps.shape
     for name, change in shift.items():
         if name not in QUANTITIES:

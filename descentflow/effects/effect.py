@@ -26,7 +26,7 @@ ShownAs = Literal["number", "change", "logarithm", "percent", "flights"]
 TOLD_IN = {"m/s per m": ("kt per 1,000 ft", 1000 * FT_M / KT_MPS)}
 """Unit of a parameter -> the unit of the trade in which it is reported, and the factor to it."""
 NOISE = "noise_"
-"""Prefix of names of short-scale noise; only an effect whose matter it is adds it."""
+"""Prefix of names of short-scale noise, which is never a cause: the diagnosis lists it beside them."""
 FLOWN = ("rate", "cas", "tas", "wind", "height", "level", "level_gaps", "slow", "missing")
 """Quantities that a simulator's flights have, so that a correction can change them; the others follow from these."""
 
@@ -125,15 +125,15 @@ class Effect(ABC):
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
-        >>> class GustierAir(Effect):
-        ...     name, says = "gustier_air", "air with more or fewer gusts"
-        ...     directions = ("gustier air", "calmer air")
-        ...     parameters = (Parameter("ratio", -2.0, 2.0, "1", 0.2, label="ln of the ratio of the rate's noise"),)
+        >>> class Ice(Effect):
+        ...     name, says = "ice", "more or less drag by ice"
+        ...     directions = ("drag by ice", "less drag by ice")
+        ...     parameters = (Parameter("drag", -0.2, 0.5, "1", 0.05, label="relative change of the rate by ice"),)
         ...     def shift(self, state, theta):
-        ...         return {"noise_rate": theta[0].expand(len(state.cas_mps))}
-        >>> GustierAir().in_words(0.3)
-        'gustier air'
-        >>> diagnose("descents.parquet", "best.ckpt", catalogue={"gustier_air": GustierAir()}).verdict
+        ...         return {"rate": theta[0] * (state.altitude_m < 6000).expand_as(state.cas_mps)}
+        >>> Ice().in_words(0.1)
+        'drag by ice'
+        >>> diagnose("descents.parquet", "best.ckpt", catalogue={"ice": Ice()}).verdict
         'none'
     """
 
@@ -157,8 +157,6 @@ class Effect(ABC):
     """Channels that would tell it from the effects that look like it."""
     sensor: ClassVar[bool] = False
     """True if it changes what is reported and not what is flown."""
-    is_noise: ClassVar[bool] = False
-    """True if short-scale noise is the matter itself, and no by-product of what it does."""
     inherited_from: ClassVar[float | None] = None
     """Size of the first parameter from which it shows against physics alone, when the simulator's own flights have it
     too; None where inferred drag hides it then."""
@@ -233,8 +231,7 @@ class Effect(ABC):
             (['height', 'rate', 'tas'], [])
         """
         shift = self.shift(state, theta)
-        kept = [quantity for quantity in shift if quantity in FLOWN or (self.is_noise and quantity.startswith(NOISE))]
-        part = {quantity: shift[quantity] for quantity in kept}
+        part = {quantity: value for quantity, value in shift.items() if quantity in FLOWN}
         return FlightChange(reported=part) if self.sensor else FlightChange(flown=part)
 
     def measured(self, state: FlightState, shown: Shift) -> Tensor | None:

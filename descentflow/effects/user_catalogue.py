@@ -27,18 +27,18 @@ def effects_of_file(path: str | Path, taken: frozenset[str] = frozenset()) -> di
     Example:
         >>> _ = Path("own_effects.py").write_text('''
         ... from descentflow.effects import Effect, Parameter
-        ... class GustierAir(Effect):
-        ...     name, says = "gustier_air", "air with more or fewer gusts"
-        ...     parameters = (Parameter("ratio", -2.0, 2.0, "1", 0.2, shown_as="logarithm"),)
+        ... class Ice(Effect):
+        ...     name, says = "ice", "more or less drag by ice"
+        ...     parameters = (Parameter("drag", -0.2, 0.5, "1", 0.05),)
         ...     def shift(self, state, theta):
-        ...         return {"noise_rate": theta[0].expand(len(state.cas_mps))}
+        ...         return {"rate": theta[0] * (state.altitude_m < 6000).expand_as(state.cas_mps)}
         ... ''')
-        >>> effects_of_file("own_effects.py")["gustier_air"].says
-        'air with more or fewer gusts'
-        >>> effects_of_file("own_effects.py", frozenset({"gustier_air"}))
+        >>> effects_of_file("own_effects.py")["ice"].says
+        'more or less drag by ice'
+        >>> effects_of_file("own_effects.py", frozenset({"ice"}))
         Traceback (most recent call last):
         ...
-        descentflow.core.errors.ConfigError: own_effects.py: effect 'gustier_air', a name that is taken; ...
+        descentflow.core.errors.ConfigError: own_effects.py: effect 'ice', a name that is taken; ...
     """
     source, module = Path(path), module_of_file(path, "effects")
     found: dict[str, Effect] = {}

@@ -21,8 +21,6 @@ SLOPE_LEVELS = 15
 LAWS = 1000
 """First stream of random numbers of effects that flights have each in their own way; those before belong to effects
 that are alike in the flights that they take, by their place."""
-SIZES = 100_000
-"""First stream of the numbers by which effects that all flights have differ in size, by their place."""
 MOST_OWN = 8
 """Random numbers of one such effect at most."""
 FAR_OUT = 0.975
@@ -36,8 +34,8 @@ class Correction:
     Drag stays as the latent model drew it; speeds, rates and times change. What only sensors add (bias and lag) changes
     the reported speed and rate and not the time; noise has no mean and is not added. An effect that takes a share of
     the flights takes them whole and leaves the others as they are, each in its own way where flights differ (its own
-    window, its own path), and one that all flights have in sizes that spread; which ones and how is drawn by seed and
-    number of the draw, so that it is the same in either precision, in any batch and on any device.
+    window, its own path); which ones and how is drawn by seed and number of the draw, so that it is the same in either
+    precision, in any batch and on any device.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
@@ -55,10 +53,6 @@ class Correction:
     """True if the simulator's own flights had the effects: its inferred drag then gives the right rates already."""
     cleaning: Cleaning = field(default_factory=Cleaning)
     """Settings with which the simulator's own flights were cleaned: they say where descents begin."""
-    spreads: dict[str, float] = field(default_factory=dict)
-    """Effect -> how widely its size spreads between flights, in its mean: of effects that all flights have, and that
-    say no law of their own."""
-
     of_training: dict[str, list[float]] = field(default_factory=dict)
     """Effect -> its parameters in the air that the training flights flew in. Their rates, and so the drag that was
     inferred in standard air, hold it already; the TAS of the samples does not, and gets it here."""
@@ -131,7 +125,6 @@ class Correction:
         for place, (name, sizes) in enumerate(self.effects.items()):
             effect, theta = EFFECTS[name], torch.tensor(sizes, dtype=torch.float64)
             share, whole = effect.mixture(theta)
-            size = torch.ones_like(zero[:, :1])
             if isinstance(effect, DiffersByFlight) and effect.is_law(theta):
                 # A flight has one effect of this kind or none: one number decides which.
                 taken = _between(draws, zero, LAWS, begun, begun + share)
@@ -144,14 +137,12 @@ class Correction:
             else:
                 taken = _between(draws, zero, place, 0.0, share)
                 change = effect.change(state, whole)
-                if share >= 1.0:
-                    size = self._size(name, draws, zero, place)
             for total, shift in ((flies, change.flown), (reports, change.reported)):
                 for quantity, value in shift.items():
                     # A decoder knows no wind, no gap and no noise.
                     if quantity not in total:
                         continue
-                    own = torch.where(taken, value * size, 0.0)
+                    own = torch.where(taken, value, 0.0)
                     total[quantity] = total[quantity] + own * (KT_MPS if quantity == "cas" else 1.0)
         tas = flies["tas"] + self._air_of_training(state)
         return {**flies, "rate": torch.where(held, rate_held, flies["rate"]), "tas": tas}, reports
@@ -167,24 +158,12 @@ class Correction:
             found = found + effect.shift(state, own + added)["tas"] - effect.shift(state, added)["tas"]
         return found
 
-    def _size(self, name: str, draws: DrawNumbers | None, like: Tensor, place: int) -> Tensor:
-        """Size (n, 1) in which each flight has an effect, in its mean: normal; far out without draws."""
-        spread = self.spreads.get(name, 0.0)
-        if spread == 0.0:
-            return torch.ones_like(like[:, :1])
-        uniform = torch.full_like(like[:, 0], FAR_OUT)
-        if draws is not None:
-            uniform = draws.uniform(len(like), SIZES + place).to(like)
-        found: Tensor = 1 + spread * torch.special.ndtri(uniform.clamp(min=1e-12))[:, None]
-        return found
-
     def to_state(self) -> dict[str, Any]:
         """Primitives for a checkpoint."""
         return {
             "effects": dict(self.effects),
             "mass_kg": self.mass_kg,
             "inherited": self.inherited,
-            "spreads": dict(self.spreads),
             "of_training": dict(self.of_training),
         }
 
@@ -209,7 +188,7 @@ class Correction:
             for part in ("effects", "of_training")
         )
         given = cleaning or Cleaning()
-        return cls(effects, state["mass_kg"], state["inherited"], given, dict(state["spreads"]), of_training)
+        return cls(effects, state["mass_kg"], state["inherited"], given, of_training)
 
 
 def _state(

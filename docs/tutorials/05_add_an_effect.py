@@ -2,7 +2,7 @@
 Add an effect of your own
 =========================
 
-The catalogue holds 14 effects. When something else makes real flights differ, the verdict is ``unknown``. An effect
+The catalogue holds 13 effects. When something else makes real flights differ, the verdict is ``unknown``. An effect
 is a class in a file: its words, its parameters with bounds, and the shift that it makes in measured quantities. This
 tutorial adds one.
 """

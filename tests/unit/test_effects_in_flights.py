@@ -11,7 +11,7 @@ from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.diagnosis.correction.effects_in_flights import Correction, filled, state_of_levels, with_effects
 from descentflow.effects import EFFECTS
 from descentflow.effects.effect import Effect, Parameter
-from descentflow.measurements.level_channels import LevelGrid, gaps_of, short_scale_noise
+from descentflow.measurements.level_channels import LevelGrid, gaps_of
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 
@@ -94,21 +94,6 @@ def test_a_share_of_the_flights_has_it_whole_and_by_seed() -> None:
     assert abs(float((each > 1.1).double().mean()) - 0.25) < 5 * (0.25 * 0.75 / 400) ** 0.5
 
 
-def test_a_size_that_spreads_between_flights_has_the_mean_and_the_spread() -> None:
-    """Of 2,000 flights: the mean is known to 1 % of the size, the spread to 2 % of itself; five of each are allowed."""
-    grid = flights(2000)
-    theta = {"temperature": torch.tensor([10.0]).double()}
-    asked = Correction(EFFECTS, theta, 60e3, Cleaning(), seed=3, spreads={"temperature": 0.4})
-    found = with_effects(grid, A320, asked)
-    shift = (found.values["TAS"] / grid.values["TAS"]).log()
-    state = state_of_levels(grid, A320, asked)
-    whole = EFFECTS["temperature"].shift(state, theta["temperature"])["tas"]
-    size = (shift / whole)[:, 0]
-    torch.testing.assert_close(shift, size[:, None] * whole)
-    assert float(size.mean()) == pytest.approx(1.0, abs=5 * 0.4 / 2000**0.5)
-    assert float(size.std()) == pytest.approx(0.4, rel=5 / (2 * 2000) ** 0.5)
-
-
 def test_warm_air_is_what_the_physics_says() -> None:
     grid = flights()
     found = put(grid, (EFFECTS["temperature"], [10.0]))
@@ -152,19 +137,6 @@ def test_sensors_change_reports_and_no_time() -> None:
     late = put(grid, (EFFECTS["vertical_rate_lag"], [8.0, 0.0]))
     for found in (biased, late):
         torch.testing.assert_close(found.time_s, grid.time_s)
-
-
-def test_noise_grows_by_the_factor_that_is_said() -> None:
-    """Of 200 flights with 191 stencils each, the mean logarithm is known to 0.004."""
-    generator = torch.Generator().manual_seed(0)
-    grid = flights(200)
-    grid.values["IAS"] += torch.randn(grid.time_s.shape, generator=generator).double()
-    noise = EFFECTS["measurement_noise"]
-    theta = [0.7 if p.name.endswith("_cas") else 0.0 for p in noise.parameters]
-    found = put(grid, (noise, theta))
-    grown = short_scale_noise(found)["noise_cas"] - short_scale_noise(grid)["noise_cas"]
-    assert float(grown.mean()) == pytest.approx(0.7, abs=0.02)
-    torch.testing.assert_close(found.values["TAS"], grid.values["TAS"])
 
 
 def test_level_offs_are_given_and_taken_away() -> None:

@@ -27,7 +27,6 @@ THETA = {
     "speed_schedule": [8.0, 0.01],
     "airspeed_bias": [2.0, 1.0],
     "vertical_rate_lag": [8.0, -0.2],
-    "measurement_noise": [0.5, 0.4, 0.3, 0.2, 0.1, 0.6],
 }
 
 

@@ -39,12 +39,9 @@ def test_wind_is_told_in_knots_per_thousand_feet() -> None:
 
 
 def test_what_the_data_say_nothing_of_is_not_told() -> None:
-    noise = EFFECTS["measurement_noise"]
-    error = torch.zeros(len(noise.parameters)).double()
-    error[1] = 0.1
-    found = sizes_of(noise, torch.full_like(error, 0.7), error, 400)
-    assert [size.parameter for size in found] == ["ln_ratio_cas"]
-    assert found[0].value.estimate == pytest.approx(math.exp(0.7))
+    late, error = EFFECTS["vertical_rate_lag"], torch.tensor([0.5, 0.0]).double()
+    found = sizes_of(late, torch.tensor([8.0, -0.7]).double(), error, 400)
+    assert [size.text for size in found] == ["lag +8 s (+7.18 to +8.82)"]
 
 
 def test_every_parameter_has_words_and_a_unit_of_the_trade() -> None:

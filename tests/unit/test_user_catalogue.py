@@ -23,7 +23,7 @@ class Gusts(Noise):
     name = "gusts"
     parameters = (Parameter("ratio", -2.0, 2.0, "1", 0.2),)
     def shift(self, state, theta):
-        return {"noise_rate": theta[0].expand(len(state.cas_mps))}
+        return {"level": theta[0].expand(len(state.cas_mps))}
 
 @dataclass(frozen=True)
 class Scaled(Noise):
@@ -31,7 +31,7 @@ class Scaled(Noise):
     parameters = Gusts.parameters
     name = "scaled"
     def shift(self, state, theta):
-        return {"noise_cas": self.by * theta[0].expand(len(state.cas_mps))}
+        return {"slow": self.by * theta[0].expand(len(state.cas_mps))}
 
 scaled = Scaled(3.0)
 again = scaled
@@ -48,7 +48,7 @@ def test_classes_and_instances_are_taken_and_what_is_imported_is_not(tmp_path: P
     found = effects_of_file(file(tmp_path, GUSTS), frozenset(EFFECTS))
     assert sorted(found) == ["gusts", "scaled"]
     shift = found["scaled"].shift(example_flights(2), torch.tensor([0.5]))
-    assert shift["noise_cas"].tolist() == [1.5, 1.5]
+    assert shift["slow"].tolist() == [1.5, 1.5]
 
 
 @pytest.mark.parametrize(
@@ -87,14 +87,15 @@ def test_files_that_are_not_there_or_no_python_are_refused(tmp_path: Path) -> No
             "{'rate': theta[0]}",
             r"own.py, line 12: shift of effect 'gusts' gives \(\) for rate; expected a tensor \(6, 11\)",
         ),
-        ("{'noise_rate': 0.1}", r"line 12: .* gives float for noise_rate; expected a tensor \(6,\): flights;"),
+        ("{'level': 0.1}", r"line 12: .* gives float for level; expected a tensor \(6,\): flights;"),
         ("{'rate': float('nan') * state.cas_mps}", r"line 12: .* gives NaN or infinity for rate; expected numbers"),
+        ("{'noise_rate': theta[0].expand(6)}", r"line 12: .* gives noise alone; expected a change of what is flown"),
         ("theta", r"line 12: .* gives a Tensor; expected a dictionary"),
         ("state.no_such_thing", r"own.py, line 13: AttributeError: .*no_such_thing"),
     ],
 )
 def test_a_shift_that_cannot_be_used_is_refused_with_its_line(tmp_path: Path, wrong: str, message: str) -> None:
-    right = '{"noise_rate": theta[0].expand(len(state.cas_mps))}'
+    right = '{"level": theta[0].expand(len(state.cas_mps))}'
     path = file(tmp_path, GUSTS.replace(right, wrong))
     with pytest.raises(ConfigError, match=message), lines_named(path):
         checked_catalogue(effects_of_file(path))

@@ -64,10 +64,8 @@ def corrected_descents(
     table = _table(moved, frame)
     described = {name: value for name, value in (metadata or {}).items() if name in KEPT}
     effects = {name: [round(float(x), 9) for x in theta] for name, theta in correction.theta.items()}
-    spreads = {name: round(float(correction.spreads.get(name, 0.0)), 6) for name in correction.theta}
     made = {
         "effects": effects,
-        "spreads": spreads,
         "seed": correction.seed,
         "mass_kg": correction.mass_kg,
         "typecode": aircraft.typecode,

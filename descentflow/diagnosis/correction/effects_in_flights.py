@@ -1,7 +1,7 @@
 """Effects put into the flights of a simulator: rates, speeds and reports on every level, and times integrated again."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -10,9 +10,8 @@ from torch import Tensor
 from descentflow.core.counter_random import DrawNumbers
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
 from descentflow.diagnosis.correction.flight_gaps import GapChange, with_gaps
-from descentflow.diagnosis.correction.report_noise import with_noise
 from descentflow.effects import Effect
-from descentflow.effects.effect import NOISE, Shift
+from descentflow.effects.effect import Shift
 from descentflow.effects.flight_law import DiffersByFlight
 from descentflow.effects.flight_state import SLOWEST_MPS, FlightState, log_rate
 from descentflow.measurements.level_channels import LevelGrid
@@ -40,8 +39,6 @@ class Correction:
         mass_kg: Mass at which their signatures are taken.
         cleaning: Settings by which the flights were cleaned: they say where descents begin and what rate ends them.
         seed: By which an effect takes its share of the flights.
-        spreads: Effect -> how widely its size spreads between flights, in its mean; only of effects of all flights that
-            say no law of their own.
 
     Example:
         >>> from descentflow.effects import EFFECTS
@@ -54,7 +51,6 @@ class Correction:
     mass_kg: float
     cleaning: Cleaning
     seed: int
-    spreads: Mapping[str, float] = field(default_factory=dict)
 
 
 def with_effects(
@@ -89,7 +85,7 @@ def with_effects(
     flown, reported = changes_of(state, correction)
     moved = _flown(grid, state, flown)
     moved = with_gaps(moved, GapChange.of(flown), DrawNumbers(correction.seed), correction.cleaning)
-    moved = _reported(moved, reported, correction.seed)
+    moved = _reported(moved, reported)
     slow = moved.values["vertical_rate"] > -correction.cleaning.slowest_fpm
     return _without(moved, slow & grid.mask)
 
@@ -176,9 +172,6 @@ def changes_of(state: FlightState, correction: Correction) -> tuple[dict[str, Te
         first = begun if law else 0.0
         begun += share if law else 0.0
         taken = torch.nonzero((number >= first) & (number < first + share))[:, 0]
-        spread = 0.0 if law or share < 1.0 else correction.spreads.get(name, 0.0)
-        usual = draws.uniform(n, stream=place * STREAMS + STREAMS - 1).clamp(min=1e-12)
-        size = 1 + spread * torch.special.ndtri(usual)
         if not len(taken):
             continue
         if law and isinstance(effect, DiffersByFlight):
@@ -190,7 +183,7 @@ def changes_of(state: FlightState, correction: Correction) -> tuple[dict[str, Te
         else:
             change = effect.change(state.rows(taken), whole)
         for total, shift in ((flown, change.flown), (reported, change.reported)):
-            _add(total, shift, taken, size)
+            _add(total, shift, taken, n)
     if bool((flown["cas"] != 0).any()):
         # At another speed the aircraft falls as the polar says.
         faster = log_rate(state, cas_mps=state.cas_mps + flown["cas"] * KT_MPS)
@@ -200,12 +193,12 @@ def changes_of(state: FlightState, correction: Correction) -> tuple[dict[str, Te
     return flown, reported
 
 
-def _add(total: dict[str, Tensor], shift: Shift, rows: Tensor, size: Tensor) -> None:
-    """Add what an effect shifts in some flights, of the size (n,) that each has it in on every level."""
+def _add(total: dict[str, Tensor], shift: Shift, rows: Tensor, n: int) -> None:
+    """Add the shifts of an effect in some of n flights."""
     for quantity, value in shift.items():
         if quantity not in total:
-            total[quantity] = torch.zeros(len(size), *value.shape[1:], dtype=torch.float64)
-        total[quantity][rows] += value * size[rows, None] if quantity in BY_LEVEL else value
+            total[quantity] = torch.zeros(n, *value.shape[1:], dtype=torch.float64)
+        total[quantity][rows] += value
 
 
 def _flown(grid: LevelGrid, state: FlightState, change: dict[str, Tensor]) -> LevelGrid:
@@ -255,7 +248,7 @@ def _times(grid: LevelGrid, factor: Tensor) -> Tensor:
     return torch.where(mask, grid.time_s.gather(1, top) + fallen, torch.nan)
 
 
-def _reported(grid: LevelGrid, change: dict[str, Tensor], seed: int) -> LevelGrid:
+def _reported(grid: LevelGrid, change: dict[str, Tensor]) -> LevelGrid:
     """Reports of the flights by their sensors."""
     values = dict(grid.values)
     values["vertical_rate"] = values["vertical_rate"] * change["rate"].exp()
@@ -264,8 +257,7 @@ def _reported(grid: LevelGrid, change: dict[str, Tensor], seed: int) -> LevelGri
         values["TAS"] = values["TAS"] * change["tas"].exp()
     if "geoaltitude" in values:
         values["geoaltitude"] = values["geoaltitude"] + change["height"] / FT_M
-    noise = {name.removeprefix(NOISE): value for name, value in change.items() if name.startswith(NOISE)}
-    return with_noise(replace(grid, values=values), noise, seed)
+    return replace(grid, values=values)
 
 
 def _without(grid: LevelGrid, gone: Tensor) -> LevelGrid:

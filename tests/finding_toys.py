@@ -11,18 +11,16 @@ from descentflow.diagnosis.findings.cause_found import (
     ParameterEstimate,
     TradeSize,
 )
-from descentflow.diagnosis.findings.correction_found import Previous, RecipeNumber, RecipeStep, Score
+from descentflow.diagnosis.findings.correction_found import Previous, RecipeNumber, RecipeStep
 from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans, Measured
 from descentflow.diagnosis.findings.findings import Curve, Details, Discrepancy, Findings, SingleEffect
 from descentflow.diagnosis.findings.gap_found import (
     BelowRounding,
-    Block,
     GapCell,
     Lack,
     LargestDifference,
     MeasuredEntry,
     Remaining,
-    Stage,
     WouldSplit,
 )
 from descentflow.diagnosis.findings.inputs_found import (
@@ -156,16 +154,14 @@ def findings() -> Findings:
         floor=0.08,
         gap_before=0.67,
         where=[where],
-        stages=[Stage("representation", 0.6, 3.6), Stage("decoder", 0.4, 2.4)],
         causes=[warm(), brakes()],
         gap_after=0.2,
-        remaining=Remaining(0.12, 0.05, left, Block("rate", 150.0, 195.0, 0.04)),
+        remaining=Remaining(0.12, 0.05, left),
         would_split=[WouldSplit(["temperature", "mass"], ["TAS"], "they look alike in the channels given")],
         dropped={"flights_given": 412, "flights_compared": 400},
         details=details(),
         costs=costs(),
         recipe=recipe,
-        scores=[Score("mean absolute error of the time", "s", 25.0, 4.0, 3.0, {"temperature": 9.0})],
         left_out_channels=[LeftOutChannel("geoaltitude", "simulator", ["temperature"])],
         flights_worth_a_look=[FlightWorthALook("DLH4AB-3", 41.0, "s", "time", 190.0, 235.0)],
         previous=Previous("gap/gap.json", ["temperature"], CLOSED, CLOSED, 0.6, 0.1, "The air is as it was found."),

@@ -54,7 +54,7 @@ def with_shared_effects(
     """
     # A gap that is faint and of no shape leaves room for a cause that both sides have.
     faint = report.verdict == "unknown" and not report.details.discrepancy.named
-    if source not in OWN_FLIGHTS or not (faint or report.verdict == "none"):
+    if source != OWN_FLIGHTS or not (faint or report.verdict == "none"):
         return report
     settings.progress("looking for causes that the simulator's own flights have as well")
     able = {name: effect for name, effect in settings.catalogue.items() if effect.inherited_from is not None}

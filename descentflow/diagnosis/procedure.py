@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import polars as pl
@@ -42,7 +41,6 @@ from descentflow.diagnosis.report.what_is_left import (
     remaining_of,
     would_split,
 )
-from descentflow.diagnosis.stages import stages_of
 from descentflow.effects import UNKNOWN
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 
@@ -50,11 +48,6 @@ SHOWN_SETS = 10
 """Sets of effects that are written down."""
 SURELY = 3.0
 """Standard errors from which a mean counts among those that a gap is measured over."""
-
-SAMPLES_SLACK = 5.0
-"""Factor on negligible shifts against samples: they miss what components and energy share omit, up to a percent of the
-rate about the transition.
-"""
 
 
 def run(frame: pl.DataFrame, settings: Settings, dropped: Mapping[str, int]) -> GapReport:
@@ -85,9 +78,9 @@ def run(frame: pl.DataFrame, settings: Settings, dropped: Mapping[str, int]) -> 
 def _run(frame: pl.DataFrame, settings: Settings, dropped: Mapping[str, int]) -> GapReport:
     simulator = settings.simulator
     settings.progress("measuring flights")
-    sides = both_sides(simulator, frame, settings.channels, settings.seed)
+    sides = both_sides(simulator, frame, settings.channels)
     real, source = sides.real, sides.source
-    compared = compare(sides.reference, real, simulator.aircraft, SAMPLES_SLACK if source == "samples" else 1.0)
+    compared = compare(sides.reference, real, simulator.aircraft)
     counts = {
         "flights_given": frame["flight_id"].n_unique(),
         "flights_off_the_grid": frame["flight_id"].n_unique() - len(real),
@@ -167,7 +160,7 @@ class Diagnosis:
 
         Args:
             counts: Of flights and rows.
-            frame: Prepared descents, for the stages and the corrected simulator.
+            frame: Prepared descents, for the corrected simulator.
         """
         asked, compared, progress = self.settings, self.compared, self.settings.progress
         progress("weighing sets of effects")
@@ -185,8 +178,7 @@ class Diagnosis:
         if verdict == "effect" and leaves_cost(costs):
             verdict = "partial"
         causes = self._causes(found, theta, closure, costs, left)
-        made = self._made(found, theta, frame)
-        progress("asking at which stage the simulator loses most")
+        made = self._made(theta, frame)
         floor, after = closure.floor(left), closure.after(left)
         hidden = not_identifiable(asked, self.source)
         return GapReport(
@@ -195,7 +187,6 @@ class Diagnosis:
             floor=floor,
             gap_before=closure.before,
             where=cells,
-            stages=stages_of(asked.simulator, frame, asked.seed),
             causes=causes,
             gap_after=after,
             remaining=remaining_of(compared, left, after - floor, found.named.unknown),
@@ -204,7 +195,6 @@ class Diagnosis:
             details=self._details(found, left, entries),
             costs=costs,
             recipe=recipe_of(causes, asked.catalogue, levels_compared(compared)),
-            scores=made.scoring.rows([call() for call in made.scoring.calls]),
             write_corrected=made.write,
             corrected_file=made.file_name,
             write_flights=made.write_flights,
@@ -325,15 +315,14 @@ class Diagnosis:
         without = tuple(other for other in best.names if other != name)
         return best.log_weight - self.explainer.search.fits.fit(without, best.unknown, best.sizes).log_weight
 
-    def _made(self, found: Explanation, theta: Mapping[str, Tensor], frame: pl.DataFrame) -> CorrectionMade:
-        """The simulator with the causes in it, and its scores."""
+    def _made(self, theta: Mapping[str, Tensor], frame: pl.DataFrame) -> CorrectionMade:
+        """The simulator with the causes in it."""
         if not theta:
             return CorrectionMade()
         asked = self.settings
         # Effects are put in where they were found: at the coefficients that the simulator's own flights show.
         simulator = replace(asked.simulator, aircraft=self.compared.state.aircraft)
-        of_part = partial(self.explainer.theta_of_part, found.best)
-        return correction_made(simulator, frame, self.compared, theta, of_part, asked)
+        return correction_made(simulator, frame, self.compared.state.mass_kg, theta, asked)
 
     def _details(self, found: Explanation, left: Tensor, entries: Tensor) -> Details:
         asked, compared = self.settings, self.compared

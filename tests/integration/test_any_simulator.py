@@ -77,7 +77,6 @@ def test_flights_give_the_verdict_that_the_checkpoint_gives(folder: Path, by_fli
         size = report.causes[0].parameters["deviation_k"]
         assert size.low - 0.1 < 10.0 < size.high + 0.1
     assert by_flights.details.normal_from == "simulator flights"
-    assert by_flights.stages == []
 
 
 def test_flights_of_the_same_world_are_no_gap(folder: Path, simulator: Descents) -> None:
@@ -142,7 +141,7 @@ def test_a_channel_that_one_side_lacks_is_left_out_and_named(real: Descents, sim
     assert "TAS is left out: the simulator's flights lack it." in str(report)
     assert "TAS would separate temperature" in str(report)
     opened = open_both(with_frame(real, real.frame.drop("groundspeed")), simulator, SignatureSource())
-    sides = both_sides(opened.simulator, opened.frame, CHANNELS, seed=0)
+    sides = both_sides(opened.simulator, opened.frame, CHANNELS)
     assert sides.lacked == {"groundspeed": "real"}
     assert set(sides.real.values) == set(sides.reference.values)
 
@@ -274,17 +273,6 @@ def test_the_corrected_flights_close_the_gap_when_diagnosed_again(folder: Path, 
     assert again.causes == []
     left, was = again.gap_before - again.floor, by_flights.gap_before - by_flights.floor
     assert left < 0.05 * was
-
-
-def test_every_score_of_evaluate_is_told_before_and_after(by_flights: GapReport) -> None:
-    statistics = ("KS distance", "Wasserstein distance", "error of the mean", "CRPS", "energy score")
-    for statistic in statistics:
-        assert any(statistic in score.name for score in by_flights.scores)
-    rate = next(s for s in by_flights.scores if s.name.startswith("rate") and "Wasserstein" in s.name)
-    # 10 K are 2 % of the rate: a good part of what two halves of the flights differ by.
-    assert rate.after < rate.before
-    speed = next(s for s in by_flights.scores if s.name.startswith("CAS") and "Wasserstein" in s.name)
-    assert speed.after == pytest.approx(speed.before)
 
 
 def test_the_recipe_is_in_physical_units_and_by_level(by_flights: GapReport) -> None:

@@ -124,8 +124,6 @@ def test_samples_with_the_cause_are_descents_like_any_other(warm: tuple[GapRepor
     corrected = read_descents(out / "corrected.parquet")
     assert corrected.flights == {"A320": 400}
     assert corrected.cleaning == read_descents(out.parent / "descents0.parquet").cleaning
-    rate = next(s for s in report.scores if s.name.startswith("rate") and "at or below" in s.name and s.unit == "1")
-    assert 0 < rate.after < rate.before < 1
     assert report.recipe[0].text.startswith("ISA +")
 
 
@@ -154,7 +152,6 @@ def test_nominal_bada_shows_the_mass_that_flew(plain: Path, checkpoint: Path) ->
     assert report.verdict == "effect"
     cause = report.causes[0]
     assert "mass" in (cause.effect, *cause.group)
-    assert report.stages == []
 
 
 @pytest.mark.filterwarnings("ignore:the cleaning settings:descentflow.core.errors.DescentflowWarning")
@@ -247,14 +244,11 @@ def test_torch_is_left_as_it_was(plain: Path, checkpoint: Path) -> None:
     assert torch.equal(torch.rand(3), expected)
 
 
-def test_a_checkpoint_without_flights_of_its_own_is_sampled(plain: Path, folder: Path, checkpoint: Path) -> None:
-    """As checkpoints of earlier versions: samples stand for the flights, and physics for what they never measured."""
+def test_a_checkpoint_without_flights_of_its_own_is_refused(plain: Path, checkpoint: Path) -> None:
     model = load_model(checkpoint)
     model.representation.reference = None
-    assert diagnose(plain, model, catalogue=SMALL).verdict == "none"
-    report = diagnose(folder / "descents1.parquet", model, catalogue=SMALL)
-    assert [cause.effect for cause in report.causes] == ["temperature"]
-    assert report.details.normal_from == "samples"
+    with pytest.raises(DataError, match=r"keeps no flights.*pass the samples as --simulator"):
+        diagnose(plain, model, catalogue=SMALL)
 
 
 def test_a_cause_that_the_simulator_inherited_is_found_against_physics(folder: Path) -> None:

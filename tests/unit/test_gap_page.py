@@ -290,7 +290,7 @@ def test_what_is_not_known_is_left_out() -> None:
     found = of_verdict("partial")
     bare = replace(found.details, curves={}, detection_limits=[], singles=[], subsets=[], profile=[], lacks=[])
     causes = [replace(one, takes_away={}, own_closure=None) for one in found.causes]
-    empty = replace(found, costs=[], causes=causes, details=bare, provenance=None, scores=[], stages=[], where=[])
+    empty = replace(found, costs=[], causes=causes, details=bare, provenance=None, where=[])
     assert "No rate of descent is compared, so times and distances are not known." in page(empty)
     assert "<figure" not in page(empty)
     assert "Next: " not in summary(empty)

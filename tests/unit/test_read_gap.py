@@ -43,7 +43,7 @@ def test_fields_with_a_default_may_be_absent(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"schema_version": 4}, "schema version 4; expected version 5; to mend it, diagnose the same flights again"),
+        ({"schema_version": 4}, "schema version 4; expected version 6; to mend it, diagnose the same flights again"),
         ({"schema_version": ...}, "no schema_version"),
         ({"floor": ...}, "floor: nothing; expected a value"),
         ({"floor": "0.1"}, "floor: 0.1; expected float"),

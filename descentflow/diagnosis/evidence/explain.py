@@ -1,9 +1,8 @@
 """Explanation of the difference of two sides: causes with sizes, what stands beside them, and what is unknown."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -11,10 +10,10 @@ from descentflow.diagnosis.evidence.assumptions import Assumptions
 from descentflow.diagnosis.evidence.best_sets import Search
 from descentflow.diagnosis.evidence.candidates import Candidate, FlightsEffect, MeanEffect
 from descentflow.diagnosis.evidence.flight_effects import FlightShapes, differing
-from descentflow.diagnosis.evidence.moments import Moments, moments
+from descentflow.diagnosis.evidence.moments import moments
 from descentflow.diagnosis.evidence.naming import Named, name_effects, verdict_of
 from descentflow.diagnosis.evidence.nuisances import lacks, layers_of_air, set_apart
-from descentflow.diagnosis.evidence.set_fit import SetFit, SetFits
+from descentflow.diagnosis.evidence.set_fit import SetFit
 from descentflow.diagnosis.evidence.signatures import Signatures
 from descentflow.diagnosis.findings.findings import Verdict
 from descentflow.diagnosis.findings.gap_found import Lack
@@ -60,10 +59,8 @@ class Explainer:
         >>> from descentflow.diagnosis.inference.example_sides import example_sides
         >>> from descentflow.effects import EFFECTS
         >>> sides = example_sides(EFFECTS["temperature"], [10.0])
-        >>> explainer = Explainer(sides, {"temperature": EFFECTS["temperature"]})
-        >>> half = explainer.theta_of_part(explainer.explanation().best, torch.arange(160) % 2 == 0)
-        >>> half["temperature"].round()
-        tensor([10.], dtype=torch.float64)
+        >>> Explainer(sides, {"temperature": EFFECTS["temperature"]}).explanation().best.names
+        ('temperature',)
     """
 
     def __init__(self, compared: Compared, catalogue: Mapping[str, Effect], assumed: Assumptions | None = None) -> None:
@@ -115,17 +112,6 @@ class Explainer:
         noise = any(quantity.startswith(NOISE) for quantity in effect.shift(self.within.state, effect.start()))
         return noise or effect in differing(self.catalogue)
 
-    def theta_of_part(self, fit: SetFit, chosen: Tensor) -> dict[str, Tensor]:
-        """Parameters of a set by some flights (n,) alone; the windows of single flights stay as they are."""
-        part = replace(self.within, y=torch.where(chosen[:, None], self.within.y, torch.nan))
-        known = moments(part, self.assumed)
-        if not np.isfinite(known.difference).all():
-            # Entries that these flights do not show are known by none of them.
-            known = _without_unseen(known, self.known)
-        fits = SetFits(known, self._candidates(Signatures(part, known, self.assumed)), self.assumed)
-        again = fits.fit(fit.names, fit.unknown, fit.sizes)
-        return {name: fits.candidates[name].theta(again.sizes[name]) for name in fit.names}
-
     def _candidates(self, signatures: Signatures) -> list[Candidate]:
         by_flight = differing(self.catalogue)
         means = [MeanEffect(e, signatures, self.assumed) for e in self.catalogue.values() if e not in by_flight]
@@ -148,11 +134,3 @@ def explain(compared: Compared, catalogue: Mapping[str, Effect], assumed: Assump
         'none'
     """
     return Explainer(compared, catalogue, assumed).explanation()
-
-
-def _without_unseen(part: Moments, whole: Moments) -> Moments:
-    """Moments of some flights, with entries that none of them shows as unknown as they could be."""
-    unseen = ~np.isfinite(part.difference)
-    covariance = np.where(unseen[:, None] | unseen, 0.0, part.covariance)
-    covariance[unseen, unseen] = 1e6 * whole.covariance[unseen, unseen]
-    return replace(part, difference=np.where(unseen, 0.0, part.difference), covariance=covariance)

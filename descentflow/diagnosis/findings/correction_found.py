@@ -1,4 +1,4 @@
-"""Actions for the owner of a simulator: the recipe, the scores it reaches, and the round before."""
+"""Actions for the owner of a simulator: the recipe, and the round before."""
 
 from dataclasses import dataclass, field
 
@@ -42,31 +42,6 @@ class RecipeStep:
     text: str
     numbers: list[RecipeNumber] = field(default_factory=list)
     share_of_flights: float = 1.0
-
-
-@dataclass(frozen=True)
-class Score:
-    """A score of the simulator's flights against the real ones, as `evaluate` has it, before and after the causes.
-
-    Attributes:
-        name: Of the score.
-        unit: Of its value; ``1`` for a plain number.
-        before: The simulator as it is.
-        after: With the causes, whose parameters were learnt on other flights; None where none is named.
-        floor: Of two samples of one population, of the same size; None where the score has none.
-        after_each: With each of several causes alone.
-
-    Example:
-        >>> Score("mean absolute error of the time", "s", before=25.0, after=4.0, floor=3.0).after
-        4.0
-    """
-
-    name: str
-    unit: str
-    before: float
-    after: float | None
-    floor: float | None
-    after_each: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

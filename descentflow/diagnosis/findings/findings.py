@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from descentflow.diagnosis.findings.cause_found import Cause
-from descentflow.diagnosis.findings.correction_found import Previous, RecipeStep, Score
+from descentflow.diagnosis.findings.correction_found import Previous, RecipeStep
 from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans
 from descentflow.diagnosis.findings.gap_found import (
     BelowRounding,
@@ -12,7 +12,6 @@ from descentflow.diagnosis.findings.gap_found import (
     Lack,
     MeasuredEntry,
     Remaining,
-    Stage,
     WouldSplit,
 )
 from descentflow.diagnosis.findings.inputs_found import FlightWorthALook, LeftOutChannel, Provenance
@@ -96,7 +95,7 @@ class Details:
         simulator: Its name.
         regime: ``anchored``: against the simulator's own flights or physics; ``refit``: they have the causes as well.
         typecode: Aircraft type.
-        normal_from: Where the simulator's side comes from: ``training flights``, ``samples`` or ``physics``.
+        normal_from: Where the simulator's side comes from: ``training flights``, ``simulator flights`` or ``physics``.
         seed: Of permutations, folds, bootstrap and samples.
         quantities: Names of what is compared.
         transition_fl: Flight level at which nominal BADA hands over from Mach to CAS.
@@ -157,7 +156,6 @@ class Findings:
         gap_before: Gap between simulator and flights (mean over the affected quantities of the Wasserstein distance in
             standard deviations between flights).
         where: Cells, largest share first.
-        stages: The simulator's own loss by stage; empty for nominal BADA.
         causes: Effects, the one that takes most of the time away first.
         gap_after: Gap once the causes are in the simulator.
         remaining: What is left, and where.
@@ -166,7 +164,6 @@ class Findings:
         details: Everything else: settings, every effect alone, curves behind the figures.
         costs: What the gap costs, the whole range of levels first, then parts of it.
         recipe: What to change in the simulator, cause by cause.
-        scores: Of the simulator's flights before and after the causes, as `evaluate` has them.
         left_out_channels: Channels that one side lacks.
         flights_worth_a_look: Those with most of what no named cause explains, largest first.
         previous: The round before, where one was given.
@@ -188,7 +185,6 @@ class Findings:
     floor: float
     gap_before: float
     where: list[GapCell]
-    stages: list[Stage]
     causes: list[Cause]
     gap_after: float
     remaining: Remaining
@@ -197,7 +193,6 @@ class Findings:
     details: Details
     costs: list[Cost] = field(default_factory=list)
     recipe: list[RecipeStep] = field(default_factory=list)
-    scores: list[Score] = field(default_factory=list)
     left_out_channels: list[LeftOutChannel] = field(default_factory=list)
     flights_worth_a_look: list[FlightWorthALook] = field(default_factory=list)
     previous: Previous | None = None

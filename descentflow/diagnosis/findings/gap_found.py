@@ -1,4 +1,4 @@
-"""Place of the gap, the stage at which it arises, its remainder, and the data that would decide more."""
+"""Place of the gap, its remainder, and the data that would decide more."""
 
 from dataclasses import dataclass
 
@@ -67,25 +67,6 @@ class BelowRounding:
 
 
 @dataclass(frozen=True)
-class Stage:
-    """Loss of a simulator at one stage from flights to samples.
-
-    Attributes:
-        name: ``measurement``, ``representation``, ``coupling``, ``density``, ``rejection`` or ``decoder``.
-        share: Of all stages.
-        seconds: Mean distance of the times for each 1,500 ft.
-
-    Example:
-        >>> Stage("representation", share=0.32, seconds=3.6).name
-        'representation'
-    """
-
-    name: str
-    share: float
-    seconds: float
-
-
-@dataclass(frozen=True)
 class LargestDifference:
     """The largest difference of means that is left once the causes are in the simulator.
 
@@ -102,21 +83,6 @@ class LargestDifference:
 
 
 @dataclass(frozen=True)
-class Block:
-    """The neighbouring bands whose mean rate differs most from the rest.
-
-    Example:
-        >>> Block("rate", 150.0, 195.0, difference=0.04).difference
-        0.04
-    """
-
-    quantity: str
-    level_low_fl: float
-    level_high_fl: float
-    difference: float
-
-
-@dataclass(frozen=True)
 class Remaining:
     """Gap that is left once the causes are in the simulator.
 
@@ -124,18 +90,16 @@ class Remaining:
         gap: Above the noise floor, in spreads between flights.
         share_unexplained: Of what effects and a free discrepancy explain together.
         largest: Where the largest difference is.
-        block: Where the rate differs most from its own mean; None where no rate is compared.
 
     Example:
         >>> largest = LargestDifference("rate", 315.0, 330.0, difference=-0.02, in_negligible_shifts=2.0)
-        >>> Remaining(gap=0.01, share_unexplained=0.05, largest=largest, block=None).largest.level_low_fl
+        >>> Remaining(gap=0.01, share_unexplained=0.05, largest=largest).largest.level_low_fl
         315.0
     """
 
     gap: float
     share_unexplained: float
     largest: LargestDifference
-    block: Block | None
 
 
 @dataclass(frozen=True)

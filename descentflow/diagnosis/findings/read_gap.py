@@ -10,7 +10,7 @@ from typing import Any, Literal, Union, cast, get_args, get_origin, get_type_hin
 from descentflow.core.errors import DataError
 from descentflow.diagnosis.findings.findings import Findings
 
-SCHEMA_VERSION = 5
+SCHEMA_VERSION = 6
 """Of `gap.json`; files of other versions are refused."""
 NUMBERS = (int, float)
 

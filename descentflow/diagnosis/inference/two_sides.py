@@ -84,8 +84,6 @@ class Compared:
     airframe: Tensor
     state: FlightState
     band_fl: float
-    slack: float = 1.0
-    """Factor on negligible shifts of rate and CAS: samples are coarser than flights."""
     coefficients: ReferenceCoefficients = field(default_factory=ReferenceCoefficients.unknown)
     """Of the aircraft that the simulator flies, as far as known; ``state`` is taken with them."""
     names: tuple[str, ...] = ()
@@ -105,8 +103,7 @@ class Compared:
     def negligible(self) -> Tensor:
         """Negligible shift (p,) of each entry."""
         kinds = ["noise" if QUANTITIES[e.quantity].is_noise else e.quantity for e in self.entries]
-        sizes = [NEGLIGIBLE[kind] * (self.slack if kind in ("rate", "cas") else 1.0) for kind in kinds]
-        return torch.tensor(sizes, dtype=torch.float64)
+        return torch.tensor([NEGLIGIBLE[kind] for kind in kinds], dtype=torch.float64)
 
     def of_flight(self) -> Tensor:
         """Entries (p,) that are one number of a whole flight: noise, and gaps."""
@@ -161,14 +158,13 @@ class Compared:
         return float(levels[e.band] - self.band_fl / 2), float(levels[e.band] + self.band_fl / 2)
 
 
-def compare(reference: Quantities | None, real: Quantities, aircraft: PerformanceModel, slack: float = 1.0) -> Compared:
+def compare(reference: Quantities | None, real: Quantities, aircraft: PerformanceModel) -> Compared:
     """Join both sides.
 
     Args:
         reference: The simulator's flights; None for a simulator that claims the polar's rate at the reference mass.
         real: Real flights, on the same bands.
         aircraft: Coefficients of the simulator.
-        slack: How much larger negligible shifts of rate and CAS are than between flights.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
@@ -242,7 +238,6 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Performanc
         both.airframe,
         state,
         real.band_fl,
-        slack,
         coefficients,
         real.names,
         both.day,

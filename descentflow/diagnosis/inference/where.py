@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.findings.gap_found import Block, GapCell
+from descentflow.diagnosis.findings.gap_found import GapCell
 from descentflow.diagnosis.inference.cells import Cell, cell_scores, cells
 from descentflow.diagnosis.inference.gap_distances import distances, noise_floor
 from descentflow.diagnosis.inference.labellings import Labellings, labellings_of
@@ -120,35 +120,3 @@ def _difference(y: Tensor, real: Tensor) -> float:
     if not bool(real.all()):
         mean = mean - y[~real].nanmean(0).nan_to_num(0.0)
     return float(mean.nanmean().nan_to_num(0.0))
-
-
-def strongest_block(compared: Compared, residual: Tensor) -> Block | None:
-    """The contiguous block of bands whose mean rate differs most, by a scan over all blocks.
-
-    Args:
-        compared: Flights of both sides.
-        residual: (n, p) what is left of each flight.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> sides = example_sides()
-        >>> strongest_block(sides, sides.y).quantity
-        'rate'
-    """
-    at = compared.columns("rate")
-    if not len(at):
-        return None
-    y, real = residual[:, at], compared.real
-    mean = y[real].nanmean(0)
-    if compared.has_reference:
-        mean = mean - y[~real].nanmean(0)
-    middle = mean - mean.nanmedian()
-    best: tuple[float, int, int] = (0.0, 0, 0)
-    for i in range(len(at)):
-        for j in range(i, min(i + len(at) // 2, len(at))):
-            value = float(middle[i : j + 1].sum().abs()) / (j - i + 1) ** 0.5
-            best = max(best, (value, i, j))
-    _, i, j = best
-    low = compared.level_range(compared.entries[int(at[i])])[0]
-    high = compared.level_range(compared.entries[int(at[j])])[1]
-    return Block("rate", low, high, float(mean[i : j + 1].mean()))

@@ -148,13 +148,6 @@ def specialist_tables(found: Findings) -> list[Table]:
             [[label(s.effect), f"{s.gain_nats:.0f}", s.refused] for s in alone],
             "lrl",
         ),
-        ("Scores against the real flights", ["", "before", "after", "noise floor"], _scores(found), "lr"),
-        (
-            "Loss by stage of the simulator, s for 1,500 ft",
-            ["stage", "seconds", "share"],
-            [[stage.name, f"{stage.seconds:.2g}", percent(stage.share)] for stage in found.stages],
-            "lr",
-        ),
         (
             "Flights and rows",
             ["", ""],
@@ -189,13 +182,3 @@ def _cells(found: Findings) -> list[list[str]]:
         value = trade_number(*in_trade(cell.quantity, cell.difference, *levels, found.details.profile), signed=True)
         rows.append([label_of(cell.quantity), level_range(*levels), cell.slice, value, percent(cell.share)])
     return rows
-
-
-def _scores(found: Findings) -> list[list[str]]:
-    return [
-        [
-            score.name,
-            *("-" if x is None else trade_number(x, score.unit) for x in (score.before, score.after, score.floor)),
-        ]
-        for score in found.scores
-    ]

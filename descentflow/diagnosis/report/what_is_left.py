@@ -13,7 +13,6 @@ from descentflow.diagnosis.findings.findings import Curve
 from descentflow.diagnosis.findings.gap_found import LargestDifference, Remaining, WouldSplit
 from descentflow.diagnosis.findings.inputs_found import FlightWorthALook, LeftOutChannel
 from descentflow.diagnosis.inference.two_sides import Compared
-from descentflow.diagnosis.inference.where import strongest_block
 from descentflow.diagnosis.report.trade_units import in_trade
 from descentflow.effects import UNKNOWN, Effect
 
@@ -23,8 +22,8 @@ NEIGHBOURS = 0.5
 """Bands beside the one with the largest difference belong to it while theirs, of the same sign, is so large a share."""
 SHOWS = {"TAS": "tas", "geoaltitude": "height", "groundspeed": "wind", "Mach": "mismatch"}
 """Channel -> the quantity that it makes, the one most often worth adding first."""
-OWN_FLIGHTS = ("training flights", "samples")
-"""Sources that hold a model's own flights, whose causes its inferred drag holds as well; flights of any simulator are
+OWN_FLIGHTS = "training flights"
+"""Source that holds a model's own flights, whose causes its inferred drag holds as well; flights of any simulator are
 what it flies, and what both sides have alike is no gap."""
 
 
@@ -54,7 +53,7 @@ def remaining_of(compared: Compared, left: Tensor, gap: float, share_unexplained
     entry = compared.entries[most]
     low, high = compared.level_range(entry)
     largest = LargestDifference(entry.quantity, low, high, float(mean[most]), float(standing[most]))
-    return Remaining(max(gap, 0.0), share_unexplained, largest, strongest_block(compared, left))
+    return Remaining(max(gap, 0.0), share_unexplained, largest)
 
 
 def curves(compared: Compared, left: Tensor) -> dict[str, Curve]:
@@ -194,7 +193,7 @@ def not_identifiable(settings: Settings, source: str) -> list[WouldSplit]:
         >>> "mass" in not_identifiable(asked, "training flights")[0].between, not_identifiable(asked, "simulator")
         (True, [])
     """
-    if source not in OWN_FLIGHTS:
+    if source != OWN_FLIGHTS:
         return []
     names = [name for name, effect in settings.catalogue.items() if effect.inherited_from is None]
     why = "not identifiable where the simulator's own flights have them as well"

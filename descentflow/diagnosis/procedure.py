@@ -18,15 +18,14 @@ from descentflow.diagnosis.correction.measured_gap import measured_gap
 from descentflow.diagnosis.correction.previous_round import held_against
 from descentflow.diagnosis.correction.recipe import levels_compared, recipe_of
 from descentflow.diagnosis.diagnosis_settings import Settings
-from descentflow.diagnosis.evidence.explain import Explainer, Explanation
-from descentflow.diagnosis.evidence.limits import detection_limits
-from descentflow.diagnosis.evidence.nuisances import set_apart
-from descentflow.diagnosis.evidence.set_fit import SetFit
 from descentflow.diagnosis.findings.cause_found import Alternative, Cause, ClosedShare, Closure
 from descentflow.diagnosis.findings.costs_found import Cost
 from descentflow.diagnosis.findings.findings import SIGNIFICANT, Details, Discrepancy, SingleEffect, Verdict
 from descentflow.diagnosis.findings.gap_found import BelowRounding, GapCell
 from descentflow.diagnosis.findings.selection_found import Subset
+from descentflow.diagnosis.inference.explain import Explainer, Explanation, detection_limits
+from descentflow.diagnosis.inference.naming import set_apart
+from descentflow.diagnosis.inference.sets import SetFit
 from descentflow.diagnosis.inference.two_sides import Compared, compare
 from descentflow.diagnosis.inference.where import PERMUTATIONS, where
 from descentflow.diagnosis.practical_size import below_rounding

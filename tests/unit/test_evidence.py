@@ -13,25 +13,20 @@ from descentflow.aircraft_types.registry import aircraft
 from descentflow.diagnosis.correction.corrected_sides import corrected_entries
 from descentflow.diagnosis.correction.effects_in_flights import Correction
 from descentflow.diagnosis.diagnosis_settings import Settings
-from descentflow.diagnosis.evidence.assumptions import Assumptions
-from descentflow.diagnosis.evidence.best_sets import Search
-from descentflow.diagnosis.evidence.candidates import FlightsEffect, Linearised
-from descentflow.diagnosis.evidence.explain import Explainer, explain
-from descentflow.diagnosis.evidence.flight_mixture import (
+from descentflow.diagnosis.inference.assumptions import Assumptions
+from descentflow.diagnosis.inference.candidates import FlightsEffect, Linearised
+from descentflow.diagnosis.inference.example_sides import example_sides
+from descentflow.diagnosis.inference.explain import Explainer, detection_limits, explain
+from descentflow.diagnosis.inference.flight_mixture import (
     LearntLaw,
     WaysOfFlights,
     fit_mixture,
     ways_of_flights,
 )
-from descentflow.diagnosis.evidence.limits import detection_limits
-from descentflow.diagnosis.evidence.moments import Moments, moments, sums_by_clusters, sums_over
-from descentflow.diagnosis.evidence.naming import name_effects
-from descentflow.diagnosis.evidence.nuisances import lacks
-from descentflow.diagnosis.evidence.set_fit import SetFit, SetFits
-from descentflow.diagnosis.inference.example_sides import example_sides
-from descentflow.diagnosis.inference.linear_gaussian import posterior
-from descentflow.diagnosis.inference.precisions import Precisions
-from descentflow.diagnosis.inference.shrinkage import shrunk
+from descentflow.diagnosis.inference.linear_gaussian import Precisions, posterior, shrunk
+from descentflow.diagnosis.inference.moments import Moments, moments, sums_by_clusters, sums_over
+from descentflow.diagnosis.inference.naming import lacks, name_effects
+from descentflow.diagnosis.inference.sets import Search, SetFit, SetFits
 from descentflow.diagnosis.inference.two_sides import Compared, Entry
 from descentflow.diagnosis.procedure import Diagnosis
 from descentflow.diagnosis.simulator import Simulator

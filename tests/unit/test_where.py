@@ -8,12 +8,9 @@ from gaussian_toys import FlightLaw
 from scipy.stats import binom, ttest_ind
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-from descentflow.diagnosis.inference.cells import cell_scores, cells, squared_t
-from descentflow.diagnosis.inference.gap_distances import noise_floor
-from descentflow.diagnosis.inference.labellings import AT_ONCE, labellings, labellings_of
-from descentflow.diagnosis.inference.step_down import step_down
+from descentflow.diagnosis.inference.labellings import AT_ONCE, labellings, labellings_of, noise_floor, step_down
 from descentflow.diagnosis.inference.two_sides import Compared, compare
-from descentflow.diagnosis.inference.where import FALSE_CELLS, where
+from descentflow.diagnosis.inference.where import FALSE_CELLS, cell_scores, cells, squared_t, where
 from descentflow.measurements.quantities import Quantities
 
 TRANSITION_FL = 318.0

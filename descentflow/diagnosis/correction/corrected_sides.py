@@ -12,8 +12,7 @@ from torch import Tensor
 from descentflow.core.units import KT_MPS
 from descentflow.diagnosis.correction.effects_in_flights import Correction, changes_of
 from descentflow.diagnosis.findings.cause_found import ClosedShare
-from descentflow.diagnosis.inference.gap_distances import distances, mean_over_quantities, noise_floor
-from descentflow.diagnosis.inference.labellings import labellings_of
+from descentflow.diagnosis.inference.labellings import distances, labellings_of, mean_over_quantities, noise_floor
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.effects.flight_state import FlightState, log_rate
 

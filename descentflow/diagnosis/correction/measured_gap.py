@@ -7,8 +7,7 @@ import torch
 from torch import Tensor
 
 from descentflow.diagnosis.findings.gap_found import MeasuredEntry
-from descentflow.diagnosis.inference.gap_distances import distances, mean_over_quantities, noise_floor
-from descentflow.diagnosis.inference.labellings import labellings_of
+from descentflow.diagnosis.inference.labellings import distances, labellings_of, mean_over_quantities, noise_floor
 from descentflow.diagnosis.inference.two_sides import Compared
 
 REPLICATES = 40

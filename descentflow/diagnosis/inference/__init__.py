@@ -1,10 +1,11 @@
-"""Measurements of both sides of a diagnosis, and cells that differ by more than chance.
+"""Inference of the diagnosis: what is measured of both sides, which effects explain how they differ, and how surely.
 
-:mod:`~descentflow.diagnosis.inference.two_sides` (flights as vectors),
-:mod:`~descentflow.diagnosis.inference.compared_state`, :mod:`~descentflow.diagnosis.inference.turns_of_flights`,
-:mod:`~descentflow.diagnosis.inference.reference_coefficients` (what the simulator's own flights say of its aircraft);
-:mod:`~descentflow.diagnosis.inference.cells`, :mod:`~descentflow.diagnosis.inference.labellings`,
-:mod:`~descentflow.diagnosis.inference.step_down`, :mod:`~descentflow.diagnosis.inference.gap_distances`,
-:mod:`~descentflow.diagnosis.inference.where` (cells of quantity and altitude against permuted aircraft). Causes are
-weighed in :mod:`descentflow.diagnosis.evidence`.
+Read :mod:`~descentflow.diagnosis.inference.explain` for the steps, and
+:mod:`~descentflow.diagnosis.inference.assumptions` for every constant.
+
+- Flights as vectors: ``two_sides``, ``compared_state``, and ``reference_coefficients`` (what its own flights say of the
+  aircraft that a simulator flies).
+- Whether and where they differ: ``labellings``, ``where`` (cells of quantity and altitude against permuted aircraft).
+- The means of both sides: ``moments``, ``signatures``, ``candidates``, ``linear_gaussian``, ``sets``, ``naming``.
+- The shapes of single flights: ``flight_rates``, ``flight_mixture``, ``flight_effects``.
 """

@@ -63,3 +63,64 @@ def posterior(x: Array, noise: Array, jacobian: Array, prior_mean: Array, prior_
     covariance = cho_solve(solved, np.eye(len(prior_sd)), check_finite=False) * np.outer(prior_sd, prior_sd)
     log_evidence = -0.5 * (square + log_determinant + len(x) * math.log(2.0 * math.pi))
     return Posterior(log_evidence, prior_mean + prior_sd * step, covariance)
+
+
+class Precisions:
+    """Precision matrices of a normal law in flights that miss some entries, one a pattern of what is seen.
+
+    Example:
+        >>> found = Precisions(np.diag([1.0, 4.0]), np.array([[True, True], [False, True]]))
+        >>> found.log_density(np.array([[1.0, 2.0], [0.0, 2.0]])).round(3)  # without the constant
+        array([-1.693, -1.193])
+    """
+
+    def __init__(self, covariance: Array, seen: np.ndarray) -> None:
+        """Invert the part of a covariance that each flight shows.
+
+        Args:
+            covariance: (m, m).
+            seen: (n, m).
+        """
+        patterns, index = np.unique(seen, axis=0, return_inverse=True)
+        index = index.ravel()
+        precision, half_log = np.zeros((len(patterns), *covariance.shape)), np.zeros(len(patterns))
+        for k, pattern in enumerate(patterns):
+            at = np.ix_(pattern, pattern)
+            precision[k][at] = np.linalg.inv(covariance[at])
+            half_log[k] = 0.5 * np.linalg.slogdet(precision[k][at])[1]
+        self.precision, self.half_log = precision[index], half_log[index]
+
+    def times(self, values: Array) -> Array:
+        """Precision times values (n, m)."""
+        return (self.precision @ values[:, :, None])[:, :, 0]
+
+    def log_density(self, values: Array) -> Array:
+        """(n,) of values (n, m) that are zero where not seen, without the constant."""
+        found: Array = self.half_log - 0.5 * (self.times(values) * values).sum(1)
+        return found
+
+
+LEAST_VARIANCE = 1e-30
+
+
+def shrunk(rows: Array) -> Array:
+    """Sum (p, p) of the outer products of rows (a, p), its correlations shrunk by Ledoit and Wolf's weight.
+
+    Ledoit and Wolf (2004), A well-conditioned estimator for large-dimensional covariance matrices, Journal of
+    Multivariate Analysis 88, with the variances as they are (Schaefer and Strimmer 2005, target D).
+
+    Example:
+        >>> rows = np.random.default_rng(0).normal(size=(20, 50))  # fewer rows than entries
+        >>> bool(np.linalg.eigvalsh(shrunk(rows)).min() > 1.0)
+        True
+    """
+    total = rows.T @ rows
+    spread = np.sqrt(np.maximum(total.diagonal(), LEAST_VARIANCE))
+    scaled = rows / spread
+    correlation = scaled.T @ scaled
+    variance = (scaled**2).T @ scaled**2 - correlation**2 / len(rows)
+    apart = ~np.eye(len(total), dtype=bool)
+    size = max(float((correlation[apart] ** 2).sum()), LEAST_VARIANCE)
+    weight = float(np.clip(variance[apart].sum() / size, 0.0, 1.0))
+    found: Array = np.where(apart, (1.0 - weight) * correlation, 1.0) * np.outer(spread, spread)
+    return found

@@ -17,9 +17,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.inference.linear_gaussian import Array
-from descentflow.diagnosis.inference.precisions import Precisions
-from descentflow.diagnosis.inference.shrinkage import shrunk
+from descentflow.diagnosis.inference.linear_gaussian import Array, Precisions, shrunk
 from descentflow.effects.flight_state import FlightState, log_rate
 
 PRIOR_SPREAD = (0.12, 0.23, 0.10, 0.80)

@@ -7,9 +7,8 @@ import torch
 from torch import Tensor
 
 from descentflow.core.units import FL_M
-from descentflow.diagnosis.inference.compared_state import report_delay_s, state_of
+from descentflow.diagnosis.inference.compared_state import by_own_turns, report_delay_s, state_of, turned_more
 from descentflow.diagnosis.inference.reference_coefficients import ReferenceCoefficients, reference_coefficients
-from descentflow.diagnosis.inference.turns_of_flights import by_own_turns, turned_more
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.measurements.quantities import Quantities
 from descentflow.measurements.quantity_registry import BY_BAND, OF_FLIGHT, QUANTITIES

@@ -1,15 +1,13 @@
 """Place of the gap: cells of quantity, altitude and slice, each against permuted flights."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
 from descentflow.diagnosis.findings.gap_found import GapCell
-from descentflow.diagnosis.inference.cells import Cell, cell_scores, cells
-from descentflow.diagnosis.inference.gap_distances import distances, noise_floor
-from descentflow.diagnosis.inference.labellings import Labellings, labellings_of
-from descentflow.diagnosis.inference.step_down import step_down
+from descentflow.diagnosis.inference.labellings import Labellings, distances, labellings_of, noise_floor, step_down
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.measurements.quantity_registry import QUANTITIES
 
@@ -25,6 +23,143 @@ MATTERS = 0.5
 
 ALL = "all"
 """Name of the slice that is all flights."""
+BANDS_IN_CELL = 3
+"""Neighbouring bands of a cell, some 4,500 ft: fewer would be tests of little power, more would hide where it is."""
+MIN_SEEN = 3
+"""Flights, and aircraft, of either side that must show an entry for a difference to be measured in spreads."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Entries (k,) of one quantity in neighbouring bands on one side of the transition.
+
+    Example:
+        >>> cell = Cell("tas", torch.tensor([22, 23, 24]), 150.0, 210.0, "below")
+        >>> len(cell.at)
+        3
+    """
+
+    quantity: str
+    at: Tensor
+    low_fl: float
+    high_fl: float
+    regime: str
+
+
+def cells(compared: Compared, transition_fl: float) -> list[Cell]:
+    """Cut the entries into cells.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> from descentflow.effects import EFFECTS
+        >>> sides = example_sides(EFFECTS["temperature"], [10.0])
+        >>> [(c.low_fl, c.high_fl, c.regime) for c in cells(sides, transition_fl=290.0) if c.quantity == "tas"][:2]
+        [(150.0, 210.0, 'below'), (210.0, 270.0, 'below')]
+    """
+    found: list[Cell] = []
+    for quantity in compared.quantities():
+        run: list[int] = []
+        for i in [*compared.columns(quantity).tolist(), -1]:
+            if run and (
+                i < 0
+                or len(run) == BANDS_IN_CELL
+                or _regime(compared, i, transition_fl) != _regime(compared, run[0], transition_fl)
+            ):
+                low, high = (
+                    compared.level_range(compared.entries[run[0]])[0],
+                    compared.level_range(compared.entries[run[-1]])[1],
+                )
+                found.append(Cell(quantity, torch.tensor(run), low, high, _regime(compared, run[0], transition_fl)))
+                run = []
+            run.append(i)
+    return found
+
+
+def _regime(compared: Compared, i: int, transition_fl: float) -> str:
+    if compared.entries[i].band < 0:
+        return "all"
+    low, high = compared.level_range(compared.entries[i])
+    return "above" if (low + high) / 2 > transition_fl else "below"
+
+
+def cell_scores(y: Tensor, labels: Labellings, chosen: Sequence[Cell]) -> Tensor:
+    """Difference of both sides in every cell under every labelling: (1 + b, cells), near normal without a gap.
+
+    The squares of Welch's t, of means and of squares, are added over a cell's entries; their cube root is close to a
+    normal law (Wilson and Hilferty 1931), whatever the number of entries, and is measured in the labellings' own mean
+    and spread, the true one among them like any other.
+
+    Args:
+        y: (n, p) flights, NaN where an entry is not seen or a flight is left out.
+        labels: Of the aircraft.
+        chosen: Cells to score.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> from descentflow.diagnosis.inference.labellings import labellings_of
+        >>> from descentflow.effects import EFFECTS
+        >>> sides = example_sides(EFFECTS["temperature"], [10.0])
+        >>> of_tas = [cell for cell in cells(sides, transition_fl=290.0) if cell.quantity == "tas"]
+        >>> scores = cell_scores(sides.y, labellings_of(sides, 99, seed=0), of_tas)
+        >>> scores.shape, bool((scores.argmax(0) == 0).all())  # the true sides are further apart than any others
+        (torch.Size([100, 5]), True)
+    """
+    used, place = torch.unique(torch.cat([cell.at for cell in chosen]), return_inverse=True)
+    statistic, places = squared_t(y[:, used], labels), torch.split(place, [len(cell.at) for cell in chosen])
+    root = torch.stack([statistic[:, at].sum(1) for at in places], 1) ** (1 / 3)
+    scores: Tensor = (root - root.mean(0)) / root.std(0).clamp(min=1e-12)
+    return scores
+
+
+def squared_t(y: Tensor, labels: Labellings) -> Tensor:
+    """Squares of Welch's t (1 + b, p) of both sides' means, plus those of their squares about the common mean.
+
+    Variances are of sums over whole aircraft, side by side. So they are right however many flights each aircraft has,
+    and permutations hold for sides whose aircraft differ in that (Janssen 1997; Chung and Romano 2013): only the
+    aircraft must be many. Where there is one side, means alone are compared with zero.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.labellings import labellings
+        >>> y = torch.tensor([[0.0], [1.0], [2.0], [6.0], [7.0], [8.0]]).double()
+        >>> labels = labellings(torch.arange(6), torch.arange(6) > 2, 0, seed=0)
+        >>> of_means = 6.0**2 / (1.0 / 3 + 1.0 / 3)
+        >>> squares = (y - 4) ** 2  # their means are alike
+        >>> torch.allclose(squared_t(y, labels), torch.tensor([[of_means]]).double())
+        True
+    """
+    seen = y.isfinite()
+    if not labels.two_sided:
+        return _one_sided(y.nan_to_num(0.0), seen, labels)
+    centred = torch.where(seen, y - y.nanmean(0), 0.0)
+    variance = centred.square().sum(0) / seen.sum(0).clamp(min=1)
+    squares = torch.where(seen, centred.square() / variance.clamp(min=1e-18), 0.0)
+    count = labels.by_aircraft(seen.double())
+    return _welch(centred, count, labels) + _welch(squares, count, labels)
+
+
+def _welch(values: Tensor, count: Tensor, labels: Labellings) -> Tensor:
+    """Squared t of the difference of two means; ``count`` (c, p) is how many flights of each aircraft are in them."""
+    total = labels.by_aircraft(values)
+    parts = [count, total, total.square(), total * count, count.square(), (count > 0).double()]
+    stacked = torch.cat(parts, 1)
+    mine = labels.sums(stacked)
+    means, variances = [], []
+    for side in (mine, stacked.sum(0) - mine):
+        n, sum_y, sum_yy, sum_yn, sum_nn, aircraft = side.chunk(len(parts), 1)
+        mean = sum_y / n.clamp(min=1)
+        scatter = (sum_yy - 2 * mean * sum_yn + mean.square() * sum_nn).clamp(min=0.0)
+        variance = scatter / n.clamp(min=1).square() * aircraft / (aircraft - 1).clamp(min=1)
+        means.append(mean)
+        variances.append(torch.where((n < MIN_SEEN) | (aircraft < MIN_SEEN), torch.inf, variance))
+    difference = means[0] - means[1]
+    return difference.square() / (variances[0] + variances[1]).clamp(min=1e-18)
+
+
+def _one_sided(y: Tensor, seen: Tensor, labels: Labellings) -> Tensor:
+    """Squared t of a mean that is claimed to be zero; signs leave the squares of aircraft as they are."""
+    total = labels.by_aircraft(torch.where(seen, y, 0.0))
+    found: Tensor = labels.sums(total).square() / total.square().sum(0).clamp(min=1e-18)
+    return found
 
 
 @dataclass(frozen=True)

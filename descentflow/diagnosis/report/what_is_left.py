@@ -6,12 +6,12 @@ import torch
 from torch import Tensor
 
 from descentflow.diagnosis.diagnosis_settings import Settings
-from descentflow.diagnosis.evidence.nuisances import set_apart
 from descentflow.diagnosis.findings.cause_found import Cause
 from descentflow.diagnosis.findings.costs_found import LevelMeans
 from descentflow.diagnosis.findings.findings import Curve
 from descentflow.diagnosis.findings.gap_found import LargestDifference, Remaining, WouldSplit
 from descentflow.diagnosis.findings.inputs_found import FlightWorthALook, LeftOutChannel
+from descentflow.diagnosis.inference.naming import set_apart
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.report.trade_units import in_trade
 from descentflow.effects import UNKNOWN, Effect

@@ -16,14 +16,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from descentflow.diagnosis.evidence.assumptions import Assumptions
-from descentflow.diagnosis.evidence.candidates import FlightsEffect
-from descentflow.diagnosis.evidence.flight_mixture import MixtureFit, WaysOfFlights, fit_mixture, ways_of_flights
-from descentflow.diagnosis.evidence.flight_rates import FlightRates, flight_rates
-from descentflow.diagnosis.evidence.flight_spread import Spread, spread_of
-from descentflow.diagnosis.evidence.moments import Moments
-from descentflow.diagnosis.evidence.signatures import Signatures
+from descentflow.diagnosis.inference.assumptions import Assumptions
+from descentflow.diagnosis.inference.candidates import FlightsEffect
+from descentflow.diagnosis.inference.flight_mixture import MixtureFit, WaysOfFlights, fit_mixture, ways_of_flights
+from descentflow.diagnosis.inference.flight_rates import FlightRates, Spread, flight_rates, spread_of
 from descentflow.diagnosis.inference.linear_gaussian import Array
+from descentflow.diagnosis.inference.moments import Moments
+from descentflow.diagnosis.inference.signatures import Signatures
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.effects import Effect
 from descentflow.effects.flight_law import DiffersByFlight
@@ -66,7 +65,7 @@ class FlightShapes:
     """The shapes of the flights of both sides.
 
     Example:
-        >>> from descentflow.diagnosis.evidence.moments import moments
+        >>> from descentflow.diagnosis.inference.moments import moments
         >>> from descentflow.diagnosis.inference.example_sides import example_sides
         >>> from descentflow.effects import EFFECTS
         >>> brakes, assumed = EFFECTS["speed_brake"], Assumptions()

@@ -1,22 +1,24 @@
 """Explanation of the difference of two sides: causes with sizes, what stands beside them, and what is unknown."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.evidence.assumptions import Assumptions
-from descentflow.diagnosis.evidence.best_sets import Search
-from descentflow.diagnosis.evidence.candidates import Candidate, FlightsEffect, MeanEffect
-from descentflow.diagnosis.evidence.flight_effects import FlightShapes, differing
-from descentflow.diagnosis.evidence.moments import moments
-from descentflow.diagnosis.evidence.naming import Named, name_effects, verdict_of
-from descentflow.diagnosis.evidence.nuisances import lacks, layers_of_air, set_apart
-from descentflow.diagnosis.evidence.set_fit import SetFit
-from descentflow.diagnosis.evidence.signatures import Signatures
 from descentflow.diagnosis.findings.findings import Verdict
-from descentflow.diagnosis.findings.gap_found import Lack
+from descentflow.diagnosis.findings.gap_found import Lack, LargestDifference
+from descentflow.diagnosis.findings.selection_found import DetectionLimit
+from descentflow.diagnosis.inference.assumptions import Assumptions
+from descentflow.diagnosis.inference.candidates import Candidate, FlightsEffect, MeanEffect
+from descentflow.diagnosis.inference.flight_effects import FlightShapes, differing
+from descentflow.diagnosis.inference.linear_gaussian import posterior
+from descentflow.diagnosis.inference.moments import moments
+from descentflow.diagnosis.inference.naming import Named, lacks, layers_of_air, name_effects, set_apart, verdict_of
+from descentflow.diagnosis.inference.sets import Search, SetFit
+from descentflow.diagnosis.inference.signatures import Signatures
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.effects import Effect
 from descentflow.effects.effect import NOISE
@@ -134,3 +136,71 @@ def explain(compared: Compared, catalogue: Mapping[str, Effect], assumed: Assump
         'none'
     """
     return Explainer(compared, catalogue, assumed).explanation()
+
+
+POWER_80 = 0.8416
+"""Standard normal quantile of 80 %."""
+
+
+def detection_limits(explainer: Explainer) -> list[DetectionLimit]:
+    r"""The smallest size of each effect that would be named; effects that only single flights show have none.
+
+    Of one size with the prior :math:`N(0, \tau^2)`, known by the flights to :math:`\sigma`, the evidence gains
+
+    .. math:: \ln B(\theta) = \frac{\theta^2}{2\sigma^2}\frac{\tau^2}{\tau^2 + \sigma^2}
+       - \frac12 \ln\Big(1 + \frac{\tau^2}{\sigma^2}\Big)
+
+    on average. An effect alone is named from :math:`\ln B = \ln\frac{0.95}{0.05} + \ln\frac{1 - \pi}{\pi}`. A standard
+    normal quantile of 0.84 times :math:`\sigma` more makes that so in 80 of 100 cases.
+
+    Args:
+        explainer: Of the flights.
+
+    Example:
+        >>> from descentflow.diagnosis.inference.example_sides import example_sides
+        >>> from descentflow.effects import EFFECTS
+        >>> found = detection_limits(Explainer(example_sides(), {"temperature": EFFECTS["temperature"]}))
+        >>> found[0].parameter, 0.3 < found[0].size < 3.0
+        ('deviation_k', True)
+    """
+    found = []
+    for candidate in explainer.search.fits.candidates.values():
+        if isinstance(candidate, MeanEffect) and len(candidate.start):
+            found.append(_limit(explainer, candidate))
+    return found
+
+
+def _limit(explainer: Explainer, candidate: MeanEffect) -> DetectionLimit:
+    known, assumed = explainer.known, explainer.assumed
+    about = candidate.at(candidate.start)
+    prior = candidate.prior_sd
+    # The others of its sizes are free: what is left of the first is what the flights say of it alone.
+    apart = posterior(known.difference, known.covariance, about.jacobian, candidate.prior_mean, prior)
+    variance = apart.covariance[0, 0]
+    parameter = next(p for p in candidate.effect.parameters if not p.from_heterogeneity)
+    size: float | None = None
+    if variance < prior[0] ** 2 * (1.0 - 1e-9):
+        sigma = math.sqrt(1.0 / (1.0 / variance - 1.0 / prior[0] ** 2))
+        ratio = (prior[0] / sigma) ** 2
+        needed = math.log(assumed.named / (1.0 - assumed.named)) + math.log(
+            (1.0 - assumed.inclusion) / assumed.inclusion
+        )
+        size = sigma * math.sqrt(2.0 * (needed + 0.5 * math.log1p(ratio)) * (1.0 + ratio) / ratio) + POWER_80 * sigma
+        moved = float((np.abs(about.jacobian[:, 0]) / known.negligible).max())
+        size = max(size, assumed.least_shift / max(moved, 1e-30))
+        size = None if abs(size) > max(abs(parameter.low), abs(parameter.high)) else size
+    shows = None if size is None else _shows(explainer, about.jacobian[:, 0] * size)
+    return DetectionLimit(candidate.name, parameter.name, size, parameter.unit, parameter.text, shows)
+
+
+def _log_odds(probability: float) -> float:
+    return math.log(probability / (1.0 - probability))
+
+
+def _shows(explainer: Explainer, shift: np.ndarray) -> LargestDifference:
+    """Entry where a shift (p,) is largest in units of what is negligible."""
+    standing = np.abs(shift) / explainer.known.negligible
+    most = int(standing.argmax())
+    entry = explainer.within.entries[most]
+    low, high = explainer.within.level_range(entry)
+    return LargestDifference(entry.quantity, low, high, float(shift[most]), float(standing[most]))

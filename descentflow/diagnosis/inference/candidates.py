@@ -7,10 +7,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.evidence.assumptions import Assumptions
-from descentflow.diagnosis.evidence.flight_mixture import LearntLaw
-from descentflow.diagnosis.evidence.signatures import Signature, Signatures
+from descentflow.diagnosis.inference.assumptions import Assumptions
+from descentflow.diagnosis.inference.flight_mixture import LearntLaw
 from descentflow.diagnosis.inference.linear_gaussian import Array
+from descentflow.diagnosis.inference.signatures import Signature, Signatures
 from descentflow.effects import Effect
 
 MOST_SCALED = 25.0
@@ -60,7 +60,7 @@ class MeanEffect:
     """An effect that shows in the means: its sizes are those of its parameters that a mean can tell.
 
     Example:
-        >>> from descentflow.diagnosis.evidence.moments import moments
+        >>> from descentflow.diagnosis.inference.moments import moments
         >>> from descentflow.diagnosis.inference.example_sides import example_sides
         >>> from descentflow.effects import EFFECTS
         >>> sides, assumed = example_sides(), Assumptions()

@@ -1,4 +1,4 @@
-r"""Rates of single flights about the mean of their side, without what the air around each explains.
+r"""Rates of single flights about the mean of their side, without what the air around each explains; their spread.
 
 Rates are by altitude over time: the reported rate minus how late it is, so that no late report passes for brakes. An
 aircraft trades height for the speed over ground that wind and temperature take from it, so a flight's rate moves with
@@ -10,14 +10,25 @@ its own air, level by level,
 with the slope of the wind :math:`w'`, of the true airspeed by the air's temperature :math:`(V\tau)'`, and the
 temperature itself. Each side has its own gains g by least squares, between 0 and 1: air that is measured with noise
 explains less. Temperature is by TAS and Mach number, or by the slope of the geometric height.
+
+Normal flights of a side spread about that mean with
+
+.. math:: S = S_0 + \varepsilon^2 I + l^2 m m^\top + w^2 I + t^2 K + s^2 K_\mathrm{short},
+
+the covariance :math:`S_0` of the simulator's flights, a level m of all bands (mass), white noise, and smooth departures
+of two lengths. The four sizes are the likeliest of a grid, each flight weighed by how surely it is normal. A simulator
+whose flights hardly differ, down to a single trajectory, has :math:`S_0` near zero: the real side's spread is then
+learnt whole.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from descentflow.diagnosis.evidence.moments import Moments
-from descentflow.diagnosis.inference.linear_gaussian import Array
+from descentflow.diagnosis.inference.assumptions import Assumptions
+from descentflow.diagnosis.inference.linear_gaussian import Array, Precisions
+from descentflow.diagnosis.inference.moments import Moments
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.physics.airspeed import mach_to_tas_mps
@@ -37,8 +48,8 @@ class FlightRates:
         bands: (m,).
 
     Example:
-        >>> from descentflow.diagnosis.evidence.assumptions import Assumptions
-        >>> from descentflow.diagnosis.evidence.moments import moments
+        >>> from descentflow.diagnosis.inference.assumptions import Assumptions
+        >>> from descentflow.diagnosis.inference.moments import moments
         >>> from descentflow.diagnosis.inference.example_sides import example_sides
         >>> sides = example_sides()
         >>> found = flight_rates(sides, moments(sides, Assumptions()))
@@ -114,3 +125,79 @@ def _slope(values: Array, altitude_m: Array) -> Array:
     blank = np.full((len(values), 1), np.nan)
     up, down = np.concatenate([step, blank], 1), np.concatenate([blank, step], 1)
     return np.where(np.isfinite(up) & np.isfinite(down), (up + down) / 2.0, np.where(np.isfinite(up), up, down))
+
+
+SWEEPS = 2
+"""Over the four sizes."""
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Covariance of a simulator's flights and the shapes by which others may differ more.
+
+    Attributes:
+        base: (m, m).
+        shapes: (m, m) each, of unit size.
+        grid: Sizes that are tried.
+
+    Example:
+        >>> Spread(np.eye(2), (np.eye(2),), (0.0, 1.0)).at([1.0])[0, 0]
+        np.float64(2.0)
+    """
+
+    base: Array
+    shapes: tuple[Array, ...]
+    grid: tuple[float, ...]
+
+    def at(self, sizes: Sequence[float]) -> Array:
+        """Covariance (m, m) at sizes."""
+        return sum((size**2 * shape for size, shape in zip(sizes, self.shapes, strict=True)), self.base)
+
+    def likeliest(self, values: Array, seen: np.ndarray, weight: Array, first: Sequence[float]) -> list[float]:
+        """Sizes by coordinate ascent on a grid.
+
+        Args:
+            values: (n, m), zero where not seen.
+            seen: (n, m).
+            weight: (n,) how surely each flight is normal.
+            first: Sizes at which to begin.
+        """
+        best = list(first)
+
+        def score(sizes: Sequence[float]) -> float:
+            return float(weight @ Precisions(self.at(sizes), seen).log_density(values))
+
+        top = score(best)
+        for _ in range(SWEEPS):
+            for k in range(len(self.shapes)):
+                for size in self.grid:
+                    tried = [*best[:k], size, *best[k + 1 :]]
+                    if tried != best and (found := score(tried)) > top:
+                        top, best = found, tried
+        return best
+
+
+def spread_of(values: Array, seen: np.ndarray, level: Array, kernel: Array, assumed: Assumptions) -> Spread:
+    """Spread of a simulator's flights.
+
+    Args:
+        values: (n, m) of the simulator's flights, zero where not seen.
+        seen: (n, m).
+        level: (m,) of one more mass, in every band.
+        kernel: (m, m) smooth correlation over altitude.
+        assumed: Constants.
+
+    Example:
+        >>> values = np.random.default_rng(0).normal(size=(500, 3))
+        >>> found = spread_of(values, np.full((500, 3), True), np.ones(3), np.eye(3), Assumptions())
+        >>> bool(np.allclose(found.base.diagonal(), 1.0, atol=0.2))
+        True
+    """
+    both = seen.T.astype(float) @ seen
+    sample = values.T @ values / np.maximum(both - 1.0, 1.0)
+    least, vectors = np.linalg.eigh(sample)
+    positive = (vectors * np.maximum(least, 0.0)) @ vectors.T
+    one = np.eye(len(sample))
+    unit = level / np.sqrt((level**2).mean())
+    shapes = (np.outer(unit, unit), one, kernel, kernel ** (1.0 / assumed.short**2))
+    return Spread(positive + assumed.white**2 * one, shapes, assumed.wider)

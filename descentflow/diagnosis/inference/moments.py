@@ -22,9 +22,8 @@ from scipy.stats import norm
 from scipy.stats import t as student_t
 
 from descentflow.core.units import KT_MPS
-from descentflow.diagnosis.evidence.assumptions import Assumptions
-from descentflow.diagnosis.inference.linear_gaussian import Array
-from descentflow.diagnosis.inference.shrinkage import shrunk
+from descentflow.diagnosis.inference.assumptions import Assumptions
+from descentflow.diagnosis.inference.linear_gaussian import Array, shrunk
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.effects.flight_state import Schedule
 

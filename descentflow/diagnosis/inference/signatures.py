@@ -14,9 +14,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.evidence.assumptions import Assumptions
-from descentflow.diagnosis.evidence.moments import Moments
+from descentflow.diagnosis.inference.assumptions import Assumptions
 from descentflow.diagnosis.inference.linear_gaussian import Array
+from descentflow.diagnosis.inference.moments import Moments
 from descentflow.diagnosis.inference.reference_coefficients import scaled
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.effects import Effect
@@ -69,7 +69,7 @@ class Signatures:
     """Signatures of effects in the real flights of a comparison, each computed once.
 
     Example:
-        >>> from descentflow.diagnosis.evidence.moments import moments
+        >>> from descentflow.diagnosis.inference.moments import moments
         >>> from descentflow.diagnosis.inference.example_sides import example_sides
         >>> from descentflow.effects import EFFECTS
         >>> sides, assumed = example_sides(), Assumptions()
@@ -158,7 +158,7 @@ def rate_by_cas(compared: Compared, known: Moments) -> RateByCas:
     :math:`G g` with :math:`G = A(A + \mathrm{diag}(v))^{-1}`, covariance :math:`A - GA`.
 
     Example:
-        >>> from descentflow.diagnosis.evidence.moments import moments
+        >>> from descentflow.diagnosis.inference.moments import moments
         >>> from descentflow.diagnosis.inference.example_sides import example_sides
         >>> sides = example_sides()
         >>> found = rate_by_cas(sides, moments(sides, Assumptions()))

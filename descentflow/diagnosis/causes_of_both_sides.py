@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import torch
 
+from descentflow.diagnosis.correction.corrected_descents import CHECKPOINT
 from descentflow.diagnosis.correction.corrected_simulator import corrected
-from descentflow.diagnosis.correction.correction_made import CHECKPOINT
 from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.inference.two_sides import Compared, compare
 from descentflow.diagnosis.report.gap_report import GapReport
@@ -24,16 +24,13 @@ TAKEN_IN = ("rate", "cas")
 """Quantities that a model follows whatever made them."""
 
 
-def with_shared_effects(
-    report: GapReport, real: Quantities, settings: Settings, source: str, diagnosed: Diagnosed
-) -> GapReport:
+def with_shared_effects(report: GapReport, real: Quantities, settings: Settings, diagnosed: Diagnosed) -> GapReport:
     """The report with causes that both sides have, where no other is named and there are such.
 
     Args:
-        report: Against the simulator's own flights.
+        report: Against a model's own flights, which may hold a cause that it does not know.
         real: Real flights.
         settings: What is diagnosed, and how.
-        source: Where the simulator's flights come from: only a model's own may hold a cause that it does not know.
         diagnosed: Diagnoses flights against physics.
 
     Example:
@@ -48,13 +45,13 @@ def with_shared_effects(
         >>> flights = quantities_of(warm.frame, 150, 340, CHANNELS)
         >>> asked = Settings(Simulator(aircraft("A320")), {"temperature": EFFECTS["temperature"]}, CHANNELS, 0, str)
         >>> alike = diagnose("descents.parquet", "best.ckpt")
-        >>> found = with_shared_effects(alike, flights, asked, "training flights", against_physics)
+        >>> found = with_shared_effects(alike, flights, asked, against_physics)
         >>> alike.verdict, found.causes[0].effect  # the air of both sides is warmer
         ('none', 'temperature')
     """
     # A gap that is faint and of no shape leaves room for a cause that both sides have.
     faint = report.verdict == "unknown" and not report.details.discrepancy.named
-    if source != OWN_FLIGHTS or not (faint or report.verdict == "none"):
+    if not (faint or report.verdict == "none"):
         return report
     settings.progress("looking for causes that the simulator's own flights have as well")
     able = {name: effect for name, effect in settings.catalogue.items() if effect.inherited_from is not None}
@@ -101,5 +98,5 @@ def _refit_report(report: GapReport, found: GapReport, settings: Settings) -> Ga
         write_corrected=write,
         corrected_file="" if write is None else CHECKPOINT,
         recipe=found.recipe,
-        would_split=not_identifiable(settings, "training flights"),
+        would_split=not_identifiable(settings, OWN_FLIGHTS),
     )

@@ -10,7 +10,6 @@ from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_folder
 from descentflow.core.own_file import lines_named
 from descentflow.core.threads import one_thread
-from descentflow.diagnosis.correction.previous_round import previous_round
 from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.earlier_report import check_no_other_report
 from descentflow.diagnosis.open_both import open_both
@@ -20,7 +19,6 @@ from descentflow.diagnosis.simulator_flights import SignatureSource
 from descentflow.effects import EFFECTS, Effect, checked_catalogue
 from descentflow.effects.user_catalogue import effects_of_file
 from descentflow.measurements.quantity_registry import CHANNELS
-from descentflow.representation.own_air import AirSource
 
 
 @checked_arguments
@@ -37,7 +35,7 @@ def diagnose(
     seed: int = 0,
     out: Output | None = None,
     any_type: bool = False,
-    air: AirSource | None = None,
+    air: str | Path | Sequence[str | Path] | None = None,
     columns: Mapping[str, str] | None = None,
     simulator_columns: Mapping[str, str] | None = None,
     simulator_name: str | None = None,
@@ -126,6 +124,8 @@ def diagnose(
     diagnosed = replace(opened.simulator, name=simulator_name or opened.simulator.name)
     settings = Settings(diagnosed, effects, wanted, seed, say)
     if previous is not None:
+        from descentflow.diagnosis.correction.previous_round import previous_round
+
         before = previous_round(previous, made, opened.simulator.aircraft.typecode)
         settings = replace(settings, previous=before, previous_name=str(previous))
     with one_thread(), lines_named(catalogue if isinstance(catalogue, str | Path) else None):

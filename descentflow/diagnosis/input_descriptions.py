@@ -5,12 +5,9 @@ from dataclasses import asdict
 
 import numpy as np
 import polars as pl
-from torch import Tensor
 
 from descentflow.diagnosis.findings.inputs_found import InputUsed
-from descentflow.diagnosis.simulator import Simulator
 from descentflow.diagnosis.simulator_flights import types_of
-from descentflow.representation.read_checkpoint import SECTION
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents
 
@@ -41,65 +38,19 @@ def input_of_flights(name: str, descents: Descents) -> InputUsed:
         first=None if first is None else first.date().isoformat(),
         last=None if last is None else last.date().isoformat(),
         version=version if isinstance(version, str) else None,
-        settings=_settings(cleaning),
+        settings=settings_in_text(cleaning),
         files=[str(one.get("name")) for one in metadata.get("inputs", []) if isinstance(one, dict)],
         fingerprint=fingerprint(frame),
     )
 
 
-def input_of_simulator(simulator: Simulator) -> InputUsed:
-    """A checkpoint, or a nominal descent.
+def settings_in_text(cleaning: Cleaning | None) -> dict[str, str]:
+    """Cleaning settings by name; none where they are unknown.
 
     Example:
-        >>> from descentflow.diagnosis.open_simulator import open_simulator
-        >>> input_of_simulator(open_simulator("A320")).kind, input_of_simulator(open_simulator("best.ckpt")).flights
-        ('nominal BADA', 86)
-        >>> trained = input_of_simulator(open_simulator("best.ckpt"))
-        >>> trained.aircraft, trained.first, trained.last
-        (24, '2024-03-04', '2024-03-08')
+        >>> settings_in_text(Cleaning())["slowest_fpm"]
+        '500.0'
     """
-    parts = simulator.representation
-    if parts is None:
-        code = simulator.aircraft.typecode
-        return InputUsed(f"nominal {code}", "nominal BADA", 0, typecodes=[code])
-    provenance, seen = parts.provenance, parts.seen
-    first, last = (None, None) if seen is None else seen.training_days()
-    return InputUsed(
-        name=simulator.name,
-        kind="checkpoint",
-        typecodes=[str(name) for name in provenance.get("typecodes") or [simulator.aircraft.typecode]],
-        flights=len(parts.split.train),
-        aircraft=None if seen is None else seen.training_aircraft(),
-        first=first,
-        last=last,
-        version=_version_of(simulator),
-        settings=_settings(parts.cleaning),
-        files=[str(provenance["descents"])] if provenance.get("descents") else [],
-        fingerprint=_of_weights(simulator),
-    )
-
-
-def _version_of(simulator: Simulator) -> str | None:
-    """Version of descentflow that wrote a checkpoint; None where it does not say."""
-    section = {} if simulator.content is None else simulator.content().get(SECTION, {})
-    version = section.get("version") if isinstance(section, dict) else None
-    return version if isinstance(version, str) else None
-
-
-def _of_weights(simulator: Simulator) -> str | None:
-    """SHA-256 of the weights in a checkpoint; None where it holds none."""
-    weights = {} if simulator.content is None else simulator.content().get("state_dict", {})
-    tensors = {name: value for name, value in weights.items() if isinstance(value, Tensor)}
-    if not tensors:
-        return None
-    digest = hashlib.sha256()
-    for name in sorted(tensors):
-        digest.update(name.encode())
-        digest.update(tensors[name].detach().cpu().contiguous().numpy().tobytes())
-    return digest.hexdigest()
-
-
-def _settings(cleaning: Cleaning | None) -> dict[str, str]:
     return {} if cleaning is None else {name: str(value) for name, value in asdict(cleaning).items()}
 
 

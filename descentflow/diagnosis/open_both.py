@@ -1,18 +1,18 @@
 """Real flights and the simulator opened together: one cleaning for both, and where either comes from."""
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import polars as pl
 
+from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.errors import ConfigError, DescentflowWarning
 from descentflow.core.version import __version__
 from descentflow.diagnosis.findings.inputs_found import CoefficientsUsed, InputUsed, Provenance
-from descentflow.diagnosis.input_descriptions import input_of_flights, input_of_simulator
-from descentflow.diagnosis.open_simulator import open_simulator
-from descentflow.diagnosis.own_flights import own_flights
+from descentflow.diagnosis.input_descriptions import input_of_flights
 from descentflow.diagnosis.simulator import Simulator, of_its_type
 from descentflow.diagnosis.simulator_flights import (
     SignatureSource,
@@ -22,9 +22,7 @@ from descentflow.diagnosis.simulator_flights import (
     types_of,
 )
 from descentflow.diagnosis.simulator_kind import kind_of, name_of
-from descentflow.diagnosis.weather_taken_out import without_weather
-from descentflow.representation.comparable_descents import comparable_descents
-from descentflow.representation.own_air import AirSource
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.open_descents import open_descents, open_pair
 
@@ -69,7 +67,7 @@ def open_both(
     progress: Callable[[str], None] | None = None,
     *,
     any_type: bool = False,
-    air: AirSource | None = None,
+    air: str | Path | Sequence[str | Path] | None = None,
     columns: Mapping[str, str] | None = None,
     simulator_columns: Mapping[str, str] | None = None,
 ) -> Opened:
@@ -122,33 +120,67 @@ def open_both(
             mend="leave them out; columns of the real rows are `columns` (--column)",
         )
     check_no_source(source, "a checkpoint" if kind == "model" else "a type")
-    found = open_simulator(simulator, source.bada_dir)
+    if kind == "model":
+        return _with_model(real, simulator, source, say, any_type=any_type, air=air, columns=columns)
+    of_type = isinstance(simulator, PerformanceModel)
+    found = Simulator(simulator if of_type else find_aircraft(str(simulator), source.bada_dir))
     say("reading flights")
-    parts = found.representation
-    if parts is not None and parts.correction is not None:
-        raise ConfigError(
-            f"{found.name}, a simulator that is corrected already: the flights that it carries are those before",
-            expected="the checkpoint that `descentflow fit` wrote, or flights",
-            mend="diagnose what it flies: corrected.parquet beside it, or samples (descentflow sample) as --simulator",
-        )
-    if parts is None:
-        descents = open_descents(real, columns=columns, progress=say)
-    else:
-        descents = comparable_descents(real, parts, columns=columns, progress=say)
-    own = input_of_flights(name_of(real), descents)
-    frame, others = (descents.reported, {}) if any_type else of_its_type(descents.reported, found)
+    descents = open_descents(real, columns=columns, progress=say)
+    frame, found, others = _of_type(descents, found, any_type=any_type)
+    code = found.aircraft.typecode
+    nominal = InputUsed(f"nominal {code}", "nominal BADA", 0, typecodes=[code])
+    return Opened(
+        frame, found, input_of_flights(name_of(real), descents), nominal, {**_rows_dropped(descents), **others}
+    )
+
+
+def _of_type(
+    descents: Descents, simulator: Simulator, *, any_type: bool
+) -> tuple[pl.DataFrame, Simulator, dict[str, int]]:
+    """Real flights of the simulator's type, or any, and the counts of others."""
     if any_type:
         # Those that are compared, for the page to call them by.
-        types, aircraft = types_of(frame), found.aircraft
-        found = replace(found, coefficients=CoefficientsUsed(aircraft.typecode, aircraft.source, types))
+        types, aircraft = types_of(descents.reported), simulator.aircraft
+        used = CoefficientsUsed(aircraft.typecode, aircraft.source, types)
+        return descents.reported, replace(simulator, coefficients=used), {}
+    frame, others = of_its_type(descents.reported, simulator)
     if others:
         left_out = ", ".join(f"{number:,} of {name.rpartition('_')[2]}" for name, number in others.items())
         warnings.warn(
             f"flights of other types are left out: {left_out}; --any-type (any_type=True) takes them too",
             DescentflowWarning,
-            stacklevel=3,
+            stacklevel=4,
         )
-    if parts is not None and (air is not None or parts.air is not None):
+    return frame, simulator, others
+
+
+def _with_model(
+    real: Any,
+    model: Any,
+    source: SignatureSource,
+    say: Callable[[str], None],
+    *,
+    any_type: bool,
+    air: str | Path | Sequence[str | Path] | None,
+    columns: Mapping[str, str] | None,
+) -> Opened:
+    # Here and not above: a comparison of flights with flights must not pay for models.
+    from descentflow.diagnosis.open_simulator import input_of_model, open_simulator, own_flights, without_weather
+    from descentflow.representation.comparable_descents import comparable_descents
+
+    if source.bada_dir is not None:
+        raise ConfigError(
+            "BADA files for a simulator that has its own coefficients",
+            expected="them with the designator of a type, or with a simulator's flights",
+            mend="name the type, or leave the folder out",
+        )
+    found = open_simulator(model)
+    parts = found.representation
+    assert parts is not None
+    say("reading flights")
+    descents = comparable_descents(real, parts, columns=columns, progress=say)
+    frame, found, others = _of_type(descents, found, any_type=any_type)
+    if air is not None or parts.air is not None:
         frame, unknown = without_weather(frame, parts, air)
         others |= {"flights_of_unknown_air": unknown} if unknown else {}
         warnings.warn(
@@ -156,10 +188,11 @@ def open_both(
             "there by its own temperature and wind, so that the weather is none of the causes"
             + (f"; {unknown:,} real flights of whose air nothing is known are left out" if unknown else ""),
             DescentflowWarning,
-            stacklevel=3,
+            stacklevel=4,
         )
-    seen = {} if parts is None or parts.seen is None else own_flights(frame, found.name, parts.seen)
-    return Opened(frame, found, own, input_of_simulator(found), {**_rows_dropped(descents), **others, **seen})
+    seen = {} if parts.seen is None else own_flights(frame, found.name, parts.seen)
+    dropped = {**_rows_dropped(descents), **others, **seen}
+    return Opened(frame, found, input_of_flights(name_of(real), descents), input_of_model(found), dropped)
 
 
 def _with_flights(real: Any, simulator: Any, source: SignatureSource, pair: tuple[Descents, Descents]) -> Opened:

@@ -9,13 +9,11 @@ import torch
 from torch import Tensor
 
 from descentflow.core.threads import one_thread
-from descentflow.diagnosis.causes_of_both_sides import with_shared_effects
+from descentflow.diagnosis.correction.corrected_descents import CorrectionMade, correction_made
 from descentflow.diagnosis.correction.corrected_sides import MeasuredClosure, corrected_entries
-from descentflow.diagnosis.correction.correction_made import CorrectionMade, correction_made
 from descentflow.diagnosis.correction.costs import costs_of, profile_of
 from descentflow.diagnosis.correction.effects_in_flights import Correction
 from descentflow.diagnosis.correction.measured_gap import measured_gap
-from descentflow.diagnosis.correction.previous_round import held_against
 from descentflow.diagnosis.correction.recipe import levels_compared, recipe_of
 from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.findings.cause_found import Alternative, Cause, ClosedShare, Closure
@@ -33,6 +31,7 @@ from descentflow.diagnosis.reference_flights import both_sides
 from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.diagnosis.report.sizes import on_both_sides, parameters, share_of, sizes_of, told_of_both
 from descentflow.diagnosis.report.what_is_left import (
+    OWN_FLIGHTS,
     curves,
     flights_worth_a_look,
     left_out_channels,
@@ -89,9 +88,16 @@ def _run(frame: pl.DataFrame, settings: Settings, dropped: Mapping[str, int]) ->
     }
     report = Diagnosis(compared, settings, source).report(counts, frame)
     report = replace(report, left_out_channels=left_out_channels(sides.lacked, settings.catalogue))
-    report = with_shared_effects(report, real, settings, source, against_physics)
+    if source == OWN_FLIGHTS:
+        # Here and not above: a comparison of flights with flights must not pay for models.
+        from descentflow.diagnosis.causes_of_both_sides import with_shared_effects
+
+        report = with_shared_effects(report, real, settings, against_physics)
     if settings.previous is None:
         return report
+
+    from descentflow.diagnosis.correction.previous_round import held_against
+
     settings.progress("holding it against the round before")
     before = held_against(settings.previous, settings.previous_name, compared, report, settings.seed)
     return replace(report, previous=before)

@@ -2,18 +2,20 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import polars as pl
 import torch
 
 from descentflow.core.errors import DataError
 from descentflow.diagnosis.findings.inputs_found import CoefficientsUsed
-from descentflow.generation.rejection import Sampler
 from descentflow.measurements.quantities import Quantities
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.representation.representation import Representation
 from descentflow.surveillance.cleaning.thresholds import Cleaning
+
+if TYPE_CHECKING:
+    from descentflow.generation.rejection import Sampler
+    from descentflow.representation.representation import Representation
 
 MIN_FLIGHTS = 20
 """Of either side: fewer say nothing of any effect; hundreds tell effects apart."""
@@ -32,8 +34,8 @@ class Simulator:
     """
 
     aircraft: PerformanceModel
-    sampler: Sampler | None = None
-    representation: Representation | None = None
+    sampler: "Sampler | None" = None
+    representation: "Representation | None" = None
     content: Callable[[], dict[str, Any]] | None = None
     """Reads the checkpoint again, to write a corrected one."""
     name: str = "nominal"

@@ -1,18 +1,24 @@
-"""`corrected.parquet`: the simulator's own flights with the causes in them, as prepared descents."""
+"""The corrected simulator of a diagnosis: its own flights with the causes in them, or its checkpoint and samples."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
+from torch import Tensor
 
 from descentflow.core.errors import DataError
 from descentflow.diagnosis.correction.effects_in_flights import Correction, with_effects
+from descentflow.diagnosis.diagnosis_settings import Settings
+from descentflow.diagnosis.simulator import Simulator
 from descentflow.measurements.level_channels import LevelGrid
 from descentflow.measurements.quantity_registry import CHANNELS
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.surveillance.descents.prepared_descents import Descents, top_levels
+from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.store import SCHEMA_VERSION
+from descentflow.surveillance.descents.prepared_descents import Descents, top_levels, write_descents
 
 NAMES = ("flight_id", "icao24", "typecode", "callsign")
 """Columns that say which flight it is."""
@@ -98,3 +104,69 @@ def _table(grid: LevelGrid, frame: pl.DataFrame) -> pl.DataFrame:
     absent = [name for name in ("Mach",) if name not in joined.columns]
     joined = joined.with_columns(pl.lit(None, pl.Float64).alias(name) for name in absent)
     return joined.select(*order, *absent)
+
+
+CHECKPOINT, FLIGHTS = "corrected.ckpt", "corrected.parquet"
+"""Names of the corrected simulator beside `gap.json`."""
+
+
+@dataclass(frozen=True)
+class CorrectionMade:
+    """Correction of a simulator by the causes of a diagnosis.
+
+    Attributes:
+        file_name: Of the corrected simulator; empty where there is none to write.
+        write: Writes it to a path; None where there is none.
+        write_flights: Of a checkpoint, writes sampled flights with the causes in them; None where there is none.
+
+    Example:
+        >>> CorrectionMade().write is None  # of a nominal descent
+        True
+    """
+
+    file_name: str = ""
+    write: Callable[[Path], None] | None = None
+    write_flights: Callable[[Path], None] | None = None
+
+
+def correction_made(
+    simulator: Simulator, frame: pl.DataFrame, mass_kg: float, theta: Mapping[str, Tensor], asked: Settings
+) -> CorrectionMade:
+    """The simulator with the causes in it: its own flights, or its checkpoint with samples of it.
+
+    Args:
+        simulator: What was diagnosed.
+        frame: Prepared real descents.
+        mass_kg: Mass at which signatures are taken.
+        theta: Parameters of the causes.
+        asked: What is diagnosed, and how.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS
+        >>> import descentflow as df
+        >>> warm = df.prepare(df.simulate("A320", 120, seed=1, plant={"temperature": {"deviation_k": 10.0}}))
+        >>> only = {"temperature": EFFECTS["temperature"]}
+        >>> report = diagnose(warm, "descents.parquet", catalogue=only, out="gap")
+        >>> report.corrected_file, Path("gap", report.corrected_file).exists()
+        ('corrected.parquet', True)
+    """
+    flights = simulator.flights
+    if flights is not None:
+        correction = Correction(asked.catalogue, theta, mass_kg, simulator.cleaning or Cleaning(), asked.seed)
+
+        def write(path: Path) -> None:
+            write_descents(corrected_descents(flights, simulator.aircraft, correction, simulator.metadata), path)
+
+        return CorrectionMade(FLIGHTS, write)
+    # Here and not above: a comparison of flights with flights must not pay for models.
+    from descentflow.diagnosis.correction.corrected_simulator import corrected, samples_with
+
+    write_checkpoint = corrected(simulator, mass_kg, asked.catalogue, theta)
+    if write_checkpoint is None:
+        return CorrectionMade()
+
+    def write_flights(path: Path) -> None:
+        write_descents(samples_with(simulator, frame, mass_kg, theta, asked.seed), path)
+
+    return CorrectionMade(CHECKPOINT, write_checkpoint, write_flights)

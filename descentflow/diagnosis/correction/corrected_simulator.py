@@ -1,23 +1,39 @@
-"""The simulator with its causes added: a checkpoint that adds them to descents after they are decoded."""
+"""A model with its causes added: a checkpoint that adds them to descents after they are decoded, and samples of it."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import polars as pl
 import torch
 from torch import Tensor
 
 from descentflow.core.errors import ConfigError
+from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.diagnosis.inference.compared_state import state_of
 from descentflow.diagnosis.simulator import Simulator
 from descentflow.effects import EFFECTS, Effect
 from descentflow.effects.effect import NONE
-from descentflow.measurements.quantities import Quantities
+from descentflow.generation.rejection import sample_descents
+from descentflow.measurements.quantities import Quantities, grid_of
 from descentflow.representation.correction import Correction
+from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.representation.plausibility import Plausibility
 from descentflow.representation.read_checkpoint import HELD_OUT, SECTION
 from descentflow.representation.representation import Representation
 from descentflow.surveillance.cleaning.thresholds import Cleaning
+from descentflow.surveillance.descents.store import SCHEMA_VERSION
+from descentflow.surveillance.descents.prepared_descents import Descents, top_levels
+
+SAMPLES = 400
+"""Flights that are sampled: means of these are known to a twentieth of their spread."""
+NEEDED = ("IAS", "vertical_rate")
+"""Channels of a descent."""
+BEGINNING = datetime(2000, 1, 1, tzinfo=UTC)
+"""Start of all samples: they know no date."""
 
 
 def corrected(
@@ -111,3 +127,73 @@ def _widened(bounds: Plausibility, levels_fl: Tensor, correction: Correction, ai
     for name in ("fastest_change_mps2", "fastest_rate_change_mps2"):
         state[name] = torch.full_like(state[name], torch.inf)
     return state
+
+
+def samples_with(
+    simulator: Simulator, frame: pl.DataFrame, mass_kg: float, theta: Mapping[str, Tensor], seed: int
+) -> Descents:
+    """Samples of a model with causes in them, which begin where real flights do.
+
+    Args:
+        simulator: A model.
+        frame: Prepared real descents.
+        mass_kg: Mass at which signatures are taken.
+        theta: Parameters of the causes.
+        seed: Of the samples.
+
+    Example:
+        >>> import polars as pl
+        >>> from descentflow.diagnosis.open_simulator import open_simulator
+        >>> real, theta = pl.read_parquet("descents.parquet"), {"temperature": torch.tensor([10.0])}
+        >>> samples_with(open_simulator("best.ckpt"), real, 64_000.0, theta, seed=0).flights
+        {'A320': 400}
+    """
+    parts, sampler = simulator.representation, simulator.sampler
+    assert parts is not None
+    assert sampler is not None
+    mask = grid_of(frame, *simulator.levels(frame), NEEDED).mask
+    entry = mask.shape[1] - 1 - mask.flip(1).byte().argmax(1)
+    flown = sample_descents(sampler, parts, SAMPLES, seed, entry=entry).trajectories
+    sizes = {name: value.tolist() for name, value in theta.items()}
+    correction = Correction(sizes, mass_kg, cleaning=parts.cleaning or Cleaning(), of_training=air_of_training(parts))
+    settings = None if parts.cleaning is None else asdict(parts.cleaning)
+    return sampled_descents(correction.apply(simulator.aircraft, flown), simulator.aircraft.typecode, settings)
+
+
+def sampled_descents(flown: Trajectories, typecode: str, settings: dict[str, float | None] | None = None) -> Descents:
+    """Prepared descents of samples: IAS, Mach, TAS in standard air and the rate, on every level below their entry.
+
+    Args:
+        flown: Sampled descents.
+        typecode: Their type.
+        settings: Cleaning settings of the flights that the model was trained on; None if not known.
+
+    Example:
+        >>> from descentflow.generation.sample import sample
+        >>> found = sampled_descents(sample("best.ckpt", 70, entry_fl=330).trajectories, "A320")
+        >>> found.flights, found.frame["level_fl"].max(), found.frame["icao24"].n_unique()
+        ({'A320': 70}, 330, 70)
+    """
+    seen = flown.mask.cpu().numpy()[:, ::-1]
+    n, n_levels = seen.shape
+    row = np.broadcast_to(np.arange(n)[:, None], (n, n_levels))[seen]
+    levels = np.broadcast_to(flown.levels_fl.cpu().numpy().astype(np.int32)[::-1], (n, n_levels))[seen]
+    channels = {
+        "time_s": flown.time_s,
+        "vertical_rate": flown.rate_mps / FPM_MPS,
+        "IAS": flown.cas_mps / KT_MPS,
+        "Mach": flown.mach,
+        "TAS": flown.tas_mps / KT_MPS,
+    }
+    columns = {name: value.detach().double().cpu().numpy()[:, ::-1][seen] for name, value in channels.items()}
+    table = pl.DataFrame({"row": row, "level_fl": levels, **columns}).with_columns(
+        flight_id="sample-" + pl.col("row").cast(pl.String).str.zfill(6),
+        icao24="sample-" + pl.col("row").cast(pl.String).str.zfill(6),
+        typecode=pl.lit(typecode),
+        timestamp=pl.lit(BEGINNING) + pl.duration(microseconds=(pl.col("time_s") * 1e6).round().cast(pl.Int64)),
+    )
+    ordered = table.select("flight_id", "icao24", "typecode", "level_fl", "timestamp", *channels)
+    known = {} if settings is None else {"settings": settings}
+    bottom = int(flown.levels_fl[0])
+    about = {"schema_version": SCHEMA_VERSION, "bottom_fl": bottom, "top_fl": top_levels(ordered), "inputs": []}
+    return Descents(ordered, {**about, **known})

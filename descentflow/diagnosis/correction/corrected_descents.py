@@ -17,8 +17,8 @@ from descentflow.measurements.level_channels import LevelGrid
 from descentflow.measurements.quantity_registry import CHANNELS
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.surveillance.cleaning.thresholds import Cleaning
-from descentflow.surveillance.descents.store import SCHEMA_VERSION
 from descentflow.surveillance.descents.prepared_descents import Descents, top_levels, write_descents
+from descentflow.surveillance.descents.store import SCHEMA_VERSION
 
 NAMES = ("flight_id", "icao24", "typecode", "callsign")
 """Columns that say which flight it is."""

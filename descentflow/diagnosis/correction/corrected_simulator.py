@@ -25,8 +25,8 @@ from descentflow.representation.plausibility import Plausibility
 from descentflow.representation.read_checkpoint import HELD_OUT, SECTION
 from descentflow.representation.representation import Representation
 from descentflow.surveillance.cleaning.thresholds import Cleaning
-from descentflow.surveillance.descents.store import SCHEMA_VERSION
 from descentflow.surveillance.descents.prepared_descents import Descents, top_levels
+from descentflow.surveillance.descents.store import SCHEMA_VERSION
 
 SAMPLES = 400
 """Flights that are sampled: means of these are known to a twentieth of their spread."""

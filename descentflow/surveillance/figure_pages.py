@@ -30,12 +30,7 @@ PANELS = ("pressure altitude, FL", "vertical rate, ft/min", "IAS, kt")
 
 
 def look(reason: str | None) -> tuple[str, str, float]:
-    """Colour, marker and size of rows dropped for one reason.
-
-    Example:
-        >>> look("spike_IAS")
-        ('#ff0000', 'x', 30.0)
-    """
+    """Colour, marker and size of rows dropped for one reason."""
     if reason is None:
         return BLUE, ".", 14.0
     if reason.startswith("spike_"):
@@ -50,19 +45,6 @@ def cleaning_figure(flights: Sequence[pl.DataFrame]) -> Figure:
     """Altitude, rate and IAS of some flights against time, every row coloured by the rule that dropped it.
 
     The thin line beside the IAS is the CAS of Mach number and altitude, which should agree with it.
-
-    Args:
-        flights: For each flight its rows: `flight_id typecode timestamp altitude vertical_rate IAS Mach reason`, the
-            reason null where the row was kept.
-
-    Returns:
-        A figure of three panels for each flight, side by side.
-
-    Example:
-        >>> from descentflow.surveillance.prepare import prepare
-        >>> rows = prepare("rows.parquet", shown=2).dropped_rows
-        >>> len(cleaning_figure(rows.partition_by("flight_id")[:2]).axes)
-        6
     """
     figure = Figure(figsize=(5.2 * len(flights), 8.0), layout="constrained")
     grid = figure.subplots(3, len(flights), sharex="col", squeeze=False)
@@ -105,22 +87,7 @@ DPI = 90
 
 
 def write_page(folder: Path, dropped_rows: pl.DataFrame, report: DropReport) -> int:
-    """Write figures of flights and `index.html`, each whole; the page last, when everything that it shows is there.
-
-    Args:
-        folder: Made if it does not exist.
-        dropped_rows: As :func:`~descentflow.surveillance.cleaning.drop_reasons.some_flights`.
-        report: Shown below the figures.
-
-    Returns:
-        Number of flights shown.
-
-    Example:
-        >>> from descentflow.surveillance.prepare import prepare
-        >>> descents = prepare("rows.parquet", shown=1)
-        >>> write_page(Path("figures"), descents.dropped_rows, descents.report)
-        4
-    """
+    """Write figures of flights and `index.html`, each whole; the page last, when everything that it shows is there."""
     folder.mkdir(exist_ok=True)
     flights = dropped_rows.partition_by("flight_id", maintain_order=True)
     groups = [flights[first : first + FLIGHTS_PER_FIGURE] for first in range(0, len(flights), FLIGHTS_PER_FIGURE)]
@@ -152,17 +119,7 @@ DESCENT_PANELS = {"IAS": "IAS (kt)", "vertical_rate": "Vertical rate (ft/min)"}
 
 
 def descents_figure(descents: pl.DataFrame, *, seed: int = 0) -> Figure:
-    """Draw up to 100 flights.
-
-    Args:
-        descents: Prepared descents, a row for each flight and level.
-        seed: Of the flights that are drawn.
-
-    Example:
-        >>> figure = descents_figure(pl.read_parquet("descents.parquet"))
-        >>> [ax.get_xlabel() for ax in figure.axes], len(figure.axes[0].lines)
-        (['IAS (kt)', 'Vertical rate (ft/min)'], 100)
-    """
+    """Draw up to 100 flights."""
     names = descents["flight_id"].unique().sort().to_list()
     drawn = np.random.default_rng(seed).permutation(names)[:MAX_DRAWN_FLIGHTS].tolist()
     figure = Figure(figsize=(8.4, 4.2), layout="constrained")

@@ -96,15 +96,7 @@ def open_prepared(source: Any) -> Descents:
 
 
 def is_prepared(path: Path) -> bool:
-    """Test for the path of a prepared file or a store, and not of rows.
-
-    Raises:
-        DataError: If a Parquet file is damaged.
-
-    Example:
-        >>> is_prepared(Path("descents.parquet")), is_prepared(Path("rows.parquet"))
-        (True, False)
-    """
+    """Test for the path of a prepared file or a store, and not of rows."""
     if path.is_dir():
         return (path / MANIFEST).is_file()
     if path.suffix != ".parquet" or not path.is_file():
@@ -114,18 +106,7 @@ def is_prepared(path: Path) -> bool:
 
 
 def prepared_descents(source: Any) -> Descents | None:
-    """Descents that are prepared already; None for rows.
-
-    Args:
-        source: As :func:`open_descents`.
-
-    Raises:
-        DataError: If there is nothing there, prepared descents cannot be read, or they stand together with rows.
-
-    Example:
-        >>> prepared_descents("rows.parquet") is None, prepared_descents("descents.parquet").bottom_fl
-        (True, 150)
-    """
+    """Descents that are prepared already; None for rows."""
     descents = _in_memory(source)
     if descents is not None or _are_rows(source):
         return descents
@@ -201,16 +182,7 @@ def _in_memory(source: Any) -> Descents | None:
 
 
 def check_no_columns(columns: Mapping[str, str] | None) -> None:
-    """Refuse names of columns for descents that are prepared.
-
-    Raises:
-        ConfigError: If there are any.
-
-    Example:
-        >>> check_no_columns({"altitude": "alt_ft"})
-        Traceback (most recent call last):
-        descentflow.core.errors.ConfigError: columns of prepared descents (altitude=alt_ft); expected columns of ...
-    """
+    """Refuse names of columns for descents that are prepared."""
     if columns:
         words = ", ".join(f"{name}={column}" for name, column in columns.items())
         raise ConfigError(
@@ -223,23 +195,7 @@ def check_no_columns(columns: Mapping[str, str] | None) -> None:
 def cleaned_rows(
     rows: Any, cleaning: Cleaning, progress: Say | None = None, columns: Mapping[str, str] | None = None
 ) -> Descents:
-    """Rows cleaned to descents; the settings are said where they are not the default ones.
-
-    Args:
-        rows: As :func:`~descentflow.surveillance.prepare.prepare` takes them.
-        cleaning: Settings.
-        progress: Progress callback, called with each stage and the settings.
-        columns: Name in a row -> column of the rows' tables.
-
-    Raises:
-        DataError: As :func:`~descentflow.surveillance.prepare.prepare`.
-
-    Example:
-        >>> cleaned_rows("rows.parquet", Cleaning(), print).flights
-        cleaning rows with the default settings
-        ...
-        {'A320': 120}
-    """
+    """Rows cleaned to descents; the settings are said where they are not the default ones."""
     say = progress or (lambda _: None)
     differences = different_settings(Cleaning(), cleaning)
     changed = ", ".join(f"{name} {value}" for name, (_, value) in differences.items())

@@ -90,22 +90,12 @@ def row_blocks(
 
 
 def read_rows(sources: Sequence[Source], report: DropReport, *, format: str | None = None) -> pl.DataFrame:
-    """All rows at once; arguments and errors as :func:`row_blocks`.
-
-    Example:
-        >>> read_rows(["rows.parquet"], DropReport()).select("timestamp", "icao24", "altitude", "IAS", "Mach").shape
-        (23216, 5)
-    """
+    """All rows at once; arguments and errors as :func:`row_blocks`."""
     return pl.concat(row_blocks(sources, report, format=format), how="diagonal")
 
 
 def read_table(path: Path) -> pl.DataFrame:
-    """Read one file as it is, with its own column names (snapshots become one row per aircraft).
-
-    Example:
-        >>> read_table(Path("rows.parquet")).shape[0]
-        23216
-    """
+    """Read one file as it is, with its own column names (snapshots become one row per aircraft)."""
     report = DropReport()
     with opened([path], str(path)) as source:
         parts = _parts(iter([source]), report, Unreadable(report), None, 1 << 22)

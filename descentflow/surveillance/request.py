@@ -147,18 +147,7 @@ def _summed(counts: Sequence[dict[str, int]]) -> dict[str, int]:
 
 
 def description(facts: dict[str, Any], report: DropReport, levels: pl.DataFrame) -> dict[str, Any]:
-    """The description that prepared descents carry.
-
-    Args:
-        facts: As :meth:`Request.facts`.
-        report: Of everything dropped.
-        levels: Columns `flight_id typecode level_fl`.
-
-    Example:
-        >>> levels = pl.DataFrame({"flight_id": ["a"], "typecode": ["A320"], "level_fl": [340]})
-        >>> description(Request(["rows.parquet"]).facts([]), DropReport(), levels)["bottom_fl"]
-        150
-    """
+    """The description that prepared descents carry."""
     check_designators(levels["typecode"].unique())
     return {
         "schema_version": SCHEMA_VERSION,

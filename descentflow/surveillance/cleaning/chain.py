@@ -44,11 +44,6 @@ class Work:
         typecodes: Types to keep; all if None.
         types: Table `icao24,typecode` for rows that do not name their type.
         shown: Number of random flights whose rows are wanted with the reason for which each was dropped; none if 0.
-
-    Example:
-        >>> work = Work(Cleaning(bottom_fl=200), ("timestamp", "icao24", "altitude"), typecodes=("A320",))
-        >>> work.rules.bottom_fl, work.shared
-        (200, ())
     """
 
     rules: Cleaning
@@ -61,13 +56,7 @@ class Work:
 
 @dataclass
 class Outcome:
-    """Levels of the descents of some aircraft, sorted by flight and falling level, and the drop report.
-
-    Example:
-        >>> levels = pl.DataFrame({"flight_id": ["a", "a"], "level_fl": [310, 309]})
-        >>> Outcome(levels, DropReport(), {"A320": 2}).levels["level_fl"].max()
-        310
-    """
+    """Levels of the descents of some aircraft, sorted by flight and falling level, and the drop report."""
 
     levels: pl.DataFrame
     report: DropReport
@@ -131,12 +120,7 @@ def clean(
 
 
 def before_rates(rules: Cleaning) -> filters.Chain:
-    """Filters of altitude, IAS, Mach and reported rate, applied before missing rates are computed from altitude.
-
-    Example:
-        >>> [one.reason for one in before_rates(Cleaning()).filters][:3]
-        ['spike_altitude', 'spike_IAS', 'spike_Mach']
-    """
+    """Filters of altitude, IAS, Mach and reported rate, applied before missing rates are computed from altitude."""
     stale = {"seconds": rules.stale_s, "longest_gap_s": rules.longest_gap_s}
     return (
         faulty_values.Despike("altitude", rules.spike_altitude_ft, fastest=rules.fastest_altitude_ftps)
@@ -155,12 +139,7 @@ def before_rates(rules: Cleaning) -> filters.Chain:
 
 
 def after_rates(rules: Cleaning) -> filters.Chain:
-    """Filters that keep free descent, in their order.
-
-    Example:
-        >>> [one.reason for one in after_rates(Cleaning(largest_bank_deg=25.0)).filters][1:5]
-        ['not_descending', 'transient', 'banked', 'cleared_speed']
-    """
+    """Filters that keep free descent, in their order."""
     descent = (
         faulty_values.Despike("vertical_rate", rules.spike_rate_fpm, fastest=rules.fastest_rate_fpmps)
         | descent_filters.Descending(rules.slowest_fpm)

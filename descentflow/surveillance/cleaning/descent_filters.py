@@ -18,15 +18,6 @@ class Descending(Filter):
 
     Adds `_since_level` and `_until_level`, seconds from the last and to the next row of the flight that does not
     descend so, and `SEGMENT`: a new one begins after each dropped row.
-
-    Args:
-        slowest_fpm: Slowest rate of descent.
-
-    Example:
-        >>> rows = pl.DataFrame({"flight_id": 1, "timestamp": pl.from_epoch(pl.Series([0, 10, 20]))})
-        >>> rows = rows.with_columns(vertical_rate=pl.Series([0.0, -900.0, -1500.0]))
-        >>> Descending().keep(rows).select("vertical_rate", "_since_level").rows()
-        [(-900.0, 10.0), (-1500.0, 20.0)]
     """
 
     slowest_fpm: float = Cleaning.slowest_fpm
@@ -54,14 +45,6 @@ class SteadyDescent(Filter):
 
     A transport aircraft takes some 20 s to enter or to leave its descent (0.05 to 0.1 g); in this time its rate carries
     little about thrust and drag.
-
-    Args:
-        transient_s: Time dropped.
-
-    Example:
-        >>> rows = pl.DataFrame({"altitude": [34900.0, 34500.0], "_since_level": [10.0, 30.0], "_until_level": 600.0})
-        >>> SteadyDescent(20.0).keep(rows)["altitude"].to_list()
-        [34500.0]
     """
 
     transient_s: float = Cleaning.transient_s
@@ -75,16 +58,7 @@ class SteadyDescent(Filter):
 
 @dataclass(frozen=True)
 class LargestDescent(Filter):
-    """Keep the largest descent of a flight that climbs and descends again.
-
-    Args:
-        climb_back_ft: Climb that separates two descents.
-
-    Example:
-        >>> rows = pl.DataFrame({"flight_id": 1, "altitude": [5000.0, 3000.0, 9000.0, 2000.0]})
-        >>> LargestDescent().keep(rows)["altitude"].to_list()
-        [9000.0, 2000.0]
-    """
+    """Keep the largest descent of a flight that climbs and descends again."""
 
     climb_back_ft: float = Cleaning.climb_back_ft
     reason = "second_descent"
@@ -104,13 +78,7 @@ class LargestDescent(Filter):
 
 @dataclass(frozen=True)
 class Falling(Filter):
-    """Drop rows that are not below every earlier row of the descent (quantisation to 25 ft makes some).
-
-    Example:
-        >>> rows = pl.DataFrame({"flight_id": 1, "altitude": [5000.0, 5025.0, 4950.0]})
-        >>> Falling().keep(rows)["altitude"].to_list()
-        [5000.0, 4950.0]
-    """
+    """Drop rows that are not below every earlier row of the descent (quantisation to 25 ft makes some)."""
 
     reason = "not_below_earlier_row"
 
@@ -128,13 +96,6 @@ class LargestBank(Filter):
 
     The bank is the reported roll angle, else that of a coordinated turn, tan(bank) = V rate_of_turn / g, with the
     groundspeed and the change of track between the rows before and after. Rows with neither are kept.
-
-    Args:
-        limit_deg: Largest bank.
-
-    Example:
-        >>> LargestBank(25.0).keep(pl.DataFrame({"roll": [2.0, -30.0, None]}))["roll"].to_list()
-        [2.0, None]
     """
 
     limit_deg: float
@@ -174,17 +135,6 @@ class ClearedSpeed(Filter):
     An assigned speed counts from its issue to its end if the aircraft comes within `within_kt` of it in this time
     (0.002 Mach per kt). One that it never comes close to is no constraint: "280 kt or less" is none for an aircraft
     that flies 260. Only sources with clearances know (:data:`~descentflow.surveillance.rows.schema.INSTRUCTIONS`).
-
-    Args:
-        after_s: Time after the end of an assigned speed in which rows are dropped, too.
-        within_kt: Largest distance from an assigned speed that is flown.
-
-    Example:
-        >>> rows = pl.DataFrame({"flight_id": 1, "timestamp": pl.from_epoch(pl.Series([0, 20, 40]))})
-        >>> ias, cleared = pl.Series([250.0, 255.0, 270.0]), pl.Series([250.0, None, None])
-        >>> rows = rows.with_columns(IAS=ias, cleared_speed_kt=cleared)
-        >>> ClearedSpeed(after_s=30.0).keep(rows)["IAS"].to_list()
-        [270.0]
     """
 
     after_s: float
@@ -217,14 +167,6 @@ class ClearedLevel(Filter):
     A clearance that is replaced before its level is near is no constraint. Level flight itself is dropped without
     clearances, by :class:`~descentflow.surveillance.cleaning.descent_filters.Descending`. Only sources with
     clearances know.
-
-    Args:
-        within_ft: Height above and below the cleared level.
-
-    Example:
-        >>> rows = pl.DataFrame({"altitude": [30000.0, 24300.0], "cleared_flight_level": [240.0, 240.0]})
-        >>> ClearedLevel(within_ft=500.0).keep(rows)["altitude"].to_list()
-        [30000.0]
     """
 
     within_ft: float

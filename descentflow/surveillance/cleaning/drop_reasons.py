@@ -15,18 +15,7 @@ SHOWN = ("flight_id", "typecode", "timestamp", "altitude", "vertical_rate", "IAS
 
 @dataclass
 class TracedReport(DropReport):
-    """A report that also keeps the step by which each row of a batch was dropped.
-
-    Args:
-        rows: Number of rows of the batch.
-
-    Example:
-        >>> report = TracedReport(rows=2)
-        >>> rows = pl.DataFrame({ROW: [0, 1], "IAS": [250.0, 900.0]})
-        >>> _ = report.count("impossible_IAS", rows, rows.head(1))
-        >>> report.step_of.tolist()
-        [-1, 0]
-    """
+    """A report that also keeps the step by which each row of a batch was dropped."""
 
     rows: int = 0
 
@@ -44,12 +33,7 @@ class TracedReport(DropReport):
         return kept
 
     def with_reasons(self, rows: pl.DataFrame, number: int) -> pl.DataFrame:
-        """Some flights of the batch with the reason for which each row was dropped, null for rows that were kept.
-
-        Args:
-            rows: The batch.
-            number: As :func:`some_flights`.
-        """
+        """Some flights of the batch with the reason for which each row was dropped, null for rows that were kept."""
         names = np.array([step.step for step in self.steps] + [None], dtype=object)
         reason = pl.Series("reason", names[self.step_of].tolist(), dtype=pl.String)
         judged = rows.select(name for name in SHOWN if name in rows.columns).with_columns(reason)
@@ -60,15 +44,6 @@ def some_flights(rows: pl.DataFrame, number: int) -> pl.DataFrame:
     """All rows of a few flights: some random ones with rows that were kept, and for each reason the flight it hit most.
 
     From the flights chosen in each part of the data it chooses the same as from all flights at once.
-
-    Args:
-        rows: Columns `flight_id reason` and others, whole flights.
-        number: Number of random flights (by a hash of their names, so that every run chooses the same).
-
-    Example:
-        >>> rows = pl.DataFrame({"flight_id": ["a", "a", "b"], "reason": ["transient", None, "transient"]})
-        >>> some_flights(rows, 0)["flight_id"].unique().to_list()
-        ['a']
     """
     counts = rows.group_by("flight_id", "reason").len()
     hit = counts.drop_nulls("reason").sort("len", "flight_id", descending=[True, False])

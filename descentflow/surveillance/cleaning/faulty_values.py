@@ -103,14 +103,6 @@ class AirspeedsAgree(Filter):
 
     This shows a register decoded as another, or a Mach number kept from an earlier report. Position and instrument
     error, quantisation (1 kt, 0.004 Mach) and a few seconds between the two registers are well below the limit.
-
-    Args:
-        limit_kt: Largest difference of IAS and CAS.
-
-    Example:
-        >>> rows = pl.DataFrame({"altitude": 35000.0, "Mach": 0.78, "IAS": [264.0, 310.0]})
-        >>> AirspeedsAgree(25.0).keep(rows)["IAS"].to_list()
-        [264.0]
     """
 
     limit_kt: float = Cleaning.airspeeds_differ_kt
@@ -139,19 +131,6 @@ class Stale(Filter):
 
     The first row of a stale run is kept, as it was new once; the others are dropped. If two channels are repeated at
     the same time the run is dropped, whichever is at fault.
-
-    Args:
-        column: `altitude`, `IAS`, `Mach` or `vertical_rate`.
-        moved: Smallest change of the implied value, in the column's unit (ft for `vertical_rate`).
-        seconds: Shortest run.
-        longest_gap_s: Longest time between two reports of a run.
-
-    Example:
-        >>> rows = pl.DataFrame({"flight_id": 1, "timestamp": pl.from_epoch(pl.Series([0, 15, 30]))})
-        >>> altitude, mach = pl.Series([30000.0, 28500.0, 27000.0]), pl.Series([0.75, 0.70, 0.65])
-        >>> rows = rows.with_columns(altitude=altitude, Mach=mach, IAS=283.0)
-        >>> Stale("IAS", moved=8.0).keep(rows)["altitude"].to_list()
-        [30000.0]
     """
 
     column: str

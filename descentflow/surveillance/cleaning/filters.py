@@ -28,10 +28,6 @@ def clock_of(flight: Index, seconds: Array) -> Array:
     Args:
         flight: (n,) number of the flight, equal for the rows of one flight, which are neighbours.
         seconds: (n,) ascending within a flight.
-
-    Example:
-        >>> clock_of(np.array([0, 0, 1]), np.array([5.0, 7.0, 6.0])) - PAUSE_S
-        array([0.000000e+00, 2.000000e+00, 1.000002e+06])
     """
     step = np.diff(seconds, prepend=seconds[:1])
     return np.cumsum(np.where(np.diff(flight, prepend=flight[:1] - 1) != 0, PAUSE_S, step))
@@ -47,10 +43,6 @@ def windows(clock: Array, start_s: float, stop_s: float) -> tuple[Index, Index]:
 
     Returns:
         (n,) first rows, and (n,) rows after the last.
-
-    Example:
-        >>> windows(np.array([0.0, 1.0, 2.0, 10.0]), -1.0, 1.0)
-        (array([0, 0, 1, 3]), array([2, 3, 3, 4]))
     """
     first = np.searchsorted(clock, clock + (start_s - SLACK_S))
     return first, np.searchsorted(clock, clock + (stop_s + SLACK_S), side="right")
@@ -61,21 +53,12 @@ def window_sum(values: Array, first: Index, last: Index) -> Array:
 
     Each window is summed by itself: differences of running sums over millions of rows would lose the digits that a
     variance needs. The time therefore grows with the windows' length, and they should be sorted.
-
-    Example:
-        >>> window_sum(np.array([1.0, 2.0, 4.0]), np.array([0, 1, 3]), np.array([2, 3, 3]))
-        array([3., 6., 0.])
     """
     return np.where(last > first, _reduced(np.add, values, first, last), 0.0)
 
 
 def window_max(values: Array, first: Index, last: Index) -> Array:
-    """Largest of values[first:last] for every window, none of which may be empty.
-
-    Example:
-        >>> window_max(np.array([1.0, 4.0, 2.0]), np.array([0, 2]), np.array([2, 3]))
-        array([4., 2.])
-    """
+    """Largest of values[first:last] for every window, none of which may be empty."""
     return _reduced(np.maximum, values, first, last)
 
 
@@ -93,12 +76,7 @@ SECONDS = pl.col("timestamp").dt.epoch("us") / 1e6
 
 
 def flights_of(rows: pl.DataFrame) -> np.ndarray:
-    """(n,) ascending number of every row's flight (the column may hold such numbers itself).
-
-    Example:
-        >>> flights_of(pl.DataFrame({"flight_id": ["a", "a", "b"]}))
-        array([1, 1, 2])
-    """
+    """(n,) ascending number of every row's flight (the column may hold such numbers itself)."""
     name = rows[FLIGHT]
     if name.dtype.is_integer():
         return name.cast(pl.Int64).to_numpy()
@@ -106,12 +84,7 @@ def flights_of(rows: pl.DataFrame) -> np.ndarray:
 
 
 def cut(rows: pl.DataFrame, gone: np.ndarray) -> pl.DataFrame:
-    """Drop rows of a descent; a new `SEGMENT` begins after each.
-
-    Example:
-        >>> cut(pl.DataFrame({SEGMENT: [0, 0, 0]}), np.array([False, True, False]))[SEGMENT].to_list()
-        [0, 1]
-    """
+    """Drop rows of a descent; a new `SEGMENT` begins after each."""
     if not gone.any():
         return rows
     dropped = pl.Series(gone)

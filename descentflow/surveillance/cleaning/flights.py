@@ -20,13 +20,6 @@ def usable(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
     """Drop rows in which a required value is missing or impossible; each row is judged by itself.
 
     An impossible value of a channel that is not required is set to missing instead, and noted.
-
-    Example:
-        >>> from descentflow.surveillance.read_rows import read_rows
-        >>> report = DropReport()
-        >>> rows = read_rows(["rows.parquet"], DropReport()).with_columns(Mach=pl.lit(7.8))
-        >>> usable(rows, report).height, report.steps[-1].step
-        (0, 'impossible_Mach')
     """
     report.count("read", rows, rows)
     for name in REQUIRED:
@@ -50,11 +43,6 @@ def in_order(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
     """Rows sorted by address and time; of rows with the same address and time the first is kept.
 
     Those with other values than the one that is kept are counted by themselves: they are no copies.
-
-    Example:
-        >>> rows = pl.DataFrame({"icao24": ["b", "a", "b"], "timestamp": pl.from_epoch(pl.Series([5, 9, 5]))})
-        >>> in_order(rows, DropReport())["icao24"].to_list()
-        ['a', 'b']
     """
     names = rows["icao24"].unique().sort()
     address = rows["icao24"].cast(pl.Enum(names)).to_physical().cast(pl.Int64).to_numpy()
@@ -88,12 +76,7 @@ def _order(address: Index, time: Index) -> Index:
 
 
 def names_given(rows: pl.DataFrame) -> pl.DataFrame:
-    """Pairs `flight_id icao24` of the source, each once.
-
-    Example:
-        >>> names_given(pl.DataFrame({"flight_id": ["AB12", "AB12"], "icao24": ["4ca001", "4ca001"]})).rows()
-        [('AB12', '4ca001')]
-    """
+    """Pairs `flight_id icao24` of the source, each once."""
     if "flight_id" not in rows.columns:
         return pl.DataFrame(schema={"flight_id": pl.String, "icao24": pl.String})
     return rows.select("flight_id", "icao24").unique().drop_nulls()
@@ -103,13 +86,6 @@ def names_shared(pairs: pl.DataFrame) -> pl.Series:
     """Flight names that would mix the rows of two aircraft (for instance a flight number that is flown every day).
 
     A name that looks like one that is made (:func:`name_flights`) for another aircraft counts, too.
-
-    Args:
-        pairs: As :func:`names_given`, of all rows.
-
-    Example:
-        >>> names_shared(pl.DataFrame({"flight_id": ["AB12", "AB12"], "icao24": ["4ca001", "4ca002"]})).to_list()
-        ['AB12']
     """
     made = pl.col("flight_id").str.extract(MADE_NAME)
     foreign = (made != pl.col("icao24")).fill_null(False)
@@ -126,21 +102,6 @@ def name_flights(
     """Fill `flight_id` where it is missing with the address and the time of the flight's first row.
 
     Silence ends a flight, with a name or without (:mod:`~descentflow.surveillance.cleaning.flights`).
-
-    Args:
-        rows: Sorted by aircraft and time.
-        gap_s: Time without a report that separates two flights of one address.
-        shared: Names of the source to which the address is added; those of :func:`names_shared` in `rows` if None.
-        report: Takes the number of flights that shared one name.
-
-    Returns:
-        Rows sorted by flight and time, with the column
-        :data:`~descentflow.surveillance.cleaning.flights.PART_OF` if flights shared a name.
-
-    Example:
-        >>> rows = pl.DataFrame({"icao24": "4ca001", "timestamp": pl.from_epoch(pl.Series([0, 60, 4000]))})
-        >>> name_flights(rows)["flight_id"].unique().sort().to_list()
-        ['4ca001_19700101T000000', '4ca001_19700101T010640']
     """
     shared = names_shared(names_given(rows)) if shared is None else shared
     named = rows
@@ -189,20 +150,6 @@ def told_apart(rows: pl.DataFrame, gap_s: float, report: DropReport | None = Non
 
     A `flight_id` that comes again (a flight number that is flown every day, a number that begins anew in each file)
     gets the address and the time of each of its flights; so does one whose flight has a long gap.
-
-    Args:
-        rows: Sorted by aircraft and time.
-        gap_s: Time without a row of the flight after which the same name is another flight.
-        report: Takes the number of flights that were separated, and of legs that were joined.
-
-    Returns:
-        The same rows in the same order, with :data:`PART_OF` if any flight was separated.
-
-    Example:
-        >>> times = pl.from_epoch(pl.Series([0, 60, 86_400]))
-        >>> rows = pl.DataFrame({"icao24": "4ca001", "flight_id": "AB12", "timestamp": times})
-        >>> told_apart(rows, 900.0)["flight_id"].to_list()[1:]
-        ['AB12_4ca001_19700101T000000', 'AB12_4ca001_19700102T000000']
     """
     if "flight_id" not in rows.columns or rows["flight_id"].null_count() == len(rows):
         return rows
@@ -232,15 +179,6 @@ def named_as_before(levels: pl.DataFrame, parts: pl.DataFrame) -> pl.DataFrame:
 
     A long gap of reception before a descent leaves it its name, then; two descents of one name keep those that tell
     them apart.
-
-    Args:
-        levels: Sorted by flight.
-        parts: Pairs `flight_id` and :data:`PART_OF` of the parts of flights.
-
-    Example:
-        >>> parts = pl.DataFrame({"flight_id": ["a_1", "a_2"], PART_OF: ["a", "a"]})
-        >>> named_as_before(pl.DataFrame({"flight_id": ["a_2", "b"]}), parts)["flight_id"].to_list()
-        ['a', 'b']
     """
     left = parts.filter(pl.col("flight_id").is_in(levels["flight_id"].unique().implode()))
     alone = left.filter(~pl.col(PART_OF).is_duplicated())

@@ -67,10 +67,6 @@ def local_slope(flight: Index, seconds: Array, values: Array) -> Array:
 
     Returns:
         (n,) in ft/s.
-
-    Example:
-        >>> local_slope(np.zeros(3, dtype=int), np.array([0.0, 30.0, 60.0]), np.array([900.0, 600.0, 300.0])).round(9)
-        array([-10., -10., -10.])
     """
     slope = np.full(len(values), np.nan)
     clock = clock_of(flight, seconds)
@@ -122,17 +118,6 @@ class ConstantRate(Filter):
 
     Segments of fewer than `fewest` reports are not found, nor managed descents at other than constant rate, such as
     those along the geometric path of an arrival.
-
-    Args:
-        seconds: Shortest segment with a sudden change at its begin or end.
-        seconds_alone: Shortest segment without one.
-        gradient: Steepest gradient, in still air, of a segment that no sudden steepening ends.
-        jump_fpm: Smallest sudden change.
-        drift_fpm: Largest change of the fitted line.
-        scatter_fpm: Largest standard deviation about it.
-        offset_fpm: Largest distance of the mean from a rate that can be selected.
-        fewest: Fewest reports of a segment.
-        longest_gap_s: Longest time between two reports of a segment.
     """
 
     seconds: float = Cleaning.constant_rate_s
@@ -167,14 +152,6 @@ class ConstantRate(Filter):
 
         Returns:
             (n,) true in such segments.
-
-        Example:
-            >>> seconds = np.arange(0.0, 400.0, 4.0)
-            >>> rate_fpm = np.where((seconds > 100) & (seconds < 300), -1000.0, -2000.0 + seconds / 2)
-            >>> tas_fpm = np.full(100, 40_000.0)
-            >>> found = ConstantRate().is_constant(np.zeros(100, dtype=int), seconds, rate_fpm, tas_fpm)
-            >>> seconds[found].min(), seconds[found].max()
-            (np.float64(100.0), np.float64(292.0))
         """
         clock = clock_of(flight, seconds)
         change = self._changes(clock, rate_fpm)

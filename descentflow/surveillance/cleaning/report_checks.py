@@ -28,25 +28,7 @@ NONE_OF = "types asked for beside others, of which there is no row: "
 
 
 def tell_absent_types(wanted: Sequence[str] | None, present: Iterable[str], what: str, option: str) -> None:
-    """Warn of types that were asked for beside others, and of which there is none.
-
-    Args:
-        wanted: Types to keep; None for all.
-        present: Types that there are.
-        what: There are of them: rows, or descents.
-        option: That asked, for the message.
-
-    Warns:
-        DescentflowWarning: If there are such types.
-
-    Example:
-        >>> import warnings
-        >>> with warnings.catch_warnings(record=True) as told:
-        ...     warnings.simplefilter("always")
-        ...     tell_absent_types(["A320", "B737-800"], ["A320", "B738"], "row", "--typecode")
-        >>> print(told[0].message)
-        no row of type B737-800, which --typecode asks for beside others; there are A320, B738: designators of ICAO ...
-    """
+    """Warn of types that were asked for beside others, and of which there is none."""
     known = sorted(name for name in present if name)
     if absent := asked_in_vain(wanted, known):
         there = ", ".join(known[:MAX_LISTED_TYPES]) + (", ..." if len(known) > MAX_LISTED_TYPES else "")
@@ -59,36 +41,18 @@ def tell_absent_types(wanted: Sequence[str] | None, present: Iterable[str], what
 
 
 def asked_in_vain(wanted: Sequence[str] | None, present: Iterable[str]) -> list[str]:
-    """Types that were asked for and that there are none of.
-
-    Example:
-        >>> asked_in_vain(["a319", "a320"], ["A320", "B738"])
-        ['A319']
-    """
+    """Types that were asked for and that there are none of."""
     known = set(present)
     return [name.upper() for name in wanted or [] if name.upper() not in known]
 
 
 def no_designators(names: Sequence[str]) -> list[str]:
-    """Names that no designator of Doc 8643 looks like: of a family some types may be absent, these are mistakes.
-
-    Example:
-        >>> no_designators(["A319", "B737-800"])
-        ['B737-800']
-    """
+    """Names that no designator of Doc 8643 looks like: of a family some types may be absent, these are mistakes."""
     return [name for name in names if not DESIGNATOR.fullmatch(name.upper())]
 
 
 def check_designators(typecodes: Iterable[str]) -> None:
-    """Warn of types that are no designators: no coefficients are found by them.
-
-    Example:
-        >>> with warnings.catch_warnings(record=True) as caught:
-        ...     warnings.simplefilter("always")
-        ...     check_designators(["A320", "A-320"])
-        >>> print(caught[0].message)
-        descents of type A-320, which is no designator of ICAO's Doc 8643; ...
-    """
+    """Warn of types that are no designators: no coefficients are found by them."""
     odd = sorted({name for name in typecodes if not DESIGNATOR.fullmatch(name)})
     if odd:
         more = f" and {len(odd) - 5} more" if len(odd) > 5 else ""
@@ -101,22 +65,7 @@ def check_designators(typecodes: Iterable[str]) -> None:
 
 
 def check_report(report: DropReport, rules: Cleaning) -> None:
-    """Refuse rows of which most contradict themselves; warn of rows of one time and address with other values.
-
-    Args:
-        report: Of all rows, with every step.
-        rules: Thresholds that were used.
-
-    Raises:
-        DataError: If IAS contradicts Mach in most rows.
-
-    Example:
-        >>> from descentflow.surveillance.rows.drop_report import Step
-        >>> check_report(DropReport([Step("IAS_contradicts_Mach", 9, 1, 1, 1)]), Cleaning())
-        Traceback (most recent call last):
-        ...
-        descentflow.core.errors.DataError: IAS contradicts Mach and altitude by 25 kt or more in 9 of 10 rows; ...
-    """
+    """Refuse rows of which most contradict themselves; warn of rows of one time and address with other values."""
     step = next((one for one in report.steps if one.step == "IAS_contradicts_Mach"), None)
     judged = step.rows_dropped + step.rows_left if step else 0
     if step and step.rows_dropped > Fixed.contradicting_share * judged:
@@ -176,28 +125,7 @@ def check_left(
     types: pl.DataFrame | None = None,
     untyped: Mapping[str, int] | None = None,
 ) -> None:
-    """Refuse rows of which none is left before cleaning, and say why.
-
-    Args:
-        report: Of all rows.
-        wanted: Types to keep.
-        present: Number of rows per known type.
-        types: Table `icao24,typecode`, if there is one.
-        untyped: Number of rows per address, where it names none of them.
-
-    Raises:
-        DataError: If no row is of known type, or of a wanted type. If none was usable before that, nothing is said:
-            :func:`~descentflow.surveillance.cleaning.report_checks.nothing_left` has the words for it.
-
-    Example:
-        >>> report = DropReport()
-        >>> for step, left in {"duplicate": 9, "unknown_type": 9, "other_type": 0}.items():
-        ...     _ = report.count(step, pl.DataFrame({"IAS": [270.0] * 9}), pl.DataFrame({"IAS": [270.0] * left}))
-        >>> check_left(report, ["B738"], {"A320": 9})
-        Traceback (most recent call last):
-        ...
-        descentflow.core.errors.DataError: no row of type B738...
-    """
+    """Refuse rows of which none is left before cleaning, and say why."""
     if not report.left("duplicate"):
         return
     if not report.left("unknown_type") and types is not None and untyped:
@@ -285,17 +213,7 @@ REASONS: dict[str, tuple[str, str]] = {
 
 
 def nothing_left(report: DropReport, cleaning: Cleaning) -> DataError:
-    """The error to raise if cleaning left no descent.
-
-    Args:
-        report: Of every step.
-        cleaning: Its thresholds.
-
-    Example:
-        >>> report = DropReport([Step("read", 0, None, 9, None), Step("not_descending", 9, 1, 0, 0)])
-        >>> print(nothing_left(report, Cleaning()))
-        no free descent is left: 9 of 9 rows do not descend at 500 ft/min or more (not_descending); expected ...
-    """
+    """The error to raise if cleaning left no descent."""
     read = report.steps[0].rows_left + report.steps[0].rows_dropped if report.steps else 0
     if not read:
         nothing = f"no row in what was given\n{report}"

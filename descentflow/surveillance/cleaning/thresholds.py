@@ -175,12 +175,7 @@ class Cleaning:
 
 @dataclass(frozen=True)
 class Fixed:
-    """Numbers of the cleaning's methods that are no options; used as `Fixed.hampel_rows`.
-
-    Example:
-        >>> Fixed.altitude_step_ft
-        25.0
-    """
+    """Numbers of the cleaning's methods that are no options; used as `Fixed.hampel_rows`."""
 
     altitude_step_ft: float = _threshold(25.0, "step of reported altitude, ft", "Mode S and ADS-B: ICAO Doc 9871")
     hampel_rows: int = _threshold(5, "reports in the window of a Hampel filter", "Hampel 1974, JASA 69")
@@ -288,21 +283,7 @@ def _checked(value: object, field: "dataclasses.Field[Any]", origin: str) -> int
 
 
 def kept_cleaning(settings: object) -> Cleaning | None:
-    """The thresholds that a prepared file or a checkpoint was made with.
-
-    Args:
-        settings: Threshold names and values, as :func:`dataclasses.asdict` gives them.
-
-    Returns:
-        The thresholds; None if they are unknown: nothing is kept, a value is no threshold, or the names are not exactly
-        those of this version (of a threshold that it did not have, another version has nothing).
-
-    Example:
-        >>> kept_cleaning(asdict(Cleaning(transient_s=60.0))).transient_s
-        60.0
-        >>> kept_cleaning({"transient_s": 60.0}) is None
-        True
-    """
+    """The thresholds that a prepared file or a checkpoint was made with."""
     if not isinstance(settings, Mapping) or set(settings) != {field.name for field in fields(Cleaning)}:
         return None
     try:
@@ -312,28 +293,13 @@ def kept_cleaning(settings: object) -> Cleaning | None:
 
 
 def different_settings(first: Cleaning, second: Cleaning) -> dict[str, tuple[Any, Any]]:
-    """Thresholds that differ between two cleanings, each with both values.
-
-    Example:
-        >>> different_settings(Cleaning(), Cleaning(slowest_fpm=1200.0))
-        {'slowest_fpm': (500.0, 1200.0)}
-    """
+    """Thresholds that differ between two cleanings, each with both values."""
     values, others = asdict(first), asdict(second)
     return {name: (values[name], others[name]) for name in values if values[name] != others[name]}
 
 
 def differences_in_words(differences: Mapping[str, tuple[Any, Any]], second: str, first: str) -> str:
-    """Each setting that differs with both values, in one line.
-
-    Args:
-        differences: As :func:`different_settings` gives them.
-        second: What was made with the second value of each.
-        first: What was made with the first.
-
-    Example:
-        >>> differences_in_words({"slowest_fpm": (500.0, 1200.0)}, "in these descents", "in the training descents")
-        'slowest_fpm is 1200 in these descents and 500 in the training descents'
-    """
+    """Each setting that differs with both values, in one line."""
     return ", ".join(
         f"{name} is {_value_in_words(there)} {second} and {_value_in_words(here)} {first}"
         for name, (here, there) in differences.items()

@@ -22,21 +22,7 @@ AGAIN = "rows that come again {hours:g} h later, of another clock"
 
 
 def without_other_clocks(rows: pl.DataFrame, gap_s: float, report: DropReport) -> pl.DataFrame:
-    """Rows without those that the same aircraft has shifted by whole half hours; the earlier of both are kept.
-
-    Args:
-        rows: Sorted by aircraft and time.
-        gap_s: Time without a row that ends a stretch.
-        report: Takes the step, if rows are dropped, and their number by shift.
-
-    Example:
-        >>> times = pl.from_epoch(pl.Series([1_700_000_000 + 4 * number for number in range(60)]))
-        >>> rows = pl.DataFrame({"icao24": "a", "timestamp": times, "altitude": range(30_000, 24_000, -100)})
-        >>> later = rows.with_columns(pl.col("timestamp") + pl.duration(hours=1))
-        >>> report = DropReport()
-        >>> without_other_clocks(pl.concat([rows, later]), 900.0, report).equals(rows), report.notes
-        (True, {'rows that come again 1 h later, of another clock': 60})
-    """
+    """Rows without those that the same aircraft has shifted by whole half hours; the earlier of both are kept."""
     clock = _clock(rows, gap_s).filter(pl.col("s") >= FIRST_S)  # a simulator's clock has no time zone
     is_copy = pl.repeat(False, len(rows), eager=True)
     for (steps,), possible in _possible(clock).partition_by("steps", as_dict=True).items():

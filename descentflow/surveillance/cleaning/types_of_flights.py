@@ -16,14 +16,6 @@ def with_types(rows: pl.DataFrame, types: pl.DataFrame | None, report: DropRepor
 
     What stands for no type (`ZZZZ`, `XXXX`) is none. A flight has one type
     (:func:`~descentflow.surveillance.cleaning.types_of_flights.one_type_each`).
-
-    Raises:
-        DataError: If the table lacks a column.
-
-    Example:
-        >>> types = pl.DataFrame({"icao24": ["4CA001"], "typecode": ["a320"]})
-        >>> with_types(pl.DataFrame({"icao24": ["4ca001", "4ca002"]}), types)["typecode"].to_list()
-        ['A320', None]
     """
     if "typecode" not in rows.columns:
         rows = rows.with_columns(pl.lit(None, pl.String).alias("typecode"))
@@ -43,13 +35,7 @@ def with_types(rows: pl.DataFrame, types: pl.DataFrame | None, report: DropRepor
 
 
 def of_types(rows: pl.DataFrame, wanted: Sequence[str] | None, report: DropReport) -> pl.DataFrame:
-    """Keep rows of known type, and of the wanted types if there are any.
-
-    Example:
-        >>> rows = pl.DataFrame({"typecode": ["A320", "B738", None]})
-        >>> of_types(rows, ["a320"], DropReport())["typecode"].to_list()
-        ['A320']
-    """
+    """Keep rows of known type, and of the wanted types if there are any."""
     named = rows["typecode"].is_not_null()
     known = report.count("unknown_type", rows, rows if named.all() else rows.filter(named))
     if wanted is None:
@@ -58,12 +44,7 @@ def of_types(rows: pl.DataFrame, wanted: Sequence[str] | None, report: DropRepor
 
 
 def rows_by_address(rows: pl.DataFrame) -> dict[str, int]:
-    """Number of rows of each address.
-
-    Example:
-        >>> rows_by_address(pl.DataFrame({"icao24": ["4ca001", "4ca001"]}))
-        {'4ca001': 2}
-    """
+    """Number of rows of each address."""
     return dict(rows["icao24"].value_counts(sort=True).iter_rows())
 
 
@@ -76,15 +57,6 @@ def one_type_each(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
     """Rows of a flight with the type that most of them name; of a flight that names none, with that of the address.
 
     An address whose flights have several types gives none to others.
-
-    Args:
-        rows: Sorted by flight, with a typecode or null.
-        report: Takes the number of types that were filled in, and of flights with several.
-
-    Example:
-        >>> rows = pl.DataFrame({"flight_id": ["a", "a", "b"], "icao24": "4ca001", "typecode": ["A320", None, None]})
-        >>> one_type_each(rows, DropReport())["typecode"].to_list()
-        ['A320', 'A320', 'A320']
     """
     named, flight = pl.col("typecode"), pl.col("flight_id")
     differs = (named.ne_missing(named.shift()) & (flight == flight.shift())).any()

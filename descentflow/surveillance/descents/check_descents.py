@@ -17,28 +17,7 @@ NEVER_MISSING = ("flight_id", "level_fl", "time_s")
 
 
 def checked_descents(frame: pl.DataFrame, source: object) -> pl.DataFrame:
-    """The table with the types that prepared descents have.
-
-    Args:
-        frame: It has the columns that are required.
-        source: Where it comes from, for the message.
-
-    Raises:
-        DataError: If a column is of a type that cannot hold what it should, a value is missing that never is, a value
-            is not finite or no flight has it (:data:`~descentflow.surveillance.rows.schema.POSSIBLE`), a flight has
-            a level twice, or columns contradict each other.
-
-    Warns:
-        DescentflowWarning: If columns of some flights contradict each other.
-
-    Example:
-        >>> frame = pl.read_parquet("descents.parquet")
-        >>> checked_descents(frame, "descents.parquet").equals(frame)
-        True
-        >>> checked_descents(frame.with_columns(IAS=pl.lit(1e30)), "descents.parquet")
-        Traceback (most recent call last):
-        descentflow.core.errors.DataError: descents.parquet: column IAS holds 20,528 values outside 40 to 500, ...
-    """
+    """The table with the types that prepared descents have."""
     frame = _typed(frame, source)
     for name in NEVER_MISSING:
         if missing := frame[name].null_count():

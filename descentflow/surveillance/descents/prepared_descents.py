@@ -215,12 +215,7 @@ UNITS = {
 
 
 def top_levels(frame: pl.DataFrame) -> dict[str, int]:
-    """For each type, the highest level that at least a quarter of its flights reach.
-
-    Example:
-        >>> 300 < top_levels(read_descents("descents.parquet").frame)["A320"] < 400
-        True
-    """
+    """For each type, the highest level that at least a quarter of its flights reach."""
     reached = frame.group_by("typecode", "flight_id").agg(pl.col("level_fl").max())
     tops = reached.group_by("typecode").agg(
         pl.col("level_fl").sort(descending=True).get(((pl.len() * REACHED_BY).ceil() - 1).cast(pl.UInt32))
@@ -266,15 +261,7 @@ def read_descents(path: str | Path) -> Descents:
 
 
 def read_description(path: str | Path) -> dict[str, Any]:
-    """Description of a file of prepared descents, without reading them.
-
-    Raises:
-        DataError: If the file is missing, damaged, or not written by `descentflow prepare`.
-
-    Example:
-        >>> read_description("descents.parquet")["bottom_fl"]
-        150
-    """
+    """Description of a file of prepared descents, without reading them."""
     if not Path(path).is_file():
         raise DataError(f"no file {path}", expected="prepared descents", mend=MEND)
     with whole_input(path, "a whole Parquet file", MEND):
@@ -306,21 +293,6 @@ def join_descents(parts: Sequence[Descents], names: Sequence[str]) -> Descents:
     """All descents of several prepared files, sorted by flight.
 
     Their settings are known afterwards if they are known of every part.
-
-    Args:
-        parts: Prepared descents, one or more.
-        names: What each is called in messages.
-
-    Raises:
-        DataError: If they were cleaned with different settings, or a flight is in two of them.
-
-    Example:
-        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
-        >>> descents = read_descents("descents.parquet")
-        >>> first = Descents(descents.frame.filter(pl.col("flight_id") < "synthetic-060"), descents.metadata)
-        >>> rest = Descents(descents.frame.filter(pl.col("flight_id") >= "synthetic-060"), descents.metadata)
-        >>> join_descents([rest, first], ["rest", "first"]).frame.equals(descents.frame)
-        True
     """
     first = parts[0]
     if len(parts) == 1:

@@ -48,19 +48,7 @@ def _finite(text: str) -> float:
 
 
 def described(text: str, path: str | Path) -> dict[str, Any]:
-    """The description of a prepared table.
-
-    Args:
-        text: JSON.
-        path: Where it was read, for the message.
-
-    Raises:
-        DataError: If it is no JSON object, or an entry of it is of another type than it should be.
-
-    Example:
-        >>> described('{"schema_version": 1}', "descents.parquet")
-        {'schema_version': 1}
-    """
+    """The description of a prepared table."""
     try:
         found = json.loads(text, parse_constant=_no_number, parse_float=_finite)
     except ValueError:
@@ -116,11 +104,6 @@ class Parts:
     Attributes:
         sources: Lazy frames, each sorted by flight and falling level, no flight in two.
         flights: Columns `flight_id typecode level_fl rows`: highest level and number of levels; sorted by flight.
-
-    Example:
-        >>> parts = Parts.of([pl.scan_parquet("descents.parquet")])
-        >>> parts.flights.height, next(parts.chunks("A320")).height
-        (120, 20528)
     """
 
     sources: Sequence[pl.LazyFrame]
@@ -153,35 +136,13 @@ class Parts:
 
 
 def write_file(parts: Parts, metadata: dict[str, Any], path: Path) -> None:
-    """Write one Parquet file with its description, chunk by chunk, whole or not at all.
-
-    Args:
-        parts: What to write.
-        metadata: The description, as JSON in the file's metadata.
-        path: The file.
-
-    Example:
-        >>> write_file(Parts.of([pl.scan_parquet("descents.parquet")]), {"bottom_fl": 150}, Path("copy.parquet"))
-        >>> pl.read_parquet_metadata("copy.parquet")[KEY]
-        '{"bottom_fl": 150}'
-    """
+    """Write one Parquet file with its description, chunk by chunk, whole or not at all."""
     with whole_file(path) as temporary:
         _write(parts.chunks(), parts.schema, temporary, {KEY: json.dumps(metadata)})
 
 
 def write_store(parts: Parts, metadata: dict[str, Any], folder: Path) -> None:
-    """Write a store into a folder that does not exist yet; it is whole once its manifest is there.
-
-    Args:
-        parts: What to write.
-        metadata: The description, with which the manifest begins.
-        folder: The store.
-
-    Example:
-        >>> write_store(Parts.of([pl.scan_parquet("descents.parquet")]), {"bottom_fl": 150}, Path("copy_by_type"))
-        >>> sorted(path.relative_to("copy_by_type").as_posix() for path in Path("copy_by_type").rglob("*.*"))
-        ['_descentflow.json', 'typecode=A320/part-00000.parquet']
-    """
+    """Write a store into a folder that does not exist yet; it is whole once its manifest is there."""
     files = []
     for (typecode,), flights in parts.flights.group_by("typecode", maintain_order=True):
         name = folder / f"typecode={quote(str(typecode), safe='')}"
@@ -203,17 +164,7 @@ def write_store(parts: Parts, metadata: dict[str, Any], folder: Path) -> None:
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """Description of a store.
-
-    Raises:
-        DataError: If the folder is none, or its manifest is damaged.
-
-    Example:
-        >>> metadata = described(pl.read_parquet_metadata("descents.parquet")[KEY], Path("descents.parquet"))
-        >>> write_store(Parts.of([pl.scan_parquet("descents.parquet")]), metadata, Path("with_manifest"))
-        >>> read_manifest(Path("with_manifest"))["files"][0]["flights_of_type"]
-        120
-    """
+    """Description of a store."""
     path = folder / MANIFEST
     try:
         return described(path.read_text(encoding="utf-8"), path)
@@ -222,18 +173,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 
 def read_store(folder: Path) -> tuple[pl.DataFrame, dict[str, Any]]:
-    """All levels of a store, by flight, and its description.
-
-    Raises:
-        DataError: If a file of the manifest is missing, damaged, or has other rows than were written.
-
-    Example:
-        >>> metadata = described(pl.read_parquet_metadata("descents.parquet")[KEY], Path("descents.parquet"))
-        >>> write_store(Parts.of([pl.scan_parquet("descents.parquet")]), metadata, Path("read_again"))
-        >>> levels, metadata = read_store(Path("read_again"))
-        >>> levels.equals(pl.read_parquet("descents.parquet")), metadata["bottom_fl"]
-        (True, 150)
-    """
+    """All levels of a store, by flight, and its description."""
     metadata = read_manifest(folder)
     frames = []
     try:

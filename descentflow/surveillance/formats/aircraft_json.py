@@ -42,12 +42,7 @@ MAX_ROWS = 50_000
 
 
 def is_snapshot(document: object) -> bool:
-    """Test for a JSON document that looks like a snapshot, of a receiver or of an open API.
-
-    Example:
-        >>> is_snapshot({"now": 1.7e9, "aircraft": []}), is_snapshot({"icao": "4ca001", "trace": []})
-        (True, False)
-    """
+    """Test for a JSON document that looks like a snapshot, of a receiver or of an open API."""
     if not isinstance(document, dict):
         return False
     return "aircraft" in document or document.keys() >= {"ac", "now"} or document.keys() >= {"hex", "now"}
@@ -58,21 +53,6 @@ def rows(documents: Iterable[object], label: str, report: DropReport, block_rows
 
     Aircraft on the ground have the word "ground" for an altitude; it becomes missing, and the row is dropped and
     counted later, like those of aircraft that report no airspeed.
-
-    Args:
-        documents: JSON documents of the file.
-        label: Name of the file in messages.
-        report: Takes the counts of what could not be read.
-        block_rows: About the most rows in a part.
-
-    Raises:
-        DataError: If no document has a list of aircraft, or they have the names of a program that reports no airspeeds.
-
-    Example:
-        >>> snapshot = {"now": 1.7e9, "aircraft": [{"hex": "4ca001", "alt_baro": 30000, "ias": 270, "seen": 2.0}]}
-        >>> table = next(rows([snapshot], "aircraft.json", DropReport(), 100))
-        >>> table.select("timestamp", "icao24", "altitude").row(0)
-        (1699999998.0, '4ca001', 30000.0)
     """
     times: list[float] = []
     waiting: list[dict[str, Any]] = []

@@ -43,10 +43,6 @@ def values_of(register: tuple[int, int], content: int) -> dict[str, float]:
     """Values of a register: track and heading from 0 to 360 degrees, a selected altitude in whole 100 ft.
 
     The last is selected in hundreds of feet and sent in steps of 16.
-
-    Example:
-        >>> values_of((6, 0), 0xFBF9F51BE3A475)["IAS"]
-        250.0
     """
     found = {}
     for name, (status, sign, first, count, unit) in FIELDS.get(register, {}).items():
@@ -112,19 +108,7 @@ Row = dict[str, Any]
 
 
 def rows(source: Input, report: DropReport, block_rows: int) -> Iterator[pl.DataFrame]:
-    """Rows of the messages of both categories that name an aircraft; others are counted.
-
-    Raises:
-        ConfigError: If the parser is not installed.
-        DataError: If what is between blocks has no length, or there is neither category.
-
-    Example:
-        >>> import io
-        >>> of_surface_radar = Input(io.BytesIO(bytes([10, 0, 4, 0])), "2024-03-01_radar.ast")
-        >>> next(rows(of_surface_radar, DropReport(), 1000))
-        Traceback (most recent call last):
-        descentflow.core.errors.DataError: 2024-03-01_radar.ast: ASTERIX without airspeeds, of category 010 alone; ...
-    """
+    """Rows of the messages of both categories that name an aircraft; others are counted."""
     decode = _decoder()
     categories = set[int]()
     clock = _Clock(_day(source.label))
@@ -291,10 +275,6 @@ def is_asterix(head: bytes) -> bool:
     """Test for a file that begins with whole blocks of known categories: three, or fewer with 048 or 062 among them.
 
     What follows does not matter, so that damage is reported as damage.
-
-    Example:
-        >>> is_asterix(bytes([48, 0, 8, 0, 0, 0, 0, 0])), is_asterix(b"timestamp,icao24")
-        (True, False)
     """
     place, seen = 0, list[int]()
     while place + HEADER <= len(head):

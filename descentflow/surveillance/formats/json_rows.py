@@ -18,18 +18,9 @@ DECODER = json.JSONDecoder()
 
 
 def documents(source: Input, report: DropReport) -> Iterator[object]:
-    r"""Documents of a file, read one at a time where they stand one a line; of a list each element is one.
+    """Documents of a file, read one at a time where they stand one a line; of a list each element is one.
 
     A last document that ends before its end, as where a recording was stopped, is left out and counted.
-
-    Raises:
-        DataError: If a document is damaged, too large or nested too deeply, or the text is not UTF-8.
-
-    Example:
-        >>> import io
-        >>> source = Input(io.BytesIO(b'{"now": 1}\n[{"now": 2}, {"now": 3}]{"now": 4}'), "snapshots.json")
-        >>> list(documents(source, DropReport()))
-        [{'now': 1}, {'now': 2}, {'now': 3}, {'now': 4}]
     """
     begun = False
     for number, line in source.lines():
@@ -50,18 +41,7 @@ def documents(source: Input, report: DropReport) -> Iterator[object]:
 
 
 def _one_after_the_other(text: bytes, first_line: int, label: str, begun: bool, report: DropReport) -> Iterator[object]:
-    """Documents of a text, with NaN, infinity and numbers of any length.
-
-    Args:
-        text: One document or several.
-        first_line: Number of its first line.
-        label: Name of the file in messages.
-        begun: Whether there were documents before.
-        report: Takes the count of a last document that is cut.
-
-    Raises:
-        DataError: If one is damaged.
-    """
+    """Documents of a text, with NaN, infinity and numbers of any length."""
     place, letters, where = 0, "", f"{label}, line {first_line}"
     try:
         letters = text.decode("utf-8-sig")
@@ -93,16 +73,7 @@ Kinds = dict[str, pl.DataType]
 
 
 def table(objects: Sequence[dict[str, Any]], kinds: Kinds) -> pl.DataFrame:
-    """Columns of the values that objects have under some names; what is no such value becomes missing.
-
-    Args:
-        objects: As they come from JSON.
-        kinds: Name -> Float64, String, or Struct of such for an object within.
-
-    Example:
-        >>> table([{"ias": 250, "flight": "TST1"}, {"ias": [3]}], {"ias": pl.Float64(), "flight": pl.String()}).rows()
-        [(250.0, 'TST1'), (None, None)]
-    """
+    """Columns of the values that objects have under some names; what is no such value becomes missing."""
     if not objects:
         return pl.DataFrame(schema=kinds)
     try:
@@ -121,12 +92,7 @@ def _careful(values: list[Any], kind: pl.DataType) -> pl.Series:
 
 
 def numbers(values: Sequence[Any]) -> pl.Series:
-    """Floats, of numbers in quotes too; words, lists, and integers of hundreds of digits become missing.
-
-    Example:
-        >>> numbers([1, 2.5, "ground", None, "3", 10**400]).to_list()
-        [1.0, 2.5, None, None, 3.0, None]
-    """
+    """Floats, of numbers in quotes too; words, lists, and integers of hundreds of digits become missing."""
     if not set(map(type, values)) <= {int, float, type(None)}:
         values = [_float(value) for value in values]
     try:
@@ -146,10 +112,6 @@ def texts(values: Sequence[Any]) -> pl.Series:
     """Text without blanks around it, of numbers too; anything else becomes missing.
 
     JSON may escape half a surrogate pair, which is no text that could be stored: it becomes a question mark.
-
-    Example:
-        >>> texts([" A320 ", 7, ["A320"], ""]).to_list()
-        ['A320', '7', None, None]
     """
     kept = [value if type(value) is str else str(value) if type(value) in (int, float) else None for value in values]
     try:
@@ -160,22 +122,12 @@ def texts(values: Sequence[Any]) -> pl.Series:
 
 
 def is_number(value: object) -> bool:
-    """Test for a value from JSON that is a finite number and fits a float.
-
-    Example:
-        >>> is_number(3), is_number(True), is_number(10**400)
-        (True, False, False)
-    """
+    """Test for a value from JSON that is a finite number and fits a float."""
     return type(value) in (int, float) and -1e300 < value < 1e300  # type: ignore[operator]
 
 
 def mixed(values: Sequence[Any]) -> pl.Series:
-    """Numbers, or text if there is any text; lists and objects become missing.
-
-    Example:
-        >>> mixed([1, "2.5", [3]]).to_list()
-        ['1', '2.5', None]
-    """
+    """Numbers, or text if there is any text; lists and objects become missing."""
     return texts(values) if str in set(map(type, values)) else numbers(values)
 
 
@@ -188,22 +140,7 @@ NAMES_LOOKED_AT = 1000
 
 
 def rows(documents: Iterator[object], label: str, report: DropReport, block_rows: int) -> Iterator[pl.DataFrame]:
-    """Rows as they are, numbers as floats and the rest as text.
-
-    Args:
-        documents: JSON documents of the file.
-        label: Name of the file in messages.
-        report: Takes the counts of what could not be read.
-        block_rows: About the most rows in a part.
-
-    Raises:
-        DataError: If the JSON has no rows.
-
-    Example:
-        >>> objects = [{"time": 1.7e9, "hex": "4ca001", "ias": 250}, {"time": 1.7e9, "hex": "4ca002"}]
-        >>> next(rows(iter(objects), "rows.json", DropReport(), 100)).rows()
-        [(1700000000.0, '4ca001', 250.0), (1700000000.0, '4ca002', None)]
-    """
+    """Rows as they are, numbers as floats and the rest as text."""
     first = next(documents, None)
     stream = itertools.chain([first], documents)
     if isinstance(first, dict) and _of_columns(first):
@@ -235,10 +172,5 @@ def _of_columns(document: dict[str, Any]) -> bool:
 
 
 def is_rows(document: object) -> bool:
-    """Test for a JSON document of rows, recognised by the names of time and address.
-
-    Example:
-        >>> is_rows({"time": 1.7e9, "hex": "4ca001"}), is_rows({"now": 1.7e9, "aircraft": []})
-        (True, False)
-    """
+    """Test for a JSON document of rows, recognised by the names of time and address."""
     return isinstance(document, dict) and bool(TIME & document.keys()) and bool(ADDRESS & document.keys())

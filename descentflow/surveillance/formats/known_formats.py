@@ -100,10 +100,6 @@ class Part:
         format: Of the file.
         label: Name of the file in messages.
         first: Whether it is the first part of its file.
-
-    Example:
-        >>> Part(pl.DataFrame({"IAS": [250.0]}), Format("my-format"), "rows.dat", first=True).label
-        'rows.dat'
     """
 
     rows: Columns
@@ -180,14 +176,7 @@ ACCEPTED = f"one of {', '.join(FORMATS)} (docs: Sources of rows)"
 
 
 def check_format(name: str | None) -> None:
-    """Refuse the name of an unknown format.
-
-    Raises:
-        ConfigError: Naming the known ones.
-
-    Example:
-        >>> check_format("parquet")
-    """
+    """Refuse the name of an unknown format."""
     if name is not None and name not in FORMATS:
         raise ConfigError(
             f"no format {name!r}",
@@ -211,10 +200,6 @@ class SourceTable:
         label: Name of the (first) file in messages.
         any_columns: Whether names and units have to be checked.
         first: Whether it is the first of its file.
-
-    Example:
-        >>> SourceTable(pl.DataFrame({"IAS": [250.0]}), "rows.csv", any_columns=True).first
-        True
     """
 
     columns: pl.DataFrame
@@ -224,20 +209,7 @@ class SourceTable:
 
 
 def put_together(parts: Iterator[Part], report: DropReport, block_rows: int) -> Iterator[SourceTable]:
-    """Tables of the parts, in their order: one for each part of any columns, else one for many small parts.
-
-    Args:
-        parts: Of any files.
-        report: Takes the counts of what could not be read.
-        block_rows: Rows from which parts do not wait for others.
-
-    Example:
-        >>> from descentflow.surveillance.formats.known_formats import FORMATS
-        >>> rows = pl.DataFrame({"IAS": [250.0]})
-        >>> parts = (Part(rows, FORMATS["aircraft-json"], f"{number}.json", first=True) for number in range(3))
-        >>> [len(table.columns) for table in put_together(parts, DropReport(), 100)]
-        [3]
-    """
+    """Tables of the parts, in their order: one for each part of any columns, else one for many small parts."""
     waiting: list[Part] = []
     for part in parts:
         if waiting and (part.format.any_columns or not _belongs(part, waiting, block_rows)):

@@ -36,13 +36,7 @@ Message = dict[str, Any]
 
 
 def columns_of(messages: list[Message]) -> pl.DataFrame:
-    """Messages as columns; names of fields are those of jet1090 and rs1090.
-
-    Example:
-        >>> message = {"timestamp": 1.7e9, "icao24": "4ca001", "df": "20", "altitude": 30000, "bds60": {"IAS": 263}}
-        >>> columns_of([message]).select("time", "altitude", "IAS").row(0)
-        (1700000000.0, 30000.0, 263.0)
-    """
+    """Messages as columns; names of fields are those of jet1090 and rs1090."""
     register = pl.col("bds")
     position = (register == "05") & (pl.col("source") == "barometric")
     velocity = register == "09"
@@ -88,14 +82,7 @@ The decoder's own field for it (`vrate_src`, rs1090 0.7.0) has the two interchan
 
 
 def rows(batches: Iterable[pl.DataFrame], report: DropReport) -> Iterator[pl.DataFrame]:
-    """Rows of batches of messages that are roughly in order of time; each batch leaves some context for the next.
-
-    Example:
-        >>> reply = {"icao24": "4ca001", "df": "20", "altitude": 30000, "bds60": {"IAS": 263, "Mach": 0.7}}
-        >>> batch = columns_of([{**reply, "timestamp": 1.7e9 + second} for second in range(6)])
-        >>> pl.concat(rows([batch], DropReport())).select("icao24", "altitude", "IAS").row(0)
-        ('4ca001', 30000.0, 263.0)
-    """
+    """Rows of batches of messages that are roughly in order of time; each batch leaves some context for the next."""
     kept: pl.DataFrame | None = None
     known: set[str] = set()
     for batch in batches:

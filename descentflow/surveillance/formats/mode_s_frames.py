@@ -26,33 +26,12 @@ MADE_BY = "lines `seconds frame` or `seconds,frame`, seconds since 1970 and fram
 
 
 def is_message(document: object) -> bool:
-    """Test for a JSON document that looks like a line of jet1090.
-
-    Example:
-        >>> is_message({"timestamp": 1.7e9, "frame": "a00004128f39f91a7e27c46adc21"}), is_message({"trace": []})
-        (True, False)
-    """
+    """Test for a JSON document that looks like a line of jet1090."""
     return isinstance(document, dict) and "timestamp" in document and bool(document.keys() & {"frame", "df"})
 
 
 def jet1090(documents: Iterator[object], label: str, report: DropReport, block_rows: int) -> Iterator[pl.DataFrame]:
-    """Rows of jet1090's lines: as decoded by the receiver, or decoded here where a line has only time and frame.
-
-    Args:
-        documents: Lines of the file.
-        label: Name of the file in messages.
-        report: Takes the counts of what could not be read.
-        block_rows: Not used: a part is made of each batch of messages.
-
-    Raises:
-        ConfigError: If frames have to be decoded and the decoder is not installed.
-
-    Example:
-        >>> reply = {"icao24": "4ca001", "df": "20", "altitude": 30000, "bds60": {"IAS": 263, "Mach": 0.7}}
-        >>> messages = ({**reply, "timestamp": 1.7e9 + second} for second in range(6))
-        >>> sum(len(part) for part in jet1090(messages, "jet1090.jsonl", DropReport(), 1000))
-        6
-    """
+    """Rows of jet1090's lines: as decoded by the receiver, or decoded here where a line has only time and frame."""
 
     def batches() -> Iterator[pl.DataFrame]:
         while some := list(itertools.islice(documents, BATCH)):
@@ -70,17 +49,7 @@ def jet1090(documents: Iterator[object], label: str, report: DropReport, block_r
 
 
 def lines(source: Input, report: DropReport, block_rows: int) -> Iterator[pl.DataFrame]:
-    r"""Rows of lines of time and frame.
-
-    Raises:
-        DataError: If most of the first lines are something else.
-
-    Example:
-        >>> import io
-        >>> text = b"".join(b"%d a00004128f39f91a7e27c46adc21\n" % (1_700_000_000 + second) for second in range(6))
-        >>> pl.concat(lines(Input(io.BytesIO(text), "frames.txt"), DropReport(), 1000)).select("altitude", "IAS").row(0)
-        (5450.0, 252.0)
-    """
+    """Rows of lines of time and frame."""
 
     def batches() -> Iterator[pl.DataFrame]:
         read = (line for _, line in source.lines())
@@ -103,28 +72,13 @@ def lines(source: Input, report: DropReport, block_rows: int) -> Iterator[pl.Dat
 
 
 def is_table(table: pl.DataFrame) -> bool:
-    """Test for a table of times and undecoded frames, as OpenSky's replies and traffic's raw data are.
-
-    Example:
-        >>> is_table(pl.DataFrame({"mintime": [1.7e9], "rawmsg": [""]})), is_table(pl.DataFrame({"IAS": [250.0]}))
-        (True, False)
-    """
+    """Test for a table of times and undecoded frames, as OpenSky's replies and traffic's raw data are."""
     decoded_already = {name.lower() for name in table.columns} >= {"ias", "mach"}
     return not decoded_already and bool(_column(table, TIMES)) and bool(_column(table, FRAMES))
 
 
 def of_tables(tables: Iterable[pl.DataFrame], report: DropReport) -> Iterator[pl.DataFrame]:
-    """Rows of tables of times and frames.
-
-    Raises:
-        ConfigError: If the decoder is not installed.
-
-    Example:
-        >>> times = [1.7e9 + second for second in range(6)]
-        >>> table = pl.DataFrame({"mintime": times, "rawmsg": "a00004128f39f91a7e27c46adc21"})
-        >>> pl.concat(of_tables([table], DropReport())).select("altitude", "IAS").row(0)
-        (5450.0, 252.0)
-    """
+    """Rows of tables of times and frames."""
 
     def batches() -> Iterator[pl.DataFrame]:
         for table in tables:
@@ -148,15 +102,7 @@ def _column(table: pl.DataFrame, names: tuple[str, ...]) -> str:
 
 
 def decoded(frames: list[str], times: list[float], report: DropReport) -> list[dict[str, Any]]:
-    """Messages of frames whose parity is right.
-
-    Raises:
-        ConfigError: If the decoder is not installed.
-
-    Example:
-        >>> decoded(["a00004128f39f91a7e27c46adc21"], [1.7e9], DropReport())[0]["altitude"]
-        5450
-    """
+    """Messages of frames whose parity is right."""
     decode = optional_library("rs1090", "modes").decode
     if not frames:
         return []
@@ -168,11 +114,6 @@ def decoded(frames: list[str], times: list[float], report: DropReport) -> list[d
 
 
 def begins_with_frames(head: bytes) -> bool:
-    """Test for text that begins with lines of time and frame, under a line of names or not.
-
-    Example:
-        >>> begins_with_frames(b"1700000000.5 a00004128f39f91a7e27c46adc21"), begins_with_frames(b"time,icao24")
-        (True, False)
-    """
+    """Test for text that begins with lines of time and frame, under a line of names or not."""
     first = [line for line in head.splitlines()[:4] if line.strip()]
     return any(LINE.match(line) for line in first[:2])

@@ -43,12 +43,7 @@ KINDS: Kinds = {"flight": pl.String(), **dict.fromkeys(DETAILS.values(), pl.Floa
 
 @dataclass(frozen=True)
 class Trace:
-    """One trace as read, to be joined with others: columns of many points cost less than of a few.
-
-    Example:
-        >>> len(Trace("4ca001", "A320", 1.7e9, [[0.0, 52.0, 5.0, 30000, 450, 90, 0, -1500, None]]))
-        1
-    """
+    """One trace as read, to be joined with others: columns of many points cost less than of a few."""
 
     icao24: object
     typecode: object
@@ -61,33 +56,12 @@ class Trace:
 
 
 def is_trace(document: object) -> bool:
-    """Test for a JSON document that looks like a trace.
-
-    Example:
-        >>> is_trace({"icao": "4ca001", "trace": []}), is_trace({"now": 1.7e9, "aircraft": []})
-        (True, False)
-    """
+    """Test for a JSON document that looks like a trace."""
     return isinstance(document, dict) and "trace" in document
 
 
 def rows(documents: Iterator[object], label: str, report: DropReport, block_rows: int) -> Iterator[Trace]:
-    """Traces for :func:`joined`.
-
-    Args:
-        documents: JSON documents of the file.
-        label: Name of the file in messages.
-        report: Takes the counts of what could not be read.
-        block_rows: Not used: a trace is a part.
-
-    Raises:
-        DataError: If a document lacks the address, the time or the list of points.
-
-    Example:
-        >>> point = [0.0, 52.0, 5.0, 30000, 450, 90, 0, -1500, None]
-        >>> document = {"icao": "4ca001", "t": "A320", "timestamp": 1.7e9, "trace": [point, "damaged"]}
-        >>> [len(trace) for trace in rows(iter([document]), "trace_full_4ca001.json", DropReport(), 1000)]
-        [1]
-    """
+    """Traces for :func:`joined`."""
     for document in documents:
         trace = document.get("trace") if isinstance(document, dict) else None
         if not isinstance(document, dict) or not isinstance(trace, list) or not is_number(document.get("timestamp")):
@@ -102,14 +76,7 @@ def rows(documents: Iterator[object], label: str, report: DropReport, block_rows
 
 
 def joined(traces: Sequence[Trace], report: DropReport) -> pl.DataFrame:
-    """Rows of whole traces without those of a stale position; each leg is a flight of its own.
-
-    Example:
-        >>> point = [5.0, 52.0, 5.0, 30000, 450, 90, 0, -1500, {"ias": 263, "mach": 0.7}]
-        >>> table = joined([Trace("4ca001", "A320", 1.7e9, [point])], DropReport())
-        >>> table.select("flight_id", "altitude", "IAS", "vertical_rate").row(0)
-        ('4ca001_20231114T221325', 30000.0, 263.0, -1500.0)
-    """
+    """Rows of whole traces without those of a stale position; each leg is a flight of its own."""
     frame = _columns(traces)
     barometric = pl.when(~_has(GEOMETRIC_ALTITUDE)).then(pl.col("_altitude"))
     geometric = pl.when(_has(GEOMETRIC_ALTITUDE)).then(pl.col("_altitude"))

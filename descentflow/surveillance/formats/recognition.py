@@ -76,21 +76,7 @@ TEXT = {
 
 
 def refuse_known(begin: bytes, kinds: dict[bytes, tuple[str, str]], label: str) -> None:
-    """Refuse a file that begins as one of these kinds.
-
-    Args:
-        begin: First bytes.
-        kinds: :data:`BINARY` or :data:`TEXT`.
-        label: Name of the file in messages.
-
-    Raises:
-        DataError: If it does.
-
-    Example:
-        >>> refuse_known(b"MSG,3,1,1,4CA001,1,2024/03/01,10:00:00.000", TEXT, "today.txt")
-        Traceback (most recent call last):
-        descentflow.core.errors.DataError: today.txt is a BaseStation (SBS-1) log, whose messages have no IAS ...
-    """
+    """Refuse a file that begins as one of these kinds."""
     for pattern, (what, mend) in kinds.items():
         if re.match(pattern, begin, re.DOTALL):
             raise DataError(f"{label} is {what}", expected=ACCEPTED, mend=mend)
@@ -104,23 +90,7 @@ TRIED = sorted(KNOWN, key=lambda one: one.any_columns)
 def recognised(
     source: Input, report: DropReport, name: str | None, block_rows: int
 ) -> tuple[Format, Iterator[Columns]]:
-    """Format of a file, and its rows in parts.
-
-    Args:
-        source: The file, without the gzip around it.
-        report: Takes the counts of what could not be read.
-        name: Name of the format; recognised from the content if None.
-        block_rows: About the most rows in a part.
-
-    Raises:
-        DataError: If the file is of no known format or damaged.
-
-    Example:
-        >>> with Path("rows.parquet").open("rb") as file:
-        ...     found, parts = recognised(Input(file, "rows.parquet"), DropReport(), None, block_rows=1000)
-        ...     print(found.name, len(next(parts)))
-        parquet 1000
-    """
+    """Format of a file, and its rows in parts."""
     head, source = source.head()
     if not head:
         mend = "check how it was written or copied, or take it out of what is read"
@@ -152,36 +122,12 @@ def _table_or_frames(found: Format, parts: Iterator[Columns], report: DropReport
 def held_parts(
     table: pl.DataFrame, label: str, report: DropReport, block_rows: int, columns: Sequence[str] = ()
 ) -> tuple[Format, Iterator[Columns]]:
-    """As :func:`recognised`, of a table in memory.
-
-    Args:
-        table: Rows with the columns of any source.
-        label: Its name in messages.
-        report: Takes the counts of what could not be read.
-        block_rows: About the most rows in a part.
-        columns: Columns that are read besides those whose names are known.
-
-    Raises:
-        DataError: If a column cannot hold values of a row, or it holds frames and the decoder is not installed.
-
-    Example:
-        >>> found, parts = held_parts(pl.read_parquet("rows.parquet"), "a table", DropReport(), block_rows=1000)
-        >>> len(next(parts))
-        1000
-    """
+    """As :func:`recognised`, of a table in memory."""
     return _table_or_frames(HELD_TABLE, tables.held(table, label, report, block_rows, columns), report)
 
 
 def format_of_bytes(head: bytes, label: str) -> FileFormat | None:
-    """Format of a file that begins with these bytes; None if it is JSON, whose first document has to be read.
-
-    Raises:
-        DataError: If it is of no known format.
-
-    Example:
-        >>> format_of_bytes(b"timestamp,icao24,altitude", "rows.csv").name
-        'csv'
-    """
+    """Format of a file that begins with these bytes; None if it is JSON, whose first document has to be read."""
     refuse_known(head, BINARY, label)
     for one in TRIED:
         if isinstance(one, FileFormat) and not isinstance(one, TextFormat) and one.recognise(head):
@@ -207,15 +153,7 @@ def _text(head: bytes, label: str) -> bytes:
 
 
 def format_of_document(document: object, label: str) -> JsonFormat:
-    """Format of a file whose first JSON document is this one.
-
-    Raises:
-        DataError: If it is of no known format.
-
-    Example:
-        >>> format_of_document({"now": 1.7e9, "aircraft": []}, "aircraft.json").name
-        'aircraft-json'
-    """
+    """Format of a file whose first JSON document is this one."""
     for one in TRIED:
         if isinstance(one, JsonFormat) and one.recognise(document):
             return one

@@ -40,33 +40,13 @@ CLEARED = ("cleared_flight_level", "cleared_speed_kt", "cleared_mach")
 
 
 def rows(documents: Iterator[object], label: str, report: DropReport, block_rows: int) -> Iterator[pl.DataFrame]:
-    """Rows of flights, a table each.
-
-    Args:
-        documents: JSON documents of the file.
-        label: Name of the file in messages.
-        report: Takes the counts of what could not be read.
-        block_rows: Not used: a flight is a part.
-
-    Raises:
-        DataError: If a document is no flight.
-
-    Example:
-        >>> plot = {"time_of_track": "2017-03-01T10:00:00.5", "I062/136": {"measured_flight_level": 300.0}}
-        >>> flight = {"id": 7, "plots": [plot], "fpl": {"fpl_base": [{"aircraft_type": "A320"}]}}
-        >>> next(rows(iter([flight]), "7.json", DropReport(), 1000)).select("icao24", "typecode", "altitude").row(0)
-        ('scat7', 'A320', 30000.0)
-    """
+    """Rows of flights, a table each."""
     for document in documents:
         yield _rows_of_flight(document, label, report)
 
 
 def _rows_of_flight(document: object, label: str, report: DropReport) -> pl.DataFrame:
-    """Rows of one flight, with the clearances of their time.
-
-    Raises:
-        DataError: If the document lacks the plots, or has no number for the flight.
-    """
+    """Rows of one flight, with the clearances of their time."""
     if not isinstance(document, dict) or not is_flight(document):
         raise DataError(
             f"{label}: JSON without a flight's number and plots",
@@ -134,10 +114,5 @@ def _last(plan: object, name: str) -> dict[str, Any]:
 
 
 def is_flight(document: object) -> bool:
-    """Test for a JSON document that looks like a flight of SCAT.
-
-    Example:
-        >>> is_flight({"id": 7, "plots": [], "fpl": {}}), is_flight({"trace": []})
-        (True, False)
-    """
+    """Test for a JSON document that looks like a flight of SCAT."""
     return isinstance(document, dict) and isinstance(document.get("plots"), list) and is_number(document.get("id"))

@@ -18,17 +18,7 @@ CSV_BYTES = 32 << 20
 
 
 def parquet(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:
-    """Rows of a Parquet file, a slice at a time; inside gzip or an archive it is held whole.
-
-    Raises:
-        DataError: If a needed column cannot hold values of a row (a list), or the file is too large to be held whole.
-        DamagedParquetError: If a page is damaged.
-
-    Example:
-        >>> with Path("rows.parquet").open("rb") as file:
-        ...     print([len(part) for part in parquet(Input(file, "rows.parquet"), DropReport(), 20_000)])
-        [20000, 3216]
-    """
+    """Rows of a Parquet file, a slice at a time; inside gzip or an archive it is held whole."""
     content = source.path or source.whole()
     check_pages(content)
     table = pl.scan_parquet(io.BytesIO(content) if isinstance(content, bytes) else content)
@@ -36,16 +26,7 @@ def parquet(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFra
 
 
 def feather(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:
-    """Rows of an Arrow IPC file (Feather version 2).
-
-    Raises:
-        DataError: If a needed column cannot hold values of a row (a list), or the file is too large to be held whole.
-
-    Example:
-        >>> content = pl.DataFrame({"IAS": [250.0]}).write_ipc(None).getvalue()
-        >>> next(feather(Input(io.BytesIO(content), "rows.feather"), DropReport(), 100)).rows()
-        [(250.0,)]
-    """
+    """Rows of an Arrow IPC file (Feather version 2)."""
     table = pl.scan_ipc(source.path or io.BytesIO(source.whole()))
     yield from _slices(table, rows, source.label, source.columns, report)
 
@@ -53,45 +34,22 @@ def feather(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFra
 def held(
     table: pl.DataFrame, label: str, report: DropReport, rows: int, columns: Sequence[str] = ()
 ) -> Iterator[pl.DataFrame]:
-    """Rows of a table in memory, with the columns whose names are known and those named here.
-
-    Raises:
-        DataError: If a column that is needed cannot hold values of a row (a list, for instance).
-
-    Example:
-        >>> [len(part) for part in held(pl.DataFrame({"IAS": [250.0, 251.0, 252.0]}), "a table", DropReport(), 2)]
-        [2, 1]
-    """
+    """Rows of a table in memory, with the columns whose names are known and those named here."""
     yield from _slices(table.lazy(), rows, label, columns, report)
 
 
 def is_parquet(head: bytes) -> bool:
-    """Test for the first bytes of Parquet.
-
-    Example:
-        >>> is_parquet(Path("rows.parquet").read_bytes())
-        True
-    """
+    """Test for the first bytes of Parquet."""
     return head.startswith(b"PAR1")
 
 
 def is_feather(head: bytes) -> bool:
-    """Test for the first bytes of Arrow IPC (Feather version 2).
-
-    Example:
-        >>> is_feather(b"ARROW1"), is_feather(b"PAR1")
-        (True, False)
-    """
+    """Test for the first bytes of Arrow IPC (Feather version 2)."""
     return head.startswith(b"ARROW1")
 
 
 def may_be_csv(head: bytes) -> bool:
-    """Any text may be, that nothing else recognises; whether it is shows when it is read.
-
-    Example:
-        >>> may_be_csv(b"timestamp,icao24"), may_be_csv(b"")
-        (True, False)
-    """
+    """Any text may be, that nothing else recognises; whether it is shows when it is read."""
     return bool(head)
 
 
@@ -110,16 +68,7 @@ def _slices(
 
 
 def csv(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:
-    r"""Rows of a CSV file, everything as text: a word in a column of numbers is then counted and not a crash.
-
-    Raises:
-        DataError: If a line has more fields than the first has names.
-
-    Example:
-        >>> source = Input(io.BytesIO(b"time,icao24,ias\n17,4ca001,none"), "rows.csv")
-        >>> next(csv(source, DropReport(), 100)).rows()
-        [('17', '4ca001', 'none')]
-    """
+    """Rows of a CSV file, everything as text: a word in a column of numbers is then counted and not a crash."""
     header = _checked(source.stream.readline(LARGEST_LINE), source.label, 0).removeprefix(BYTE_ORDER_MARK)
     if b"," not in header:
         raise _without_commas(header, source.label)
@@ -198,11 +147,7 @@ def _end_of_rows(text: bytes) -> int:
 
 
 def _checked(content: bytes, label: str, place: int) -> bytes:
-    """The same bytes, if they are UTF-8.
-
-    Raises:
-        DataError: If they are not, with the place.
-    """
+    """The same bytes, if they are UTF-8."""
     try:
         content.decode()
     except UnicodeDecodeError as error:

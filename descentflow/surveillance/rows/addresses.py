@@ -111,16 +111,7 @@ def _tell_kept(text: pl.Series, names: Iterable[str], source: object, report: Dr
 
 
 def types_held(types: Any) -> pl.DataFrame:
-    """A table of types that is no file: of polars or pandas, or a dictionary address -> type.
-
-    Raises:
-        ConfigError: If it is none of these.
-        DataError: If it lacks a column.
-
-    Example:
-        >>> types_held({"4CA001": "A320"}).rows()
-        [('4ca001', 'A320')]
-    """
+    """A table of types that is no file: of polars or pandas, or a dictionary address -> type."""
     types = held_table(types)
     if isinstance(types, Mapping):
         names = {"icao24": map(str, types), "typecode": map(str, types.values())}
@@ -140,17 +131,6 @@ def named_types(types: pl.DataFrame, source: object) -> pl.DataFrame:
     """A table of types with its columns named icao24 and typecode; other known names of these are taken, too.
 
     Addresses are six hexadecimal digits, as in rows.
-
-    Args:
-        types: Table of a user.
-        source: What it is called in the error.
-
-    Raises:
-        DataError: If it lacks a column.
-
-    Example:
-        >>> named_types(pl.DataFrame({"MODE_S": ["4CA001"], "actype": ["A320"]}), "types.csv").rows()
-        [('4ca001', 'A320')]
     """
     names = row_names(types.columns)
     absent = [name for name in ("icao24", "typecode") if name not in names.values()]

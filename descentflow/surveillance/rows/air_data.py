@@ -33,10 +33,6 @@ def pressure_ratio(altitude_ft: Array) -> Array:
 
     Args:
         altitude_ft: (...) pressure altitude.
-
-    Example:
-        >>> np.round(pressure_ratio(np.array([0.0, 36_089.0])), 3)
-        array([1.   , 0.223])
     """
     altitude_m = altitude_ft * FT_M
     low = (1 + LAPSE_K_M * np.minimum(altitude_m, TROPOPAUSE_M) / T0_K) ** (-G0_MPS2 / (LAPSE_K_M * R_AIR))
@@ -45,35 +41,20 @@ def pressure_ratio(altitude_ft: Array) -> Array:
 
 
 def isa_tas_of_mach_kt(mach: Array, altitude_ft: Array) -> Array:
-    """True airspeed in the standard atmosphere, kt.
-
-    Example:
-        >>> round(float(isa_tas_of_mach_kt(np.array([0.78]), np.array([35000.0]))[0]))
-        450
-    """
+    """True airspeed in the standard atmosphere, kt."""
     temperature_k = T0_K + LAPSE_K_M * np.minimum(altitude_ft * FT_M, TROPOPAUSE_M)
     return np.asarray(mach * np.sqrt(KAPPA * R_AIR * temperature_k) / KT_MPS)
 
 
 def cas_of_mach_kt(mach: Array, altitude_ft: Array) -> Array:
-    """Calibrated airspeed in kt.
-
-    Example:
-        >>> round(float(cas_of_mach_kt(np.array([0.78]), np.array([35000.0]))[0]))
-        264
-    """
+    """Calibrated airspeed in kt."""
     impact = pressure_ratio(altitude_ft) * ((1 + 0.2 * mach**2) ** 3.5 - 1)
     scale_mps = np.sqrt(KAPPA * P0_PA / RHO0_KG_M3)
     return np.asarray(scale_mps * np.sqrt(5 * ((1 + impact) ** (1 / 3.5) - 1)) / KT_MPS)
 
 
 def mach_of_cas(cas_kt: Array, altitude_ft: Array) -> Array:
-    """Mach number, the inverse of :func:`cas_of_mach_kt`.
-
-    Example:
-        >>> round(float(mach_of_cas(np.array([266.0]), np.array([35000.0]))[0]), 2)
-        0.78
-    """
+    """Mach number, the inverse of :func:`cas_of_mach_kt`."""
     scale_mps = np.sqrt(KAPPA * P0_PA / RHO0_KG_M3)
     impact = ((1 + 0.2 * (cas_kt * KT_MPS / scale_mps) ** 2) ** 3.5 - 1) / pressure_ratio(altitude_ft)
     return np.asarray(np.sqrt(5 * ((1 + impact) ** (1 / 3.5) - 1)))
@@ -88,28 +69,13 @@ MACH_MISSING = 0.25
 
 
 def computable(names: Iterable[str]) -> set[str]:
-    """The airspeed that columns can stand without, because it follows from the other one and altitude.
-
-    Example:
-        >>> computable(["altitude", "IAS"]), computable(["altitude", "Mach"]), computable(["altitude"])
-        ({'Mach'}, {'IAS'}, set())
-    """
+    """The airspeed that columns can stand without, because it follows from the other one and altitude."""
     lacking = {"IAS", "Mach"} - set(names)
     return lacking if "altitude" in names and len(lacking) == 1 else set()
 
 
 def with_ias(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
-    """Rows with IAS computed from Mach and pressure altitude, if no row has any.
-
-    Args:
-        rows: In names, types and units of a row.
-        report: Takes the number of values that were computed.
-
-    Example:
-        >>> rows = with_ias(pl.DataFrame({"altitude": [35000.0], "Mach": [0.78]}), DropReport())
-        >>> round(rows["IAS"][0])
-        264
-    """
+    """Rows with IAS computed from Mach and pressure altitude, if no row has any."""
     if "Mach" not in rows.columns or ("IAS" in rows.columns and rows["IAS"].count()):
         return rows
     possible = rows.select(
@@ -122,12 +88,7 @@ def with_ias(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
 
 
 def mach_reported(rows: pl.DataFrame) -> float:
-    """Share of the rows with IAS and altitude that have a Mach number too; 1 if there are none.
-
-    Example:
-        >>> mach_reported(pl.DataFrame({"altitude": [35000.0, 35000.0], "IAS": [266.0, 266.0], "Mach": [0.78, None]}))
-        0.5
-    """
+    """Share of the rows with IAS and altitude that have a Mach number too; 1 if there are none."""
     if not {"altitude", "IAS"} <= set(rows.columns):
         return 1.0
     usable = rows.drop_nulls(["altitude", "IAS"])
@@ -141,15 +102,6 @@ def with_mach(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
 
     Instrument and position errors are neglected (IAS is CAS, as everywhere); the relation is that of
     :func:`~descentflow.surveillance.rows.air_data.mach_of_cas`. IAS and altitude cannot be checked against Mach then.
-
-    Args:
-        rows: In names, types and units of a row, with Mach or without.
-        report: Takes the number of values that were computed.
-
-    Example:
-        >>> rows = with_mach(pl.DataFrame({"altitude": [35000.0], "IAS": [266.0]}), DropReport())
-        >>> round(rows["Mach"][0], 2)
-        0.78
     """
     possible = rows.select(
         pl.when(pl.col(name).is_between(*POSSIBLE[name])).then(pl.col(name)).alias(name) for name in ("IAS", "altitude")

@@ -50,20 +50,7 @@ def row_names(names: Sequence[str]) -> dict[str, str]:
 
 
 def with_altitude(table: pl.DataFrame, path: object, report: DropReport) -> pl.DataFrame:
-    """A table with altitudes in feet, of its flight levels if it has no altitude.
-
-    Args:
-        table: In names of a row.
-        path: Named in errors.
-        report: Takes the number of altitudes that were made.
-
-    Raises:
-        DataError: If the column of flight levels holds feet.
-
-    Example:
-        >>> with_altitude(pl.DataFrame({"FL": [350.0]}), "rows.csv", DropReport())["altitude"][0]
-        35000.0
-    """
+    """A table with altitudes in feet, of its flight levels if it has no altitude."""
     if LEVELS not in table.columns or "altitude" in table.columns:
         return table.drop(LEVELS, strict=False)
     levels = table[LEVELS]
@@ -86,14 +73,7 @@ def with_altitude(table: pl.DataFrame, path: object, report: DropReport) -> pl.D
 
 
 def note_unused(names: Iterable[str], rows: int, report: DropReport) -> None:
-    """Tell in a report which columns of some rows are not used.
-
-    Example:
-        >>> report = DropReport()
-        >>> note_unused(["squawk", "alert"], 9, report)
-        >>> report.notes
-        {'rows whose columns are not used: squawk, alert': 9}
-    """
+    """Tell in a report which columns of some rows are not used."""
     shown = ["".join(letter if letter.isprintable() else "?" for letter in name)[:MAX_NAME_LETTERS] for name in names]
     shown = [name or "(a column without a name, such as an index)" for name in shown]
     if not shown:
@@ -132,22 +112,7 @@ def check_named(columns: Mapping[str, str]) -> None:
 
 
 def with_named(table: pl.DataFrame, columns: Mapping[str, str], path: Path | str, report: DropReport) -> pl.DataFrame:
-    """A table whose columns have the names that the user gives; a column that had such a name before is left out.
-
-    Args:
-        table: As its source names the columns.
-        columns: As for :func:`check_named`; a column may be multiplied, `"alt_m*3.2808"`.
-        path: Named in errors.
-        report: Takes the number of values that could not be multiplied.
-
-    Raises:
-        DataError: If the table lacks one of the user's columns.
-
-    Example:
-        >>> table = pl.DataFrame({"alt_ft": [300.0], "ias": [100.0]})
-        >>> with_named(table, {"altitude": "alt_ft", "IAS": "ias*1.9438"}, "rows.csv", DropReport()).row(0)
-        (300.0, 194.38)
-    """
+    """A table whose columns have the names that the user gives; a column that had such a name before is left out."""
     parts = {ours: _factor(theirs, table.columns) for ours, theirs in columns.items()}
     lacking = [name for name, _ in parts.values() if name not in table.columns]
     if lacking:
@@ -211,29 +176,13 @@ DESCENTS_MEND = (
 
 
 def listed(names: Sequence[str]) -> str:
-    """Names of columns for a message, not too many.
-
-    Example:
-        >>> listed(["a", "b"]), listed(["c"] * 30)[-13:]
-        ('a, b', 'c and 10 more')
-    """
+    """Names of columns for a message, not too many."""
     more = f" and {len(names) - MAX_LISTED_COLUMNS} more" if len(names) > MAX_LISTED_COLUMNS else ""
     return ", ".join(names[:MAX_LISTED_COLUMNS]) + more
 
 
 def without_columns(path: Path | str, missing: Sequence[str], theirs: Sequence[str], named: Sequence[str]) -> DataError:
-    """The error for a table without these columns.
-
-    Args:
-        path: The table's name.
-        missing: Columns of a row that it lacks.
-        theirs: Its columns, as it names them.
-        named: The same in names of a row.
-
-    Example:
-        >>> print(without_columns("d.parquet", ["altitude"], ["flight_id", "level_fl", "time_s"], list(OF_DESCENTS)))
-        d.parquet has no column altitude (it has flight_id, level_fl, time_s); expected ... these are prepared ...
-    """
+    """The error for a table without these columns."""
     mend = COLUMNS_MEND
     if set(named) >= OF_SAMPLES:
         mend = SAMPLES_MEND

@@ -166,12 +166,7 @@ class DropReport(InNotebook):
 
 
 def _in_order(parts: Sequence[Sequence[str]]) -> list[str]:
-    """All names of several sequences, each behind the one that it follows in the first sequence that has it.
-
-    Example:
-        >>> _in_order([["read", "twice"], ["read", "other_type", "twice"]])
-        ['read', 'other_type', 'twice']
-    """
+    """All names of several sequences, each behind the one that it follows in the first sequence that has it."""
     order: list[str] = []
     for names in parts:
         place = 0

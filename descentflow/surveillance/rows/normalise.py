@@ -29,26 +29,7 @@ STALE_S = 10.0
 
 
 def normalise(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.DataFrame:
-    """Rename, convert and cast the columns of a table.
-
-    Args:
-        table: Columns as the source names them.
-        path: Named in errors.
-        report: Takes the number of values that are no numbers or dates.
-
-    Returns:
-        Columns of :data:`~descentflow.surveillance.rows.schema.COLUMNS` in their types and units; without the airspeed
-        that is to be computed (:func:`~descentflow.surveillance.rows.air_data.computable`).
-
-    Raises:
-        DataError: If a required column is missing or occurs twice, or most of its values cannot be read.
-
-    Example:
-        >>> row = {"time": 1.7e9, "hex": "4CA001 ", "alt_baro": "30000", "ias": 270, "mach": 0.7}
-        >>> table = pl.DataFrame([row])
-        >>> normalise(table, "rows.csv", DropReport()).select("icao24", "altitude", "IAS").row(0)
-        ('4ca001', 30000.0, 270.0)
-    """
+    """Rename, convert and cast the columns of a table."""
     theirs = table.columns
     table = _from_state_vectors(table, report) if STATE_VECTOR in table.columns else table
     table = with_altitude(_renamed(table, path, report), path, report)
@@ -84,12 +65,7 @@ def normalise(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.D
 
 
 def is_list_of_types(columns: Sequence[str]) -> bool:
-    """Test for the columns of a table that lists the types of aircraft and has no rows.
-
-    Example:
-        >>> is_list_of_types(["icao24", "registration", "typecode"]), is_list_of_types(["icao24", "typecode", "IAS"])
-        (True, False)
-    """
+    """Test for the columns of a table that lists the types of aircraft and has no rows."""
     named = set(row_names(columns).values())
     rows = {*REQUIRED, STATE_VECTOR, LEVELS, "geoaltitude", "groundspeed"} - {"icao24"}
     return {"icao24", "typecode"} <= named and not named & rows
@@ -151,16 +127,7 @@ def _cast(column: pl.Series, kind: pl.DataType, path: Path | str) -> pl.Series:
 
 
 def wanted(names: Sequence[str], named: Sequence[str] = ()) -> list[str]:
-    """Columns of a table that may say something; all of them if a required one is missing, so that they can be named.
-
-    Args:
-        names: Of all columns.
-        named: Those that the user has named.
-
-    Example:
-        >>> wanted(["timestamp", "icao24", "altitude", "ias", "mach", "squawk"])
-        ['timestamp', 'icao24', 'altitude', 'ias', 'mach']
-    """
+    """Columns of a table that may be used; all of them if a required one is missing, so that they can be named."""
     targets = row_names(names)
     named = [*named, *(name.rpartition("*")[0] for name in named if "*" in name)]
     vectors = {*(old for old, _ in SI.values()), "heading", "lastcontact"} if STATE_VECTOR in names else set()

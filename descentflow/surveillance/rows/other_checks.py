@@ -1,4 +1,4 @@
-"""Columns that nothing else of a row explains: angles, and values that stand for none."""
+"""Columns that nothing else of a row explains: angles, temperatures, and values that stand for none."""
 
 import warnings
 
@@ -6,37 +6,24 @@ import numpy as np
 import polars as pl
 
 from descentflow.core.errors import DataError, DescentflowWarning
-from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED
-from descentflow.surveillance.rows.times import (
-    MAX_REPEATED_SHARE,
-    MIN_TIMES,
-)
+from descentflow.core.units import FT_M
+from descentflow.surveillance.rows.schema import MIN_CHECKED_VALUES, POSSIBLE, REQUIRED
 
 MIN_AIRCRAFT = 3
 """Aircraft below which angles are not checked: one may fly north all the time."""
-OTHER_FPM = 500.0
-"""Difference of a rate from the change of altitude that rounding to 25 ft does not make."""
+OTHER_FPM, MAX_OTHER_SHARE = 500.0, 0.1
+"""Difference of a rate from the change of altitude that rounding to 25 ft does not make, and share of such rows above
+which a rate that is one number is none."""
 
 
 def check_angles(rows: pl.DataFrame, source: str) -> None:
-    """Refuse a track, heading or wind direction in radians: several aircraft that keep within seven degrees of north.
-
-    Raises:
-        DataError: If there is one.
-
-    Example:
-        >>> directions = pl.Series([0.06 * number for number in range(100)])
-        >>> check_angles(pl.DataFrame({"track": directions, "icao24": ["a", "b", "c", "d"] * 25}), "rows.csv")
-        Traceback (most recent call last):
-        ...
-        descentflow.core.errors.DataError: rows.csv: track seems to be in radians...
-    """
+    """Refuse angles in radians: tracks, headings or winds of several aircraft within seven degrees of north."""
     for name in ("track", "heading", "wind_direction"):
         if name not in rows.columns or rows["icao24"].n_unique() < MIN_AIRCRAFT:
             continue
         angles = rows[name].drop_nulls().to_numpy()
         angles = np.abs(angles[np.isfinite(angles)])
-        if len(angles) < MIN_TIMES or angles.max() > 2 * np.pi + 1e-6:
+        if len(angles) < MIN_CHECKED_VALUES or angles.max() > 2 * np.pi + 1e-6:
             continue
         # Of degrees near north some would be on the other side, at 350.
         if angles.min() < np.pi / 2 < angles.max() and np.any(angles % 1) and angles.max() > 2.5:
@@ -48,21 +35,9 @@ def check_angles(rows: pl.DataFrame, source: str) -> None:
 
 
 def check_constant_rate(rows: pl.DataFrame, source: str) -> None:
-    """Refuse a vertical rate that is one number throughout, of rows whose altitude often changes otherwise.
-
-    Raises:
-        DataError: If it is.
-
-    Example:
-        >>> times = pl.from_epoch(pl.Series(range(0, 300, 10)))
-        >>> rows = pl.DataFrame({"icao24": "a", "timestamp": times, "altitude": range(30_000, 21_000, -300)})
-        >>> check_constant_rate(rows.with_columns(vertical_rate=0.0), "rows.csv")
-        Traceback (most recent call last):
-        ...
-        descentflow.core.errors.DataError: rows.csv: vertical_rate is 0 in all of 30 rows, while the altitude changes...
-    """
+    """Refuse a vertical rate that is one number throughout, of rows whose altitude often changes otherwise."""
     rates = rows["vertical_rate"].drop_nulls() if "vertical_rate" in rows.columns else pl.Series(dtype=pl.Float64)
-    if len(rates) < MIN_TIMES or rates.n_unique() > 1:
+    if len(rates) < MIN_CHECKED_VALUES or rates.n_unique() > 1:
         return
     names = [name for name in ("flight_id", "icao24") if name in rows.columns]
     ordered = rows.drop_nulls(["altitude", "timestamp"]).sort(*names, "timestamp", maintain_order=True)
@@ -71,7 +46,7 @@ def check_constant_rate(rows: pl.DataFrame, source: str) -> None:
         pl.when(minutes.is_between(1 / 30, 1)).then(pl.col("altitude").diff() / minutes)
     ).to_series()
     others = (changes.drop_nulls() - rates[0]).abs() > OTHER_FPM
-    if len(others) >= MIN_TIMES and float(others.mean() or 0.0) > MAX_REPEATED_SHARE:
+    if len(others) >= MIN_CHECKED_VALUES and float(others.mean() or 0.0) > MAX_OTHER_SHARE:
         raise DataError(
             f"{source}: vertical_rate is {rates[0]:g} in all of {len(rates):,} rows, while the altitude changes",
             expected="vertical_rate in ft/min as the aircraft reported it, or no such column",
@@ -79,21 +54,33 @@ def check_constant_rate(rows: pl.DataFrame, source: str) -> None:
         )
 
 
-def check_possible(rows: pl.DataFrame, source: str) -> None:
-    """Warn of a column of which most values are impossible; they are set to missing, and counted, when rows are judged.
+def check_other_units(rows: pl.DataFrame, source: str) -> None:
+    """Refuse a geometric altitude in metres and a temperature in degrees Celsius."""
+    if "geoaltitude" in rows.columns:
+        seen = rows.select("altitude", "geoaltitude").drop_nulls()
+        seen = seen.filter(pl.col("altitude").is_between(3000, POSSIBLE["altitude"][1]) & (pl.col("geoaltitude") > 0))
+        ratio = np.median((seen["geoaltitude"] / seen["altitude"]).to_numpy()) if len(seen) >= MIN_CHECKED_VALUES else 1
+        if abs(ratio / FT_M - 1) < 0.1:
+            raise DataError(
+                f"{source}: geoaltitude seems to be in metres: it is {ratio:.2f} of the pressure altitude",
+                expected="geoaltitude in ft",
+                mend=f"multiply the column by {1 / FT_M:.4f} before passing the rows",
+            )
+    temperatures = rows["temperature"].drop_nulls().to_numpy() if "temperature" in rows.columns else np.zeros(0)
+    if len(temperatures) >= MIN_CHECKED_VALUES and float(np.median(temperatures)) < 100:
+        raise DataError(
+            f"{source}: temperature seems to be in degrees Celsius",
+            expected="temperature in K",
+            mend="add 273.15 to the column before passing the rows",
+        )
 
-    Example:
-        >>> rows = pl.DataFrame({"TAS": [9999.0] * 30})
-        >>> with warnings.catch_warnings(record=True) as caught:
-        ...     warnings.simplefilter("always")
-        ...     check_possible(rows, "rows.csv")
-        >>> print(caught[0].message)
-        rows.csv: 30 of 30 values of TAS are outside 40 to 700 and taken for missing (the most frequent: 9999): ...
-    """
+
+def check_possible(rows: pl.DataFrame, source: str) -> None:
+    """Warn of a column of which most values are impossible; the judging of rows sets them to missing."""
     for name in sorted(set(POSSIBLE) & set(rows.columns) - set(REQUIRED)):
         values = rows[name].drop_nulls()
         outside = values.filter(~values.is_between(*POSSIBLE[name]))
-        if len(values) >= MIN_TIMES and len(outside) > len(values) / 2:
+        if len(values) >= MIN_CHECKED_VALUES and len(outside) > len(values) / 2:
             low, high = POSSIBLE[name]
             warnings.warn(
                 f"{source}: {len(outside):,} of {len(values):,} values of {name} are outside {low:g} to {high:g} and "

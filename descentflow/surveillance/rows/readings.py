@@ -1,4 +1,9 @@
-"""Units and meanings of columns, and the reading in which all columns agree with each other."""
+"""Units, signs and meanings of columns by physics: the readings in which all columns of the same rows agree.
+
+Columns of a row follow from each other: IAS from Mach and altitude, TAS from Mach in nearly standard air, groundspeed
+from TAS but for wind, and the vertical rate from altitudes of neighbouring rows. Every combination of the readings of
+:data:`READINGS` is judged by how much these then differ.
+"""
 
 import itertools
 from collections.abc import Iterator
@@ -8,19 +13,15 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from descentflow.core.units import FT_M, KT_MPS
+from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
 from descentflow.surveillance.rows.air_data import Array, cas_of_mach_kt, isa_tas_of_mach_kt, mach_of_cas
-from descentflow.surveillance.rows.rate_readings import AS_GIVEN, OFF, OPPOSITE, RATE_READINGS, Reading, Steps
-from descentflow.surveillance.rows.schema import POSSIBLE
+from descentflow.surveillance.rows.schema import FILLS, MIN_CHECKED_VALUES, POSSIBLE
 
-MIN_VALUES = 20
-"""Rows below which nothing is checked."""
 MIN_AIRCRAFT = 3
 """Aircraft below which groundspeed is not compared: one in 160 kt of headwind looks as if it were in m/s; and below
 which a column that no unit explains is a warning: a register of one aircraft may be broken."""
-SAMPLE = 20_000
-"""Rows that are compared."""
-RATE_SAMPLE = 200_000
+MAX_COMPARED_ROWS = 20_000
+MAX_RATE_ROWS = 200_000
 """First rows of a file whose rates are compared: differences need neighbours."""
 AGREES = 0.06
 """Median relative difference of IAS and the CAS of Mach below which they agree; real sources have 0.002 to 0.023."""
@@ -32,6 +33,8 @@ WIND = 0.15
 """The same of an IAS that is a TAS or a groundspeed: half of the aircraft have less wind along their track."""
 WINDS = 0.25
 """Median of a groundspeed over TAS, as a logarithm: winds of all tracks nearly cancel; 0.16 in a jet of 210 kt."""
+RATES = 0.15
+"""The same of a rate over the change of altitude: real sources have up to 0.035, their 52 aircraft up to 0.126."""
 SHORT_FT = 3000.0
 """Altitude below which TAS and groundspeed are not compared."""
 HIGH_FT, SLOWEST_KT, FASTEST_MACH = 28_000.0, 145.0, 0.98
@@ -46,17 +49,71 @@ EARNED = 0.5
 ratio of TAS and IAS changes with altitude, a factor does not."""
 CLOSELY = 0.55
 """Share of the allowed difference that another unit leaves where columns contradict each other as given, at most."""
+OFF_COST = 6.0
+"""A column that no unit explains counts as much as so many that are in another unit."""
+SLOWEST_FPM, FASTEST_FPM = 800.0, 6000.0
+"""Rates of the steps that are compared: rounded altitudes say little of slower ones."""
+SHORTEST_STEP_S, LONGEST_STEP_S = 8.0, 60.0
+"""Length of a step: an altitude that is rounded to 100 ft and changes between two values in level flight changes by 750
+ft/min over the least of it, and by 1,500 over 4 s."""
+LEAP_FPM = 20_000.0
+"""Change that no aircraft makes: to a value that stands for none, or from one."""
+UNREAL_FPM = 1e9
+"""Change in no unit of any altitude: what has it is no number of an altitude."""
+OPPOSITE = 99.0
+"""Difference of a rate from a change of the other sign: larger than any of units."""
 
+
+@dataclass(frozen=True)
+class Reading:
+    """Reading of a column's values: unit, sign and meaning.
+
+    Attributes:
+        words: Its words in a message; empty for the expected unit.
+        factor: To the expected unit.
+        meaning: The quantity that it is instead, `TAS` or `IAS`, or `unsigned`; empty for the one that it should be.
+        off: Whether no unit is assumed: the column is left out of all comparisons.
+    """
+
+    words: str
+    factor: float = 1.0
+    meaning: str = ""
+    off: bool = False
+
+    @property
+    def cost(self) -> float:
+        """Cost among the changes that make columns agree."""
+        return OFF_COST if self.off else float(bool(self.words))
+
+
+AS_GIVEN, OFF = Reading(""), Reading("wrong", off=True)
 SPEEDS = (Reading("in m/s", 1 / KT_MPS), Reading("in km/h", 1 / 1.852), Reading("in miles per hour", 1 / 1.15078))
+RATE_UNITS = {
+    "in m/s": 1 / FPM_MPS,
+    "in hundreds of ft/min": 100.0,
+    "in ft/s": 60.0,
+    "raw counts of 32 ft/min (register BDS 6,0)": 32.0,
+    "raw counts of 64 ft/min (ADS-B)": 64.0,
+    "doubled": 0.5,
+    "halved": 2.0,
+}
+SINKS = "with the sign of a sink rate"
 READINGS: dict[str, tuple[Reading, ...]] = {
     "altitude": (AS_GIVEN, Reading("in metres", 1 / FT_M), Reading("in hundreds of feet", 100.0)),
     "IAS": (AS_GIVEN, *SPEEDS, Reading("TAS or groundspeed", meaning="TAS"), OFF),
     "Mach": (AS_GIVEN, Reading("in hundredths", 0.01), Reading("in thousandths", 0.001), OFF),
     "TAS": (AS_GIVEN, *SPEEDS, Reading("IAS", meaning="IAS"), OFF),
     "groundspeed": (AS_GIVEN, *SPEEDS, Reading("IAS", meaning="IAS"), OFF),
-    "vertical_rate": RATE_READINGS,
+    "vertical_rate": (
+        AS_GIVEN,
+        *(Reading(words, factor) for words, factor in RATE_UNITS.items()),
+        Reading(SINKS, -1.0),
+        *(Reading(f"{words} and {SINKS}", -factor) for words, factor in RATE_UNITS.items()),
+        Reading("without a sign", meaning="unsigned"),
+        OFF,
+    ),
 }
-"""Column -> how it may be read, the expected way first."""
+"""Column -> its readings, the expected one first."""
 
 
 @dataclass(frozen=True)
@@ -64,49 +121,44 @@ class Evidence:
     """Columns of the same rows, as given; (n,) each, NaN where missing.
 
     Attributes:
-        columns: `altitude`, `IAS`, and those of `Mach`, `TAS` and `groundspeed` that the source gives.
-        steps: What altitude does between neighbours, and the rate that is reported there.
-
-    Example:
-        >>> Evidence({"altitude": np.full(30, 35e3), "IAS": np.full(30, 266.0)}).given
-        ('altitude', 'IAS')
+        columns: `altitude`, `IAS`, and those of `Mach`, `TAS` and `groundspeed` that the source gives; none of too few
+            rows.
+        steps: As :func:`steps_of`.
     """
 
     columns: dict[str, Array]
-    steps: Steps | None = None
+    steps: pl.DataFrame
 
     @classmethod
-    def of(cls, rows: pl.DataFrame) -> "Evidence | None":
-        """Columns that can be compared, of a sample of rows; none if these are too few.
-
-        Example:
-            >>> Evidence.of(pl.read_parquet("rows.parquet")).given
-            ('altitude', 'IAS', 'Mach', 'TAS', 'groundspeed', 'vertical_rate')
-        """
+    def of(cls, rows: pl.DataFrame) -> "Evidence":
+        """Columns that can be compared, of a sample of rows."""
         names = [name for name in ("altitude", "IAS", "Mach", "TAS", "groundspeed") if name in rows.columns]
         if rows["icao24"].n_unique() < MIN_AIRCRAFT:
             names = [name for name in names if name != "groundspeed"]
         usable = rows.select(names).drop_nulls([name for name in names if name in ("altitude", "IAS", "Mach")])
-        usable = usable.filter(
-            pl.col("altitude").is_between(*POSSIBLE["altitude"]) & pl.col("IAS").is_between(1.0, 1000.0)
-        )
+        usable = usable.filter(flies())
         if "Mach" in names:
-            flying = usable.filter(pl.col("Mach").is_between(0.2, 1.0))
-            usable = flying if len(flying) >= MIN_VALUES else usable.filter(pl.col("Mach").is_between(0.2, 1000.0))
-        if len(usable) < MIN_VALUES:
-            return None
-        usable = usable.gather_every(max(len(usable) // SAMPLE, 1))
+            flying, of_any_unit = (usable.filter(pl.col("Mach").is_between(0.2, most)) for most in (1.0, 1000.0))
+            usable = flying if len(flying) >= MIN_CHECKED_VALUES else of_any_unit
+        usable = usable.gather_every(max(len(usable) // MAX_COMPARED_ROWS, 1))
         columns: dict[str, Array] = {
-            name: usable[name].cast(pl.Float64).to_numpy() for name in names if usable[name].count() >= MIN_VALUES
+            name: usable[name].cast(pl.Float64).to_numpy()
+            for name in names
+            if usable[name].count() >= MIN_CHECKED_VALUES
         }
         if "TAS" in columns:  # what stands for no value (9999, 0) is no evidence of a unit
             columns["TAS"] = np.where((columns["TAS"] > 0) & (columns["TAS"] < 2000), columns["TAS"], np.nan)
-        return cls(columns, Steps.of(rows.head(RATE_SAMPLE)))
+        return cls(columns, steps_of(rows.head(MAX_RATE_ROWS)))
 
     @property
-    def given(self) -> tuple[str, ...]:
-        """Columns that are compared."""
-        return (*self.columns, *(("vertical_rate",) if self.steps is not None else ()))
+    def given(self) -> dict[str, Reading]:
+        """Columns that are compared, read as given."""
+        return dict.fromkeys([*self.columns, *(["vertical_rate"] if len(self.steps) else [])], AS_GIVEN)
+
+
+def flies() -> pl.Expr:
+    """Mask of rows at possible altitudes with an airspeed of any unit."""
+    return pl.col("altitude").is_between(*POSSIBLE["altitude"]) & pl.col("IAS").is_between(1.0, 1000.0)
 
 
 @dataclass(frozen=True)
@@ -115,24 +167,28 @@ class Solution:
 
     Attributes:
         readings: Column -> reading.
-        misfits: Pair of columns, in words -> how much they differ, over the difference that is allowed.
-        differences: The same pairs -> the difference itself.
+        pairs: Pair of columns, in words -> how much they differ (a logarithm), and how much they may.
         possible: Whether airliners fly so at all.
-
-    Example:
-        >>> Solution({"IAS": AS_GIVEN}, {"IAS and Mach": 0.1}, {"IAS and Mach": 0.006}, True).agrees
-        True
     """
 
     readings: dict[str, Reading]
-    misfits: dict[str, float] = field(default_factory=dict)
-    differences: dict[str, float] = field(default_factory=dict)
+    pairs: dict[str, tuple[float, float]] = field(default_factory=dict)
     possible: bool = True
+
+    @property
+    def misfits(self) -> dict[str, float]:
+        """Pair -> its difference over the allowed one."""
+        return {pair: abs(difference) / allowed for pair, (difference, allowed) in self.pairs.items()}
+
+    @property
+    def wrong(self) -> list[str]:
+        """Pairs that differ by more than is allowed."""
+        return [pair for pair, misfit in self.misfits.items() if misfit > 1]
 
     @property
     def agrees(self) -> bool:
         """True if all columns agree and are possible."""
-        return self.possible and all(misfit <= 1 for misfit in self.misfits.values())
+        return self.possible and not self.wrong
 
     @property
     def changed(self) -> dict[str, Reading]:
@@ -140,81 +196,46 @@ class Solution:
         return {name: reading for name, reading in self.readings.items() if reading.words}
 
     @property
+    def off(self) -> list[str]:
+        """Columns that no unit explains."""
+        return [name for name, reading in self.readings.items() if reading.off]
+
+    @property
     def rank(self) -> tuple[float, int, float]:
         """Fewest changes first, then those that compare most columns."""
-        return sum(one.cost for one in self.readings.values()), -len(self.misfits), sum(self.misfits.values())
+        return sum(one.cost for one in self.readings.values()), -len(self.pairs), sum(self.misfits.values())
 
     def mends(self, given: "Solution") -> bool:
         """True if columns that contradicted as given are compared and agree closely, where no wind lies between."""
-        off = [name for name, reading in self.readings.items() if reading.off]
         windy = bool(self.readings["IAS"].meaning)
         return all(
             self.misfits.get(pair, np.inf) <= (1.0 if windy or "groundspeed" in pair else CLOSELY)
-            or any(name in pair for name in off)
-            for pair, misfit in given.misfits.items()
-            if misfit > 1
+            or any(name in pair for name in self.off)
+            for pair in given.wrong
         )
 
 
-def as_given(evidence: Evidence) -> Solution:
-    """Agreement of the columns as they are.
-
-    Example:
-        >>> mach = mach_of_cas(np.full(30, 266.0), np.full(30, 35e3))
-        >>> columns = {"altitude": np.full(30, 35e3), "IAS": np.full(30, 266.0), "Mach": mach}
-        >>> as_given(Evidence(columns)).agrees
-        True
-    """
-    return judged(evidence, dict.fromkeys(evidence.given, AS_GIVEN))
-
-
 def agreeing(evidence: Evidence, given: Solution) -> list[Solution]:
-    """Readings in which all columns agree, the ones that change least first.
-
-    Args:
-        evidence: The columns.
-        given: How they agree as they are.
-
-    Example:
-        >>> speeds = np.linspace(250.0, 300.0, 30)
-        >>> columns = {"altitude": np.full(30, 30e3), "IAS": 1.852 * speeds, "Mach": mach_of_cas(speeds, 30e3)}
-        >>> evidence = Evidence(columns)
-        >>> agreeing(evidence, as_given(evidence))[0].changed["IAS"].words
-        'in km/h'
-    """
-    found = [one for one in _tried(evidence) if one.agrees and one.mends(given)]
-    return sorted(found, key=lambda one: one.rank)
+    """Readings in which all columns agree, the ones that change least first; several if they do equally well."""
+    found = sorted((one for one in _tried(evidence) if one.agrees and one.mends(given)), key=lambda one: one.rank)
+    return [one for one in found if one.rank[:2] == found[0].rank[:2] and one.rank[2] < found[0].rank[2] + 0.2]
 
 
 def _tried(evidence: Evidence) -> Iterator[Solution]:
     """Every reading of altitude, IAS and Mach; the others agree with these, or not, each for itself."""
     first: list[str] = [name for name in ("altitude", "IAS", "Mach") if name in evidence.given]
-    others = [name for name in evidence.given if name not in first]
     for combination in itertools.product(*(READINGS[name] for name in first)):
         readings: dict[str, Reading] = dict(zip(first, combination, strict=True))
-        core = judged(evidence, readings)
-        if not core.agrees:
+        if not judged(evidence, readings).agrees:
             continue
-        for name in others:
+        for name in list(evidence.given)[len(first) :]:
             tried = (judged(evidence, {**readings, name: reading}, only=name) for reading in READINGS[name])
-            best = min((one for one in tried if one.agrees), key=lambda one: one.rank)
-            readings[name] = best.readings[name]
+            readings[name] = min((one for one in tried if one.agrees), key=lambda one: one.rank).readings[name]
         yield judged(evidence, readings)
 
 
 def judged(evidence: Evidence, readings: dict[str, Reading], only: str = "") -> Solution:
-    """Agreement of the columns by this reading.
-
-    Args:
-        evidence: The columns.
-        readings: Of some columns, altitude among them; the others are not looked at.
-        only: Compare this column alone with the others.
-
-    Example:
-        >>> columns = {"altitude": np.full(30, 9e3), "IAS": np.full(30, 266.0)}
-        >>> judged(Evidence(columns), {"altitude": AS_GIVEN, "IAS": AS_GIVEN}).possible
-        True
-    """
+    """Agreement of the columns by these readings, altitude's among them; of one column alone with the others."""
     values = {name: array * readings[name].factor for name, array in evidence.columns.items() if name in readings}
     altitude = values["altitude"]
     with np.errstate(all="ignore"):
@@ -223,21 +244,12 @@ def judged(evidence: Evidence, readings: dict[str, Reading], only: str = "") -> 
             for name in ("Mach", "IAS", "TAS", "groundspeed")
             if name in values and not readings[name].off
         }
-        pairs = _compared(machs, altitude, values, readings)
-        for name in machs:
-            if readings[name].meaning and not _is_earned(name, values[name], machs, altitude):
-                pairs[f"{name} and {readings[name].meaning}"] = OPPOSITE, 1.0
-        if evidence.steps is not None and not (rate := readings.get("vertical_rate", OFF)).off:
-            pairs["vertical_rate and the change of altitude"] = (
-                evidence.steps.difference(readings["altitude"].factor, rate.factor, rate.meaning),
-                evidence.steps.ALLOWED,
-            )
-        known = {pair: found for pair, found in pairs.items() if np.isfinite(found[0]) and only in pair}
-        mach = next((machs[name] for name in ("Mach", "IAS", "TAS") if name in machs), None)
-        top_ft = LOWEST_TOP_FT if readings["altitude"] == AS_GIVEN else LOWEST_READ_FT
-        possible = _possible(altitude, mach, evidence.columns["IAS"], top_ft)
-    misfits = {pair: abs(difference) / allowed for pair, (difference, allowed) in known.items()}
-    return Solution(readings, misfits, {pair: found[0] for pair, found in known.items()}, possible)
+        pairs = {
+            pair: (difference, allowed)
+            for pair, difference, allowed in _compared(evidence, machs, values, readings)
+            if np.isfinite(difference) and only in pair
+        }
+        return Solution(readings, pairs, _possible(machs, altitude, evidence.columns["IAS"], readings["altitude"]))
 
 
 def _mach(name: str, values: Array, altitude: Array, reading: Reading) -> Array:
@@ -249,58 +261,114 @@ def _mach(name: str, values: Array, altitude: Array, reading: Reading) -> Array:
     return values / isa_tas_of_mach_kt(np.ones_like(altitude), altitude)
 
 
+def _compared(
+    evidence: Evidence, machs: dict[str, Array], values: dict[str, Array], readings: dict[str, Reading]
+) -> Iterator[tuple[str, float, float]]:
+    """Pair of columns, difference, and what is allowed; NaN where too few rows have both."""
+    altitude = values["altitude"]
+    flying = altitude < POSSIBLE["altitude"][1]
+    high = flying & (altitude > SHORT_FT)
+    if "Mach" in machs and "IAS" in machs:
+        is_tas = readings["IAS"].meaning == "TAS"
+        made = (isa_tas_of_mach_kt if is_tas else cas_of_mach_kt)(machs["Mach"], altitude)
+        yield "IAS and Mach", _median(np.abs(np.log(values["IAS"] / made)), flying), WIND if is_tas else AGREES
+    other = "Mach" if "Mach" in machs else "IAS"
+    if "TAS" in machs and other in machs:
+        ratio = np.abs(np.log(machs["TAS"] / machs[other]))
+        yield f"TAS and {other}", _median(ratio, high), AIR if other == "Mach" else BOTH
+    other = next((name for name in ("TAS", "Mach", "IAS") if name in machs), "")
+    if "groundspeed" in machs and other:
+        ratio = np.log(np.maximum(machs["groundspeed"], 1e-3) / machs[other])
+        yield f"groundspeed and {other}", _median(ratio, high), WINDS
+    for name in machs:
+        if readings[name].meaning and not _is_earned(name, values[name], machs, altitude):
+            yield f"{name} and {readings[name].meaning}", OPPOSITE, 1.0
+    rate = readings.get("vertical_rate", OFF)
+    if not rate.off:
+        difference = _rate_difference(evidence.steps, readings["altitude"].factor, rate)
+        yield "vertical_rate and the change of altitude", difference, RATES
+
+
 def _is_earned(name: str, values: Array, machs: dict[str, Array], altitude: Array) -> bool:
     """True for a column that follows the quantity that it is read as, and not its own by a factor."""
-    other = next((machs[one] for one in ("Mach", "IAS", "TAS") if one in machs and one != name), None)
-    if other is None:
-        return True
+    other = next((machs[one] for one in ("Mach", "IAS", "TAS") if one in machs and one != name), altitude * np.nan)
     own, read = (
         np.log(one / other)[(altitude > SHORT_FT) & np.isfinite(one * other)]
         for one in (_mach(name, values, altitude, AS_GIVEN), machs[name])
     )
-    if min(len(own), len(read)) < MIN_VALUES:
+    if min(len(own), len(read)) < MIN_CHECKED_VALUES:
         return True
     return bool(np.ptp(np.quantile(own, (0.25, 0.75))) >= EARNED * np.ptp(np.quantile(read, (0.25, 0.75))))
 
 
-def _compared(
-    machs: dict[str, Array], altitude: Array, values: dict[str, Array], readings: dict[str, Reading]
-) -> dict[str, tuple[float, float]]:
-    """Pair of columns -> difference, and what is allowed; NaN where too few rows have both."""
-    found = {}
-    high = (altitude > SHORT_FT) & (altitude < POSSIBLE["altitude"][1])
-    flying = altitude < POSSIBLE["altitude"][1]
-    if "Mach" in machs and "IAS" in machs:
-        is_tas = readings["IAS"].meaning == "TAS"
-        speed = isa_tas_of_mach_kt if is_tas else cas_of_mach_kt
-        ratio = np.log(values["IAS"] / speed(machs["Mach"], altitude))
-        found["IAS and Mach"] = _median(np.abs(ratio), flying), WIND if is_tas else AGREES
-    other = "Mach" if "Mach" in machs else "IAS"
-    if "TAS" in machs and other in machs:
-        allowed = AIR if other == "Mach" else BOTH
-        found[f"TAS and {other}"] = _median(np.abs(np.log(machs["TAS"] / machs[other])), high), allowed
-    other = next((name for name in ("TAS", "Mach", "IAS") if name in machs), "")
-    if "groundspeed" in machs and other:
-        ratio = np.log(np.maximum(machs["groundspeed"], 1e-3) / machs[other])
-        found[f"groundspeed and {other}"] = _median(ratio, high), WINDS
-    return found
-
-
 def _median(values: Array, where: NDArray[np.bool_]) -> float:
     chosen = values[where & ~np.isnan(values)]
-    return float(np.median(chosen)) if len(chosen) >= MIN_VALUES else np.nan
+    return float(np.median(chosen)) if len(chosen) >= MIN_CHECKED_VALUES else np.nan
 
 
-def _possible(altitude: Array, mach: Array | None, ias: Array, top_ft: float) -> bool:
+def _possible(machs: dict[str, Array], altitude: Array, ias: Array, reading: Reading) -> bool:
     """Test for possible flight: within the atmosphere, above the ground, and at Mach numbers of the altitude."""
+    top_ft = LOWEST_TOP_FT if reading == AS_GIVEN else LOWEST_READ_FT
     if np.median(altitude) > POSSIBLE["altitude"][1]:
         return False
     if np.quantile(altitude, 0.995) < top_ft and np.median(ias) > TAXI_KT:
         return False
-    if mach is None:
-        return True
-    high = (altitude > HIGH_FT) & (altitude < POSSIBLE["altitude"][1])
+    mach = next((machs[name] for name in ("Mach", "IAS", "TAS") if name in machs), altitude * np.nan)
+    flying = altitude < POSSIBLE["altitude"][1]
+    high = flying & (altitude > HIGH_FT)
     cas_kt = _median(cas_of_mach_kt(mach, altitude), high)
     if not np.isnan(cas_kt):
         return bool(cas_kt > SLOWEST_KT and _median(mach, high) < FASTEST_MACH)
-    return not _median(mach, altitude < POSSIBLE["altitude"][1]) > FASTEST_MACH
+    return not _median(mach, flying) > FASTEST_MACH
+
+
+def _rate_difference(steps: pl.DataFrame, altitude_factor: float, reading: Reading) -> float:
+    """Logarithm of rate over change, the median of climbs or of descents, whichever is worse; NaN of too few."""
+    change, rate = (steps[name].to_numpy() for name in ("change", "reported"))
+    change, rate = change * altitude_factor, rate * reading.factor
+    moving = np.zeros(len(change), dtype=bool)
+    for speed in (change, rate):
+        moving |= (np.abs(speed) >= SLOWEST_FPM) & (np.abs(speed) <= FASTEST_FPM)
+    moving &= np.abs(change) < LEAP_FPM
+    found = []
+    for sign in (-1, 1):
+        chosen = moving & (np.sign(change) == sign)
+        if chosen.sum() >= MIN_CHECKED_VALUES:
+            ratio = float(np.median(rate[chosen] / np.abs(change[chosen]))) * (1 if reading.meaning else sign)
+            found.append(abs(float(np.log(ratio))) if ratio > 1e-9 else OPPOSITE)
+    # Rates without a sign are known by both: with descents alone they are sink rates.
+    return np.nan if not found else OPPOSITE if reading.meaning and len(found) < 2 else max(found)
+
+
+def steps_of(rows: pl.DataFrame) -> pl.DataFrame:
+    """Steps of 8 to 60 s of one flight, or aircraft; none if the rows report no rate."""
+    names = [name for name in ("flight_id", "icao24") if name in rows.columns]
+    if "vertical_rate" not in rows.columns:
+        return rows.select(names).clear().with_columns(change=0.0, reported=0.0)
+    rows = rows.filter(~pl.col("altitude").is_in(FILLS)).sort(*names, "timestamp", maintain_order=True)
+    possible = pl.col("vertical_rate").is_between(*POSSIBLE["vertical_rate"])
+    seen = rows.select(
+        altitude=pl.col("altitude").cast(pl.Float64),
+        reported=pl.when(possible).then(pl.col("vertical_rate")).cast(pl.Float64),
+        time_us=pl.col("timestamp").dt.epoch("us").fill_null(0),
+        flight=pl.any_horizontal(pl.col(name).ne_missing(pl.col(name).shift()) for name in names).cum_sum(),
+    )
+    altitude, reported, time_us, flight = (seen[name].to_numpy() for name in seen.columns)
+    before = _row_before(time_us, flight)
+    seconds = (time_us - time_us[before]) / 1e6
+    with np.errstate(all="ignore"):
+        change = (altitude - altitude[before]) / seconds * 60
+    chosen = (flight == flight[before]) & (seconds >= SHORTEST_STEP_S) & (seconds <= LONGEST_STEP_S) & (change != 0)
+    chosen &= (np.abs(change) < UNREAL_FPM) & np.isfinite(reported)
+    steps = rows.select(names).with_columns(change=pl.Series(change), reported=pl.Series(reported))
+    return steps.filter(pl.Series(chosen, dtype=pl.Boolean))
+
+
+def _row_before(time_us: NDArray[np.int64], flight: NDArray[np.uint32]) -> NDArray[np.int64]:
+    """Position (n,) of the last row that is old enough for a step; the first row's, where there is none.
+
+    Rows are sorted by flight and time, so one search in a clock that runs on from flight to flight finds all.
+    """
+    elapsed = np.diff(time_us, prepend=time_us[:1]).clip(min=0)
+    clock = np.cumsum(np.where(np.diff(flight, prepend=flight[:1]) > 0, int(1e6 * LONGEST_STEP_S) + 1, elapsed))
+    return np.maximum(np.searchsorted(clock, clock - int(1e6 * SHORTEST_STEP_S), side="right") - 1, 0)

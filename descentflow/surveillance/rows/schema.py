@@ -79,6 +79,9 @@ POSSIBLE = {
 FILLS = (9999.0, -9999.0)
 """Numbers that stand for none: rates of no register, whose steps are 32 and 64, and altitudes of no encoder."""
 
+MIN_CHECKED_VALUES = 20
+"""Values of a column below which nothing of them is checked."""
+
 ALIASES = {
     "time": "timestamp",
     "ts": "timestamp",
@@ -133,17 +136,7 @@ TRADE = {
 def check_types(
     types: Mapping[str, pl.DataType], path: Path | str, expected: str = "numbers, dates with time, or text"
 ) -> None:
-    """Refuse columns whose type cannot have values of a row.
-
-    Raises:
-        DataError: If there is one.
-
-    Example:
-        >>> check_types({"IAS": pl.List(pl.Float64)}, "rows.parquet")
-        Traceback (most recent call last):
-        ...
-        descentflow.core.errors.DataError: rows.parquet: column IAS of type List(Float64)...
-    """
+    """Refuse columns whose type cannot have values of a row."""
     for name, kind in types.items():
         if kind.is_nested() or kind in (pl.Binary, pl.Object, pl.Date, pl.Time, pl.Duration):
             raise DataError(

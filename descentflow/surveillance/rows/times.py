@@ -6,7 +6,7 @@ from typing import Any
 import polars as pl
 
 from descentflow.core.errors import DataError
-from descentflow.surveillance.rows.schema import TIMESTAMP
+from descentflow.surveillance.rows.schema import MIN_CHECKED_VALUES, TIMESTAMP
 
 DATE_FORMATS = (
     "%+",
@@ -74,12 +74,7 @@ def _parsed(column: pl.Series, form: str) -> pl.Series:
 
 
 def in_seconds(s: pl.Expr) -> pl.Expr:
-    """Seconds; also of milli-, micro- or nanoseconds where a number can only be these (up to the year 5138).
-
-    Example:
-        >>> pl.select(in_seconds(pl.Series([1.7e9, 1.7e12]))).to_series().to_list()
-        [1700000000.0, 1700000000.0]
-    """
+    """Seconds; also of milli-, micro- or nanoseconds where a number can only be these (up to the year 5138)."""
     return pl.when(s > 1e17).then(s / 1e9).when(s > 1e14).then(s / 1e6).when(s > 1e11).then(s / 1e3).otherwise(s)
 
 
@@ -95,37 +90,23 @@ def _from_epoch(seconds: pl.Series) -> pl.Series:
     )
 
 
-MIN_TIMES = 20
-"""Values below which nothing is checked."""
 DAYS_FROM, DAYS_TO = 20_000.0, 80_000.0
 """Days since 1899-12-30, in 1954 and 2119: what spreadsheets call a date."""
 MAX_REPEATED_SHARE = 0.1
-"""Share of such rows above which a rate that is one number is none."""
+"""Share of rows with the address and time of another, at another altitude, above which times are cut."""
 LONGEST_STEP = 0.01
 """Between two rows of an aircraft, a quarter of an hour in days; no source reports every hundredth of a second."""
 
 
 def check_numbers_of_days(rows: pl.DataFrame, source: str) -> None:
-    """Refuse times that are numbers of days, as spreadsheets write dates: read as seconds, all lie on one day of 1970.
-
-    Raises:
-        DataError: If they are.
-
-    Example:
-        >>> days = pl.DataFrame({"timestamp": pl.Series([46_000 + i / 86_400 for i in range(30)]) * 1e6})
-        >>> rows = days.select(pl.col("timestamp").cast(pl.Int64).cast(pl.Datetime("us", "UTC")), icao24=pl.lit("a"))
-        >>> check_numbers_of_days(rows, "rows.csv")
-        Traceback (most recent call last):
-        ...
-        descentflow.core.errors.DataError: rows.csv: timestamp seems to be in days since 1899-12-30...
-    """
+    """Refuse times that are numbers of days, as spreadsheets write dates: as seconds, all lie on one day of 1970."""
     seconds = rows["timestamp"].drop_nulls().dt.epoch("us") / 1e6
-    if len(seconds) < MIN_TIMES or not DAYS_FROM < float(seconds.median() or 0.0) < DAYS_TO:  # type: ignore[arg-type]
+    if len(seconds) < MIN_CHECKED_VALUES or not DAYS_FROM < float(seconds.median() or 0.0) < DAYS_TO:  # type: ignore[arg-type]
         return
     clock = rows.select("icao24", pl.col("timestamp").dt.epoch("us") / 1e6).drop_nulls().sort("icao24", "timestamp")
     steps = clock.select(pl.col("timestamp").diff().filter(pl.col("icao24") == pl.col("icao24").shift())).to_series()
     steps = steps.filter(steps > 0)
-    if len(steps) >= MIN_TIMES // 2 and float(steps.median() or 0.0) < LONGEST_STEP:  # type: ignore[arg-type]
+    if len(steps) >= MIN_CHECKED_VALUES // 2 and float(steps.median() or 0.0) < LONGEST_STEP:  # type: ignore[arg-type]
         raise DataError(
             f"{source}: timestamp seems to be in days since 1899-12-30, as spreadsheets count (the first: "
             f"{seconds[0]:.6f}); read as seconds, all rows lie within moments of 1970",
@@ -135,20 +116,9 @@ def check_numbers_of_days(rows: pl.DataFrame, source: str) -> None:
 
 
 def check_whole_minutes(rows: pl.DataFrame, source: str) -> None:
-    """Refuse times that are cut to the minute: rows of one aircraft and time at several altitudes.
-
-    Raises:
-        DataError: If they are.
-
-    Example:
-        >>> minutes = pl.from_epoch(pl.Series([60 * (number // 12) for number in range(60)]))
-        >>> check_whole_minutes(pl.DataFrame({"icao24": "a", "timestamp": minutes, "altitude": range(60)}), "rows.csv")
-        Traceback (most recent call last):
-        ...
-        descentflow.core.errors.DataError: rows.csv: times are cut to the minute: 55 of 60 rows have the address and ...
-    """
+    """Refuse times that are cut to the minute: rows of one aircraft and time at several altitudes."""
     known = rows.select("icao24", "timestamp", "altitude").drop_nulls()
-    if len(known) < MIN_TIMES or (known["timestamp"].dt.epoch("us") % 60_000_000 != 0).any():
+    if len(known) < MIN_CHECKED_VALUES or (known["timestamp"].dt.epoch("us") % 60_000_000 != 0).any():
         return
     repeated = known.n_unique() - known.n_unique(["icao24", "timestamp"])
     if repeated > MAX_REPEATED_SHARE * len(known):
@@ -178,15 +148,6 @@ class RelativeTimes:
     """Refuses rows of before 1990 whose times begin anew: flights of an aircraft would be shuffled into each other.
 
     One clock for all rows, as a simulator's, is taken as it is.
-
-    Example:
-        >>> rows = pl.DataFrame({"icao24": "4ca001", "timestamp": pl.from_epoch(pl.Series(range(0, 300, 4)))})
-        >>> times = RelativeTimes()
-        >>> times.check(rows, "flight_1.csv", first=True)
-        >>> times.check(rows, "flight_2.csv", first=True)
-        Traceback (most recent call last):
-        ...
-        descentflow.core.errors.DataError: flight_2.csv: times from 0 to 296 s after the begin of 1970, ...
     """
 
     _number: int = 0
@@ -194,16 +155,7 @@ class RelativeTimes:
     """Address and name of a flight -> number and label of its table, first and last second."""
 
     def check(self, rows: pl.DataFrame, label: str, first: bool) -> None:
-        """Look at a table, or a part of it.
-
-        Args:
-            rows: In names and types of a row.
-            label: Its name in messages.
-            first: Whether it is the first part of its table.
-
-        Raises:
-            DataError: If its times begin anew within an aircraft's rows, or meet those of another table.
-        """
+        """Look at a table, or a part of it."""
         self._number += first
         latest = rows.select(pl.col("timestamp").dt.epoch("ms").max() / 1e3).item()
         if latest is None or latest >= FIRST_S:

@@ -1,27 +1,38 @@
-"""Detect a column in a wrong unit, or of another quantity, by physics: columns of a row follow from each other."""
+"""Detect a column in a wrong unit, or of another quantity, by physics: of all rows, or of some flights alone."""
 
 import warnings
 
 import numpy as np
 import polars as pl
 
-from descentflow.core.errors import DataError, DescentflowWarning
-from descentflow.core.units import FT_M
-from descentflow.surveillance.rows.air_data import cas_of_mach_kt
-from descentflow.surveillance.rows.flight_ratios import contradicting_flights
-from descentflow.surveillance.rows.other_checks import check_angles, check_constant_rate, check_possible
+from descentflow.core.errors import DescentflowWarning
+from descentflow.surveillance.rows.air_data import cas_of_mach_kt, isa_tas_of_mach_kt, mach_of_cas
+from descentflow.surveillance.rows.other_checks import (
+    check_angles,
+    check_constant_rate,
+    check_other_units,
+    check_possible,
+)
 from descentflow.surveillance.rows.readings import (
+    AGREES,
+    BOTH,
+    FASTEST_FPM,
+    LEAP_FPM,
+    MAX_RATE_ROWS,
     MIN_AIRCRAFT,
-    MIN_VALUES,
-    RATE_SAMPLE,
+    RATES,
+    SHORT_FT,
+    SLOWEST_FPM,
     Evidence,
     Solution,
     agreeing,
-    as_given,
+    flies,
+    judged,
+    steps_of,
 )
-from descentflow.surveillance.rows.schema import POSSIBLE
+from descentflow.surveillance.rows.schema import MIN_CHECKED_VALUES
 from descentflow.surveillance.rows.times import check_numbers_of_days, check_whole_minutes
-from descentflow.surveillance.rows.units_words import contradiction, refusal
+from descentflow.surveillance.rows.units_words import contradiction, readings_in_words, refusal
 
 CONTRADICTS_KT = 25.0
 """Difference of IAS and the CAS of Mach at which rows are dropped (`airspeeds_differ_kt`): a smaller one that no unit
@@ -31,6 +42,12 @@ GEOMETRIC_KT = 3.0
 have up to 1.0, and a geometric altitude in ISA + 18 K has 7.5."""
 GROWS = 1.3
 """Relative excess of the upper half of the rows over that of the lower from which it is an error of the altitude."""
+ALLOWED_OF_FLIGHT = {"IAS": AGREES, "TAS": BOTH, "groundspeed": 0.5, "vertical_rate": RATES}
+"""Column -> logarithm of the median ratio of a flight up to which it agrees; wind makes 0.4 of a
+groundspeed (100 kt against 300)."""
+MIN_AGREEING_SHARE = 0.1
+"""Share of flights that agree from which the others are named, and the table is not refused as a whole."""
+MAX_LISTED_FLIGHTS = 5
 
 
 def check_units(rows: pl.DataFrame, source: str) -> None:
@@ -57,113 +74,140 @@ def check_units(rows: pl.DataFrame, source: str) -> None:
     """
     check_numbers_of_days(rows, source)
     # Rows of no address are of any aircraft; they are dropped, and counted, when rows are judged.
-    rows = rows.drop_nulls("icao24") if rows["icao24"].has_nulls() else rows
+    rows = rows.drop_nulls("icao24")
     check_whole_minutes(rows, source)
     check_consistency(rows, source)
     check_angles(rows, source)
-    _check_others(rows, source)
+    check_other_units(rows, source)
     check_possible(rows, source)
 
 
 def check_consistency(rows: pl.DataFrame, source: str) -> None:
-    """Refuse columns of which all rows contradict each other, and warn of flights that contradict what others do.
+    """Refuse columns of which all rows contradict each other, and warn of flights that contradict what others do."""
+    check_constant_rate(rows.head(MAX_RATE_ROWS), source)
+    if flights := _contradicting_flights(rows):
+        _warn(f"{source}: {flights}")
+        return
+    evidence = Evidence.of(rows)
+    if not evidence.columns:
+        return
+    given = judged(evidence, evidence.given)
+    if given.agrees:
+        _check_geometric(evidence, source)
+    else:
+        _check_contradiction(evidence, given, rows, source)
 
-    Args:
-        rows: Rows, or prepared descents with an altitude.
-        source: Begin of the message.
 
-    Raises:
-        DataError: Naming the column and the unit, sign or quantity that it seems to have.
-
-    Example:
-        >>> check_consistency(pl.read_parquet("rows.parquet"), "rows.parquet")
-    """
-    check_constant_rate(rows.head(RATE_SAMPLE), source)
-    if said := contradicting_flights(rows):
-        warnings.warn(f"{source}: {said}", DescentflowWarning, stacklevel=4)
-    elif (evidence := Evidence.of(rows)) is not None:
-        given = as_given(evidence)
-        if given.agrees:
-            _check_geometric(evidence, source)
-        elif error := _refusal(evidence, given, rows, source):
-            raise error
+def _warn(text: str) -> None:
+    warnings.warn(text, DescentflowWarning, stacklevel=5)
 
 
 def _check_geometric(evidence: Evidence, source: str) -> None:
     """Warn of an altitude that IAS and Mach contradict as a geometric one would."""
-    if "Mach" not in evidence.columns:
-        return
-    altitude, ias, mach = (evidence.columns[name] for name in ("altitude", "IAS", "Mach"))
-    with np.errstate(all="ignore"):
-        excess = ias - cas_of_mach_kt(mach, altitude)
-        shown = np.isfinite(excess / ias)
-    altitude, excess, ias = altitude[shown], excess[shown], ias[shown]
+    altitude, share = evidence.columns["altitude"], _excess_of_ias(evidence)
+    shown = np.isfinite(share)
+    altitude, share, ias = altitude[shown], share[shown], evidence.columns["IAS"][shown]
     high = altitude > np.median(altitude) if len(altitude) else shown[:0]
     if not high.any() or high.all():
         return
-    excess_kt = float(np.median(excess))
+    excess_kt = float(np.median(share * ias))
     # An error of the altitude grows with it, one of the airspeed does not.
-    above, below = (abs(float(np.median((excess / ias)[part]))) for part in (high, ~high))
+    above, below = (abs(float(np.median(share[part]))) for part in (high, ~high))
     if abs(excess_kt) > GEOMETRIC_KT and above > GROWS * below:
-        warnings.warn(
+        _warn(
             f"{source}: altitude seems to be a geometric altitude (alt_geom, geoaltitude, GPS), and no pressure "
             f"altitude: IAS less the CAS of Mach and altitude is {excess_kt:+.1f} kt in the median, where real sources "
             f"are within 1 kt; levels are then too {'high' if excess_kt > 0 else 'low'}: name the column of the "
-            "pressure altitude (alt_baro, baroaltitude)",
-            DescentflowWarning,
-            stacklevel=4,
+            "pressure altitude (alt_baro, baroaltitude)"
         )
 
 
-def _refusal(evidence: Evidence, given: Solution, rows: pl.DataFrame, source: str) -> DataError | None:
-    """The reading that makes columns agree that do not, or the column that contradicts the others.
+def _excess_of_ias(evidence: Evidence) -> np.ndarray:
+    """(n,) IAS less the CAS of Mach and altitude, over IAS; NaN without Mach."""
+    altitude, ias = evidence.columns["altitude"], evidence.columns["IAS"]
+    with np.errstate(all="ignore"):
+        return np.asarray((ias - cas_of_mach_kt(evidence.columns.get("Mach", np.nan * ias), altitude)) / ias)
 
-    Returns:
-        None where airliners do not fly so in any reading, which the cleaning counts, or nobody can be blamed.
+
+def _check_contradiction(evidence: Evidence, given: Solution, rows: pl.DataFrame, source: str) -> None:
+    """Refuse by the reading that makes columns agree that do not, or name the column that contradicts the others.
+
+    Nothing is said where airliners do not fly so in any reading, which the cleaning counts, or nobody can be blamed.
     """
-    found = agreeing(evidence, given)
-    if not found:
-        return contradiction(source, given, []) if given.possible else None
-    best = [one for one in found if one.rank[:2] == found[0].rank[:2] and one.rank[2] < found[0].rank[2] + 0.2]
-    if not any(reading.off for reading in best[0].readings.values()):
-        return refusal(source, given, best)
-    if _is_poor_instrument(evidence, given):
-        return None
+    best = agreeing(evidence, given)
+    if best and not best[0].off:
+        raise refusal(source, given, best)
+    if not best and not given.possible:
+        return
+    off = {name for one in best for name in one.off}
+    excess_kt = np.abs(_excess_of_ias(evidence)) * evidence.columns["IAS"]
+    poor = best and given.possible and given.wrong == ["IAS and Mach"] and float(np.median(excess_kt)) <= CONTRADICTS_KT
+    if poor:
+        return
     error = contradiction(source, given, best)
-    off = {name for one in best for name, reading in one.readings.items() if reading.off}
-    if rows["icao24"].n_unique() >= MIN_AIRCRAFT and off != {"vertical_rate"}:
-        return error
+    if not best or (rows["icao24"].n_unique() >= MIN_AIRCRAFT and off != {"vertical_rate"}):
+        raise error
     # Rows of several aircraft under one address make such rates, too.
     shared = ", or give rows of different aircraft different icao24" if off == {"vertical_rate"} else ""
-    warnings.warn(f"{error.got}; {error.mend}{shared}", DescentflowWarning, stacklevel=4)
-    return None
+    _warn(f"{error.got}; {error.mend}{shared}")
 
 
-def _is_poor_instrument(evidence: Evidence, given: Solution) -> bool:
-    """Test for IAS and Mach alone in disagreement, by less than rows are dropped for."""
-    if not given.possible or [pair for pair, misfit in given.misfits.items() if misfit > 1] != ["IAS and Mach"]:
-        return False
-    altitude, ias, mach = (evidence.columns[name] for name in ("altitude", "IAS", "Mach"))
-    return float(np.median(np.abs(ias - cas_of_mach_kt(mach, altitude)))) <= CONTRADICTS_KT
+def _contradicting_flights(rows: pl.DataFrame) -> str:
+    """Words for flights whose columns agree in other units alone, while those of others agree as given; else empty."""
+    names: list[str] = [name for name in ("flight_id", "icao24") if name in rows.columns]
+    ratios = _ratios_of_flights(rows, names)
+    compared = [name for name in ALLOWED_OF_FLIGHT if name in ratios.columns]
+    agrees = [(pl.col(name).log().abs() <= ALLOWED_OF_FLIGHT[name]).fill_null(True) for name in compared]
+    wrong = ratios.filter(~pl.all_horizontal(True, *agrees))
+    number = len(ratios) - len(wrong)
+    if wrong.is_empty() or number <= MIN_AGREEING_SHARE * len(ratios):
+        return ""
+    found: dict[str, list[str]] = {}
+    # Flights of one sign and factor are of one source.
+    alike = wrong.with_columns(pl.col(compared).sign() * (pl.col(compared).abs().log(2).round() + 99))
+    for some in alike.partition_by(compared, maintain_order=True):
+        evidence = Evidence.of(rows.join(some, on=names, how="semi"))
+        given = judged(evidence, evidence.given) if evidence.columns else Solution({})
+        best = [] if given.agrees else agreeing(evidence, given)[:1]
+        if best and not best[0].off:
+            found.setdefault(readings_in_words(best[0]), []).extend(some[names[0]])
+    if not found:
+        return ""
+    described = "; in ".join(
+        f"{len(which):,} flights ({', '.join(which[:MAX_LISTED_FLIGHTS])}"
+        f"{', ...' * (len(which) > MAX_LISTED_FLIGHTS)}) {words}"
+        for words, which in found.items()
+    )
+    return (
+        f"columns of some flights contradict each other: in {described}; the columns of {number:,} others "
+        "agree as given: convert the rows of each source before they are put together"
+    )
 
 
-def _check_others(rows: pl.DataFrame, source: str) -> None:
-    """Geometric altitude against pressure altitude, temperature against zero."""
-    if "geoaltitude" in rows.columns:
-        seen = rows.select("altitude", "geoaltitude").drop_nulls()
-        seen = seen.filter(pl.col("altitude").is_between(3000, POSSIBLE["altitude"][1]) & (pl.col("geoaltitude") > 0))
-        ratio = np.median((seen["geoaltitude"] / seen["altitude"]).to_numpy()) if len(seen) >= MIN_VALUES else 1.0
-        if abs(ratio / FT_M - 1) < 0.1:
-            raise DataError(
-                f"{source}: geoaltitude seems to be in metres: it is {ratio:.2f} of the pressure altitude",
-                expected="geoaltitude in ft",
-                mend=f"multiply the column by {1 / FT_M:.4f} before passing the rows",
-            )
-    if "temperature" in rows.columns:
-        temperatures = rows["temperature"].drop_nulls().to_numpy()
-        if len(temperatures) >= MIN_VALUES and float(np.median(temperatures)) < 100:
-            raise DataError(
-                f"{source}: temperature seems to be in degrees Celsius",
-                expected="temperature in K",
-                mend="add 273.15 to the column before passing the rows",
-            )
+def _ratios_of_flights(rows: pl.DataFrame, names: list[str]) -> pl.DataFrame:
+    """Medians of each flight: IAS over the CAS of Mach, TAS and groundspeed over the TAS of Mach, rate over change.
+
+    They are null where a flight has too few rows; flights without any are left out.
+    """
+    flying = rows.filter(flies())
+    values = {
+        name: flying[name].cast(pl.Float64).to_numpy()
+        for name in ("altitude", "IAS", "Mach", "TAS", "groundspeed")
+        if name in rows.columns
+    }
+    altitude, ias = values["altitude"], values["IAS"]
+    with np.errstate(all="ignore"):
+        mach = values.get("Mach", mach_of_cas(ias, altitude))
+        tas = np.where(altitude > SHORT_FT, isa_tas_of_mach_kt(mach, altitude), np.nan)
+        made = {"TAS": tas, "groundspeed": tas} | ({"IAS": cas_of_mach_kt(mach, altitude)} if "Mach" in values else {})
+        shares = {name: values[name] / other for name, other in made.items() if name in values}
+    table = flying.select(names).with_columns(pl.Series(name, share).fill_nan(None) for name, share in shares.items())
+    enough = [pl.when(pl.count(name) >= MIN_CHECKED_VALUES).then(pl.median(name)).alias(name) for name in shares]
+    ratios = table.group_by(names, maintain_order=True).agg(enough)
+    if "vertical_rate" in rows.columns:
+        moving = pl.any_horizontal(pl.col("change", "reported").abs().is_between(SLOWEST_FPM, FASTEST_FPM))
+        steps = steps_of(rows).filter(moving, pl.col("change").is_between(-LEAP_FPM, 0)).group_by(names)
+        rates = steps.agg(pl.len(), vertical_rate=(pl.col("reported") / pl.col("change")).median())
+        rates = rates.filter(pl.col("len") >= MIN_CHECKED_VALUES).drop("len")
+        ratios = ratios.join(rates, on=names, how="left", maintain_order="left")
+    return ratios.filter(pl.any_horizontal(pl.exclude(names).is_not_null()))

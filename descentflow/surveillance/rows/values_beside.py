@@ -31,16 +31,6 @@ def with_values_beside(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
     """Rows in which IAS has beside it what the table holds in rows of its own, where these are near in time.
 
     Nothing is done with a column that has a value in more than :data:`MOST_TOGETHER` of the rows with IAS.
-
-    Args:
-        rows: In names, types and units of a row, in any order.
-        report: Takes the number of values that were joined, by column.
-
-    Example:
-        >>> times = pl.from_epoch(pl.Series([0, 2]))
-        >>> rows = pl.DataFrame({"icao24": "a", "timestamp": times, "IAS": [250.0, None], "TAS": [None, 400.0]})
-        >>> with_values_beside(rows, DropReport())["TAS"].to_list()
-        [400.0, 400.0]
     """
     if "IAS" not in rows.columns or not rows["IAS"].count():
         return rows
@@ -72,19 +62,7 @@ def _is_apart(name: str, rows: pl.DataFrame, measured: pl.DataFrame) -> bool:
 
 
 def between(found: pl.DataFrame, others: pl.DataFrame, name: str = "altitude") -> pl.DataFrame:
-    """Fill in values between the one before and the one after.
-
-    Args:
-        found: Columns `time icao24`, that of the values and others, in order of time (s).
-        others: Columns `time icao24` and that of the values, in order of time.
-        name: Column of the values.
-
-    Example:
-        >>> found = pl.DataFrame({"time": [2.0], "icao24": ["a"], "altitude": pl.Series([None], dtype=pl.Float64)})
-        >>> others = pl.DataFrame({"time": [0.0, 4.0], "icao24": ["a", "a"], "altitude": [30_000.0, 29_900.0]})
-        >>> between(found, others)["altitude"][0]
-        29950.0
-    """
+    """Fill in values between the one before and the one after."""
     values = others.select("icao24", "time", name).drop_nulls(name)
     sides = found
     sided: tuple[tuple[str, Any], ...] = (("before", "backward"), ("after", "forward"))
@@ -102,19 +80,7 @@ def between(found: pl.DataFrame, others: pl.DataFrame, name: str = "altitude") -
 def near(
     found: pl.DataFrame, others: pl.DataFrame, within_s: float, strategy: Literal["nearest", "backward"] = "nearest"
 ) -> pl.DataFrame:
-    """Add the nearest report of another kind.
-
-    Args:
-        found: Columns `time icao24` and others, in order of time (s).
-        others: Columns `time icao24` and those that are added, in order of time.
-        within_s: Largest distance in time.
-        strategy: `backward` for what is valid until the next.
-
-    Example:
-        >>> others = pl.DataFrame({"time": [0.0, 4.0], "icao24": ["a", "a"], "TAS": [400.0, 402.0]})
-        >>> near(pl.DataFrame({"time": [3.0], "icao24": ["a"]}), others, 5.0)["TAS"][0]
-        402.0
-    """
+    """Add the nearest report of another kind."""
     return found.join_asof(
         others, on="time", by="icao24", strategy=strategy, tolerance=within_s, check_sortedness=False
     )

@@ -36,19 +36,7 @@ PART = re.compile(r"(?P<whole>.+\.(?:tar|tgz|tar\.gz))\.(?!gz$|xz$|lz$|zst$|lzo$
 
 
 def files_of(paths: Sequence[str | Path], accepted: str = "files or folders of rows") -> list[Path]:
-    """The files given, and all files of the folders given except hidden ones and companions of published archives.
-
-    Args:
-        paths: Files and folders.
-        accepted: Expected input, for the error.
-
-    Raises:
-        DataError: If a path does not exist, or no file is left.
-
-    Example:
-        >>> files_of(["rows.parquet"])
-        [PosixPath('rows.parquet')]
-    """
+    """The files given, and all files of the folders given except hidden ones and companions of published archives."""
     files: list[Path] = []
     # A single name is a sequence, too: of letters.
     for path in map(Path, [paths] if isinstance(paths, str) else paths):
@@ -65,15 +53,7 @@ def files_of(paths: Sequence[str | Path], accepted: str = "files or folders of r
 
 
 def with_parts(files: Sequence[Path]) -> list[tuple[str, list[Path]]]:
-    """Files, with the parts of each split archive together (`split` names them .aa .ab ..., others .001 .002 ...).
-
-    Raises:
-        DataError: If a part is missing before or between others.
-
-    Example:
-        >>> with_parts([Path("day.tar.aa"), Path("day.tar.ab")])
-        [('day.tar', [PosixPath('day.tar.aa'), PosixPath('day.tar.ab')])]
-    """
+    """Files, with the parts of each split archive together (`split` names them .aa .ab ..., others .001 .002 ...)."""
     groups: dict[str, list[Path]] = {}
     for file in files:
         part = PART.match(str(file))
@@ -111,12 +91,7 @@ LARGEST_HEADER = 1 << 20
 
 
 def is_tar(head: bytes) -> bool:
-    """Test for the first bytes of a tar archive (POSIX or GNU).
-
-    Example:
-        >>> is_tar(bytes(257) + b"ustar"), is_tar(b"PAR1")
-        (True, False)
-    """
+    """Test for the first bytes of a tar archive (POSIX or GNU)."""
     return len(head) <= HEAD and head[257:262] == b"ustar"
 
 
@@ -124,16 +99,6 @@ def members(source: Input, report: DropReport) -> Iterator[Input]:
     """Files of an archive; each must be read before the next is asked for.
 
     Links, devices, sparse files and names that lead out of the archive are left out and counted.
-
-    Raises:
-        DataError: If the archive is damaged or ends before its end.
-
-    Example:
-        >>> with tarfile.open("rows.tar", "w") as archive:
-        ...     archive.add("rows.parquet")
-        >>> with Path("rows.tar").open("rb") as file:
-        ...     print([member.label for member in members(Input(file, "rows.tar"), DropReport())])
-        ['rows.tar: rows.parquet']
     """
     stream = _Forward(source.stream, source.label)
     try:
@@ -217,27 +182,14 @@ class _Forward:
 
 
 class Unreadable:
-    """Counts the unreadable files of one reading, and keeps the first error in case nothing else is found.
-
-    Example:
-        >>> import io
-        >>> report = DropReport()
-        >>> with Unreadable(report).watch(Input(io.BytesIO(), "cut.json", one_of_many=True)):
-        ...     raise OSError("damaged")
-        >>> report.notes
-        {'traces and members of archives that could not be read': 1}
-    """
+    """Counts the unreadable files of one reading, and keeps the first error in case nothing else is found."""
 
     def __init__(self, report: DropReport) -> None:
         self.first_error: DataError | None = None
         self._report = report
 
     def count(self, error: DataError, source: Input) -> None:
-        """Count a file if it is one of many.
-
-        Raises:
-            DataError: The error itself, if it is not.
-        """
+        """Count a file if it is one of many."""
         if not source.one_of_many:
             raise error
         self.first_error = self.first_error or error
@@ -245,11 +197,7 @@ class Unreadable:
 
     @contextmanager
     def watch(self, source: Input) -> Iterator[None]:
-        """Read a file inside of this: what readers do not foresee becomes a DataError that names it, then is counted.
-
-        Raises:
-            DataError: If the file cannot be read and is not one of many.
-        """
+        """Read a file inside of this: what readers do not foresee becomes a DataError that names it and is counted."""
         try:
             with whole_input(source.label):
                 yield
@@ -265,19 +213,6 @@ def inputs(files: Sequence[Path], report: DropReport, unreadable: Unreadable) ->
     """Files one after the other, and the members of those that are archives.
 
     Each must be read before the next is asked for, and is closed then. An empty one of several is left out and counted.
-
-    Args:
-        files: What to open; parts of a split archive are read as one.
-        report: Takes the counts of files and members left out.
-        unreadable: Takes the files that cannot be read.
-
-    Raises:
-        DataError: If a file cannot be opened or an archive is damaged.
-
-    Example:
-        >>> report = DropReport()
-        >>> [source.label for source in inputs([Path("rows.parquet")], report, Unreadable(report))]
-        ['rows.parquet']
     """
     sources = with_parts(files)
     for label, parts in sources:

@@ -38,11 +38,6 @@ class Input:
         one_of_many: Whether it is a member of an archive or one of many traces: then a damaged one is counted and no
             error, as users cannot be asked to remove it.
         columns: Columns that are read besides those whose names are known, for the user has named them.
-
-    Example:
-        >>> head, source = Input(io.BytesIO(b"timestamp,icao24"), "rows.csv").head()
-        >>> head, source.whole()
-        (b'timestamp,icao24', b'timestamp,icao24')
     """
 
     stream: IO[bytes]
@@ -60,11 +55,7 @@ class Input:
         return head, replace(self, stream=Chain([io.BytesIO(head), self.stream]).buffered())
 
     def whole(self) -> bytes:
-        """All bytes, if they are not too many to be held.
-
-        Raises:
-            DataError: If they are.
-        """
+        """All bytes, if they are not too many to be held."""
         content = self.stream.read(LARGEST_DOCUMENT + 1)
         if len(content) > LARGEST_DOCUMENT:
             raise DataError(
@@ -75,11 +66,7 @@ class Input:
         return content
 
     def lines(self) -> Iterator[tuple[int, bytes]]:
-        """Lines that are not blank, with their numbers.
-
-        Raises:
-            DataError: If a line is too long to be held.
-        """
+        """Lines that are not blank, with their numbers."""
         number = 0
         while line := self.stream.readline(LARGEST_LINE + 1):
             number += 1
@@ -140,11 +127,7 @@ class _Gunzip(io.RawIOBase):
         return True
 
     def readinto(self, buffer: object) -> int:
-        """Unpack into a buffer.
-
-        Raises:
-            DataError: If the stream is damaged, or unpacks to more than :data:`LARGEST_RATIO` times its size.
-        """
+        """Unpack into a buffer."""
         view = memoryview(buffer)  # type: ignore[arg-type]
         try:
             content: bytes = self._unpacked.read(len(view))
@@ -178,16 +161,7 @@ class _Counted:
 
 @contextmanager
 def opened(paths: Sequence[Path], label: str) -> Iterator[Input]:
-    """Open a file, or the parts of a split one; closed when the block ends.
-
-    Raises:
-        DataError: If it cannot be opened.
-
-    Example:
-        >>> with opened([Path("rows.parquet")], "rows.parquet") as source:
-        ...     print(source.stream.read(4))
-        b'PAR1'
-    """
+    """Open a file, or the parts of a split one; closed when the block ends."""
     with ExitStack() as files:
         try:
             streams = [files.enter_context(path.open("rb")) for path in paths]
@@ -202,15 +176,7 @@ def opened(paths: Sequence[Path], label: str) -> Iterator[Input]:
 
 
 def unpacked(packed: Input) -> Input:
-    """Take the gzip away, if there is any.
-
-    Raises:
-        DataError: If there is another one inside.
-
-    Example:
-        >>> unpacked(Input(io.BytesIO(gzip.compress(b"timestamp,icao24")), "rows.csv.gz")).stream.read()
-        b'timestamp,icao24'
-    """
+    """Take the gzip away, if there is any."""
     head, packed = packed.head()
     if not head.startswith(b"\x1f\x8b"):
         return packed
@@ -223,22 +189,7 @@ def unpacked(packed: Input) -> Input:
 
 @contextmanager
 def whole_input(label: object, expected: str = "a whole, readable file", mend: str = "copy it again") -> Iterator[None]:
-    """Read a file inside of this: what a library does not foresee becomes a DataError that names the file.
-
-    Args:
-        label: What the file is called in the message.
-        expected: What would have been read.
-        mend: What the user can do about it.
-
-    Raises:
-        DataError: If the file cannot be read.
-
-    Example:
-        >>> with whole_input("cut.parquet"):
-        ...     raise OSError("ends in the middle")
-        Traceback (most recent call last):
-        descentflow.core.errors.DataError: cut.parquet: ends in the middle; expected a whole, readable file; ...
-    """
+    """Read a file inside of this: what a library does not foresee becomes a DataError that names the file."""
     try:
         yield
     except (pl.exceptions.PolarsError, OSError, TarError) as error:

@@ -191,7 +191,7 @@ def test_predict_descent_writes_intervals_and_occupancy(run: Path, descents: Pat
     words = ["predict-descent", str(run / "checkpoints" / "best.ckpt"), str(descents), "--from-fl", "290", "-n", "60"]
     assert main([*words, "--out", str(tmp_path / "p.parquet"), "--occupancy", str(tmp_path / "o.parquet")]) == 0
     said = capsys.readouterr().out
-    assert "calibrated on the checkpoint's validation flights" in said
+    assert "times calibrated on 211 flights of the fit" in said
     assert "90 % intervals hold" in said
     table = pl.read_parquet(tmp_path / "p.parquet")
     assert (table["q05_s"] <= table["q95_s"]).all()

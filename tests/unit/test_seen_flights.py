@@ -63,7 +63,7 @@ def test_evaluation_leaves_out_what_the_model_saw_under_other_names(
 def test_predictions_are_of_unseen_flights_under_other_names(model: Gaussian, descents: Descents) -> None:
     ahead = predict(model, renamed(descents), from_fl=250, n=60)
     assert len(ahead) + len(ahead.reasons) == len(model.representation.split.test)
-    assert ahead.calibration.startswith("calibrated on")
+    assert ahead.calibration.startswith("times calibrated on")
     assert f"{120 - len(model.representation.split.test)} left out: the checkpoint was trained" in str(ahead)
 
 

@@ -14,14 +14,16 @@ from descentflow.core.errors import ConfigError, DataError, SamplingError
 from descentflow.core.tabular import to_dataset, to_pandas, write_table
 from descentflow.core.threads import one_thread_where_they_spin
 from descentflow.densities.checkpoint import as_density
-from descentflow.generation.prediction.predictor import MIN_CONTINUATIONS, Continuations, DescentPredictor
+from descentflow.generation.prediction.predictor import MIN_CONTINUATIONS, NEAR_LEVELS, Continuations, DescentPredictor
 from descentflow.generation.prediction.summary import (
     actual_times,
     continuations_table,
+    control_intervals,
     coverage,
     occupancy_table,
     time_intervals,
 )
+from descentflow.generation.prediction.time_calibration import Control
 from descentflow.generation.sample_tables import UNITS
 from descentflow.positions.ground_path import Point
 from descentflow.positions.ground_plan import NOWHERE, GroundPlan, ground_plan
@@ -48,13 +50,14 @@ class Prediction(InNotebook):
         fitted_to: Which flights the density was fitted to that predicted them.
         plan: Where they are flown; in still air and at no place unless :meth:`placed`.
         n_seen: Flights that were left out because the model was trained or validated on them.
+        control: Least squares on CAS and rate at ``from_fl``, fitted to the flights of the calibration.
 
     Example:
         >>> ahead = predict("best.ckpt", "descents.parquet", from_fl=290, n=100)
         >>> ahead.to_polars().columns[:8]
         ['flight_id', 'level_fl', 'mean_s', 'q05_s', 'q25_s', 'q50_s', 'q75_s', 'q95_s']
-        >>> ahead.coverage().columns
-        ['level_fl', 'flights', 'covered']
+        >>> ahead.coverage().columns[:5]
+        ['level_fl', 'flights', 'covered', 'width_s', 'rms_s']
     """
 
     flights: tuple[Continuations, ...]
@@ -65,6 +68,7 @@ class Prediction(InNotebook):
     fitted_to: str
     plan: GroundPlan = NOWHERE
     n_seen: int = 0
+    control: Control | None = None
 
     def __len__(self) -> int:
         """Number of flights predicted."""
@@ -93,6 +97,11 @@ class Prediction(InNotebook):
         """
         plan = ground_plan(end=end, track=track, route=route, wind=wind, to_go_nm=to_go_nm, end_time=end_time)
         return replace(self, plan=plan)
+
+    @property
+    def _level(self) -> int:
+        """Index of the level that is last observed."""
+        return int((self.observed.levels_fl < self.from_fl).sum())
 
     @cached_property
     def _intervals(self) -> pl.DataFrame:
@@ -140,11 +149,20 @@ class Prediction(InNotebook):
         return occupancy_table(self.flights, step_s)
 
     def coverage(self) -> pl.DataFrame:
-        """Share of flights whose time to a level lay inside its 90 % interval, see :func:`~.summary.coverage`.
+        """Errors of the forecasts by level, beside least squares on CAS and rate as a control.
 
         Only flights that were observed at every level below ``from_fl`` are counted; there may be none.
+
+        Returns:
+            Columns ``level_fl flights covered width_s rms_s``, see :func:`~.summary.coverage`, and the same of the
+            control with names that end in ``_control`` where times were calibrated.
         """
-        return coverage(self._intervals, actual_times(self.flights, self.observed))
+        actual = actual_times(self.flights, self.observed)
+        found = coverage(self._intervals, actual)
+        if self.control is None:
+            return found
+        control = coverage(control_intervals(self.flights, self.observed, self.control), actual)
+        return found.join(control, on="level_fl", how="left", suffix="_control")
 
     @checked_arguments
     def write(self, path: Output) -> None:
@@ -173,14 +191,22 @@ class Prediction(InNotebook):
         ]
         fewest = min(len(one.trajectories) for one in self.flights)
         lines += [f"intervals rest on {fewest} continuations or more"]
+        aside = sum(abs(int(one.trajectories.entry[0]) - self._level) > NEAR_LEVELS for one in self.flights)
+        if self.control is not None and aside:
+            lines += [f"times of {aside} last observed above FL{self.from_fl + NEAR_LEVELS:.0f} are not calibrated"]
         lines += [f"  {reason}" for reason in sorted(set(self.reasons))[:3]]
         compared = self.coverage()
         if not compared.is_empty():
-            lowest, shares = compared.row(0, named=True), compared["covered"].to_numpy()
+            lowest = compared.row(0, named=True)
+            at = f"FL{lowest['level_fl']}"
             lines.append(
-                f"90 % intervals hold {shares.mean():.0%} of the times observed (mean over levels), "
-                f"{lowest['covered']:.0%} of {lowest['flights']} at FL{lowest['level_fl']}"
+                f"90 % intervals hold {compared['covered'].to_numpy().mean():.0%} of the times observed (mean over "
+                f"levels), {lowest['covered']:.0%} of {lowest['flights']} at {at}"
             )
+            lines.append(f"at {at} they are {lowest['width_s']:.1f} s wide, RMSE {lowest['rms_s']:.1f} s")
+            if lowest.get("rms_s_control") is not None:
+                control = f"{lowest['width_s_control']:.1f} s, RMSE {lowest['rms_s_control']:.1f} s"
+                lines[-1] += f"; least squares on CAS and rate alone {control}"
         return "\n".join(lines)
 
     def __repr__(self) -> str:
@@ -205,8 +231,8 @@ def predict(
     """Predict the rest of descents from their part at and above a flight level.
 
     Flights that are new to the model are predicted by its final fit, if it has one. If there are none, its held-out
-    fit predicts those that it held out for test. The intervals of either are calibrated on the validation flights of
-    the held-out fit, where the descents hold at least ten of them.
+    fit predicts those that it held out for test. Times are calibrated on the flights that the fit knows, each by the
+    others, where the descents hold at least ten of them.
 
     Args:
         model: A checkpoint's path, a density, or a fitted model.
@@ -229,7 +255,7 @@ def predict(
         >>> ahead = predict("best.ckpt", "descents.parquet", from_fl=290, n=100)
         >>> print(ahead)
         predicted by the fit to 86 of 120 flights (10 for validation and 24 for test held out)
-        not calibrated, ...
+        times calibrated on 72 flights of the fit, each by the others
         21 flights predicted from FL290, 3 not; 96 left out: the checkpoint was trained or validated on them
         intervals rest on ... continuations or more
         ...
@@ -251,12 +277,12 @@ def predict(
         )
     frame = comparable_descents(descents, representation).frame
     tell_other_types(frame, representation)
-    parts = encode_flights(frame, representation, context_table)
-    predictor, calibration = _calibrated(DescentPredictor(density, seed), parts["validation"], from_fl, seed)
+    parts, fit = encode_flights(frame, representation, context_table), density
     if (final := as_density(model)) is not density:
         new = encode_flights(frame, final.representation, context_table)
         if any(not flights or name in flights for name in new["test"].profiles.flight_ids):
-            parts, predictor = new, DescentPredictor(final, seed, predictor.spread)
+            parts, fit = new, final
+    predictor, calibration = _calibrated(DescentPredictor(fit, seed), from_fl, parts["train"], parts["validation"])
     chosen = _chosen(parts["test"], flights)
     if total is not None:
         total(len(chosen))
@@ -277,20 +303,26 @@ def predict(
         )
     seen = 0 if chosen is not parts["test"] else len(parts["train"]) + len(parts["validation"])
     fitted_to = predictor.representation.split.describe()
-    return Prediction(tuple(predicted), chosen.profiles, from_fl, calibration, tuple(reasons), fitted_to, n_seen=seen)
+    return Prediction(
+        tuple(predicted),
+        chosen.profiles,
+        from_fl,
+        calibration,
+        tuple(reasons),
+        fitted_to,
+        n_seen=seen,
+        control=predictor.control,
+    )
 
 
-def _calibrated(
-    predictor: DescentPredictor, flights: EncodedFlights, from_fl: float, seed: int
-) -> tuple[DescentPredictor, str]:
-    """The predictor calibrated on validation flights where there are enough, and what was done."""
+def _calibrated(predictor: DescentPredictor, from_fl: float, *parts: EncodedFlights) -> tuple[DescentPredictor, str]:
+    """The predictor calibrated on the flights of its fit where there are enough, and what was done."""
     try:
-        found = predictor.calibrated(flights.profiles, from_fl, seed=seed, context=flights.context)
+        found = predictor.calibrated(from_fl, *parts, seed=predictor.seed)
     except DataError as error:
         return predictor, f"not calibrated, intervals are likely to be too narrow: {error}"
-    low, high = found.spread.factor.min(), found.spread.factor.max()
-    apart = f"{low:.2f} to {high:.2f} times as far from their median as drawn"
-    return found, f"calibrated on the checkpoint's validation flights: times lie {apart}"
+    assert found.calibration is not None
+    return found, f"times calibrated on {found.calibration.n_flights} flights of the fit, each by the others"
 
 
 def _chosen(held_out: EncodedFlights, names: Sequence[str] | None) -> EncodedFlights:

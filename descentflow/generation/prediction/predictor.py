@@ -12,16 +12,10 @@ from descentflow.core.errors import DataError, SamplingError
 from descentflow.core.units import FL_M
 from descentflow.densities.density import Density
 from descentflow.generation.given_temperature import given_deviation_k, in_given_air
-from descentflow.generation.prediction.interval_spread import (
-    AS_DRAWN,
-    FEWEST_BY_LEVEL,
-    TimeSpread,
-    depths,
-    holding_spread,
-    misses,
-)
 from descentflow.generation.prediction.posterior import Prior, posterior_of, prior_of
+from descentflow.generation.prediction.time_calibration import Control, TimeCalibration
 from descentflow.representation.decoder.trajectories import Trajectories, integrate
+from descentflow.representation.encode_flights import EncodedFlights
 from descentflow.representation.linear_curves import LinearCurves, linear_curves
 from descentflow.representation.own_air import check_standard_air
 from descentflow.representation.profiles import Profiles
@@ -30,8 +24,8 @@ CALIBRATION_FLIGHTS = 1000
 """Flights by which intervals are calibrated at most: a share of 90 % is then known to 0.9 %."""
 CALIBRATION_CONTINUATIONS = 100
 """Of each flight there: what the ends of one interval are off by, other flights' make up for."""
-CALIBRATION_LEVELS = 5
-"""Levels observed of flights that begin below the level that others are predicted from."""
+NEAR_LEVELS = 5
+"""Levels between the last observed level and that of the calibration, beyond which times stay as drawn."""
 FEWEST_TO_CALIBRATE = 10
 """Flights without which nothing is calibrated."""
 MIN_CONTINUATIONS = 50
@@ -43,7 +37,8 @@ class Continuations:
     """Continuations of one descent, all equally probable.
 
     ``trajectories`` start at the last observed level, at time zero. ``effective`` of the draws are independent (all of
-    them where the posterior is in closed form), and ``rejected`` did not descend all the way.
+    them where the posterior is in closed form), and ``rejected`` did not descend all the way. ``noise_s`` (L,) is half
+    the 90 % interval that reports add to the time at each level, in seconds; zero where nothing was calibrated.
 
     Example:
         >>> from descentflow.generation.prediction.predict import predict
@@ -57,6 +52,7 @@ class Continuations:
     trajectories: Trajectories
     effective: float
     rejected: int
+    noise_s: Tensor
 
 
 class DescentPredictor:
@@ -77,13 +73,13 @@ class DescentPredictor:
         True
     """
 
-    def __init__(self, density: Density, seed: int = 0, spread: TimeSpread = AS_DRAWN) -> None:
+    def __init__(self, density: Density, seed: int = 0, calibration: TimeCalibration | None = None) -> None:
         """Prepare what all flights share.
 
         Args:
             density: A density with its representation.
             seed: Of the proposal mixture for a density without a closed form.
-            spread: Of the times.
+            calibration: Of the times; as drawn without one.
         """
         check_standard_air(density.representation, "a prediction of the rest of a descent")
         self.representation = density.representation
@@ -92,7 +88,8 @@ class DescentPredictor:
         self._priors: dict[tuple[float, ...], Prior] = {}
         if density.n_context == 0:
             self._prior(None)
-        self.spread = spread
+        self.calibration = calibration
+        self.control: Control | None = None
 
     def _prior(self, context: Tensor | None) -> Prior:
         """The prior given a context (1, c), made once for each context: a flow's proposal takes part of a second."""
@@ -101,50 +98,43 @@ class DescentPredictor:
             self._priors[key] = prior_of(self.density, self.seed, context)
         return self._priors[key]
 
-    def calibrated(
-        self, flights: Profiles, from_fl: float, seed: int = 0, context: Tensor | None = None
-    ) -> "DescentPredictor":
-        """The predictor with times spread so that intervals hold those of these flights.
-
-        They are predicted from the same level as others will be, and 90 % intervals made to hold 90 % of their times
-        1, 2, 4, ... levels below it and to the bottom (:mod:`~descentflow.generation.prediction.interval_spread`).
-        Where fewer than 50 show that level, those that begin below it are predicted from their own highest levels.
+    def calibrated(self, from_fl: float, *parts: EncodedFlights, seed: int = 0) -> "DescentPredictor":
+        """The predictor with times calibrated on flights (:mod:`~descentflow.generation.prediction.time_calibration`).
 
         Args:
-            flights: Flights that neither training nor any later judgement uses: the validation part. Those are used
-                (1,000 at most) whose levels below are all observed.
             from_fl: The last level that will count as observed.
+            parts: Flights that the density was fitted to and validated on. Those are used (1,000 at most) whose levels
+                from the last observed one down are all observed.
             seed: As in :meth:`predict`.
-            context: (flights, c) encoded context of each, for a conditional density.
 
         Raises:
             DataError: If fewer than ten flights can be used.
         """
         found = copy(self)
-        found.spread = AS_DRAWN
-        ahead = depths(max(int((flights.levels_fl < from_fl).sum()), 1))
-        missed: list[Tensor] = []
-        for i, last in _starts(flights, from_fl):
-            given = None if context is None else context[i : i + 1]
+        found.calibration = None
+        last = int((self.representation.decoder.levels_fl < from_fl).sum())
+        whole = [(part, i) for part in parts for i in _whole_below(part.profiles, last)]
+        # Neighbours in a file were flown on one day, by one operator: those taken are spread over all of it.
+        whole = whole[:: max(-(-len(whole) // CALIBRATION_FLIGHTS), 1)]
+        drawn, observed, flown_s = [], [], []
+        for part, i in whole:
+            one = part.subset([i])
             with suppress(SamplingError):
-                missed.append(found._misses(flights.subset([i]), last, ahead, seed, given))
-        if len(missed) < FEWEST_TO_CALIBRATE:
+                ahead = found.predict(one.profiles, from_fl, CALIBRATION_CONTINUATIONS, seed, context=one.context)
+                drawn.append(ahead.trajectories)
+                observed.append(observed_at(one.profiles, last))
+                flown_s.append(one.profiles.time_s[:, :last] - one.profiles.time_s[:, last, None])
+        if len(drawn) < FEWEST_TO_CALIBRATE:
             raise DataError(
-                f"{len(missed)} flights observed from FL{from_fl:.0f}, or from their highest levels, to the bottom",
+                f"{len(drawn)} flights observed from FL{from_fl:.0f} to the bottom",
                 expected="at least ten to calibrate with",
-                mend="pass descents that hold more of the model's validation flights",
+                mend="pass descents that hold more of the flights that the model was fitted to",
             )
-        found.spread = holding_spread(ahead, missed)
-        return found
-
-    def _misses(self, flight: Profiles, last: int, ahead: Tensor, seed: int, context: Tensor | None) -> Tensor:
-        """Misses (k,) of one flight at levels ahead (k,), NaN below the lowest."""
-        from_fl = float(flight.levels_fl[last])
-        flown = self.predict(flight, from_fl, CALIBRATION_CONTINUATIONS, seed, context=context).trajectories
-        found = torch.full((len(ahead),), torch.nan, dtype=torch.float64)
-        is_there = ahead <= last
-        to = last - ahead[is_there]
-        found[is_there] = misses(flown.time_s[:, to], flight.time_s[0, to] - flight.time_s[0, last]).double()
+        known, times = torch.cat(observed), torch.cat(flown_s).double()
+        found.calibration, found.control = (
+            TimeCalibration.of_flights(drawn, known, times),
+            Control.of_flights(known, times),
+        )
         return found
 
     def predict(
@@ -184,8 +174,10 @@ class DescentPredictor:
         given = given_deviation_k(self.representation, context)
         if given is not None:
             flown = in_given_air(flown, given.expand(len(flown)))
-        flown = self.spread.applied(flown.subset(good))
-        return Continuations(flight.flight_ids[0], flown, effective, int((~good).sum()))
+        flown, noise_s = flown.subset(good), torch.zeros(len(flown.levels_fl), dtype=torch.float64)
+        if self.calibration is not None and abs(int(flown.entry[0]) - self.calibration.last) <= NEAR_LEVELS:
+            flown, noise_s = self.calibration.applied(flown, observed_at(flight, int(flown.entry[0]))[0])
+        return Continuations(flight.flight_ids[0], flown, effective, int((~good).sum()), noise_s)
 
     def _observed(self, flight: Profiles, from_fl: float) -> Tensor:
         levels = self.representation.decoder.levels_fl
@@ -212,15 +204,20 @@ class DescentPredictor:
         return integrate(decoder.aircraft, decoder.levels_fl, altitude_m, drag_n, cas_mps, start, grid=grid)
 
 
-def _starts(flights: Profiles, from_fl: float) -> list[tuple[int, int]]:
-    """Flights that show all below a level, with that level; where these are few, others from their highest levels."""
-    last = int((flights.levels_fl < from_fl).sum())
-    entry, mask = flights.entry_level.tolist(), flights.mask
-    # Gaps below would hide what was flown: from the lowest level up, so many are observed without one.
-    whole = mask.long().cumprod(1).sum(1).tolist()
-    here = [(i, last) for i in range(len(flights)) if entry[i] >= last and whole[i] > last]
-    if len(here) < FEWEST_BY_LEVEL:
-        lower = [(i, entry[i] - CALIBRATION_LEVELS + 1) for i in range(len(flights)) if entry[i] < last]
-        here += [(i, start) for i, start in lower if start > last // 2 and whole[i] > start]
-    # Neighbours in a file were flown on one day, by one operator: those taken are spread over all of it.
-    return here[:: -(-len(here) // CALIBRATION_FLIGHTS)] if here else []
+def _whole_below(flights: Profiles, last: int) -> list[int]:
+    found: list[int] = flights.mask[:, : last + 1].all(1).nonzero()[:, 0].tolist()
+    return found
+
+
+def observed_at(flights: Profiles, level: int) -> Tensor:
+    """CAS and rate (n, 2) of flights at a level of the grid, in m/s.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.representation.profiles import profiles_from_frame
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> flights = profiles_from_frame(read_descents("descents.parquet").frame, aircraft("A320"), 150)
+        >>> observed_at(flights, 50).shape
+        torch.Size([120, 2])
+    """
+    return torch.stack([flights.cas_mps[:, level], flights.rate_mps[:, level]], 1).double()

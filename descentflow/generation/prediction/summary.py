@@ -1,6 +1,7 @@
 """Summary of a prediction for controllers' tools: intervals of the time to each level, and occupancy of levels."""
 
 from collections.abc import Sequence
+from statistics import NormalDist
 
 import numpy as np
 import polars as pl
@@ -8,7 +9,8 @@ import torch
 from torch import Tensor
 
 from descentflow.core.units import KT_MPS, NM_M
-from descentflow.generation.prediction.predictor import Continuations
+from descentflow.generation.prediction.predictor import Continuations, observed_at
+from descentflow.generation.prediction.time_calibration import Control
 from descentflow.generation.sample_tables import to_frame
 from descentflow.positions.ground_plan import NOWHERE, GroundPlan
 from descentflow.representation.decoder.trajectories import Trajectories
@@ -50,6 +52,11 @@ def _intervals(one: Continuations, plan: GroundPlan) -> pl.DataFrame:
     flown, positions = one.trajectories, plan.place(one.trajectories)
     below = torch.arange(int(flown.entry[0]) - 1, -1, -1)
     times = _quantiles(flown.time_s[:, below], "s")
+    for q in QUANTILES:
+        # Standard normals of reports, beside continuations about their median.
+        off = times[_name(q, "s")] - times["q50_s"]
+        noise = one.noise_s[below].numpy() * abs(NormalDist().inv_cdf(q)) / NormalDist().inv_cdf(QUANTILES[-1])
+        times[_name(q, "s")] = times["q50_s"] + np.sign(q - 0.5) * np.hypot(off, noise)
     distances = _quantiles(torch.from_numpy(positions.distance_m / NM_M)[:, below], "nm")
     to_go_m = np.median(positions.to_go_m, 0)[below]
     ground = {
@@ -67,8 +74,12 @@ def _intervals(one: Continuations, plan: GroundPlan) -> pl.DataFrame:
 def _quantiles(values: Tensor, unit: str) -> dict[str, np.ndarray]:
     """Mean and quantiles over the first dimension by the name of their column."""
     quantiles = values.quantile(torch.tensor(QUANTILES, dtype=values.dtype), dim=0)
-    named = {f"q{round(100 * q):02d}_{unit}": row.numpy() for q, row in zip(QUANTILES, quantiles, strict=True)}
+    named = {_name(q, unit): row.numpy() for q, row in zip(QUANTILES, quantiles, strict=True)}
     return {f"mean_{unit}": values.mean(0).numpy(), **named}
+
+
+def _name(quantile: float, unit: str) -> str:
+    return f"q{round(100 * quantile):02d}_{unit}"
 
 
 def continuations_table(predictions: Sequence[Continuations], plan: GroundPlan = NOWHERE) -> pl.DataFrame:
@@ -164,28 +175,56 @@ def actual_times(predictions: Sequence[Continuations], flights: Profiles) -> pl.
     return pl.concat(parts)
 
 
-def coverage(intervals: pl.DataFrame, actual: pl.DataFrame, low: str = "q05_s", high: str = "q95_s") -> pl.DataFrame:
-    """Share of flights whose time to a level lay inside its interval, by level.
+def coverage(intervals: pl.DataFrame, actual: pl.DataFrame) -> pl.DataFrame:
+    """Errors of forecasts of times, and the share of flights whose time lay inside its 90 % interval, by level.
 
     Args:
-        intervals: From :func:`time_intervals`.
+        intervals: From :func:`time_intervals`, or a control's ``q05_s q50_s q95_s``.
         actual: Columns ``flight_id level_fl actual_s``.
-        low: Column of the lower end.
-        high: Column of the upper end.
 
     Returns:
-        Columns ``level_fl flights covered``.
+        Columns ``level_fl flights covered width_s rms_s``: mean width of the intervals, and root mean square error of
+        the medians.
 
     Example:
         >>> flights = pl.DataFrame({"flight_id": ["a", "b"], "level_fl": [150, 150]})
-        >>> intervals = flights.with_columns(q05_s=pl.Series([80.0, 90.0]), q95_s=pl.Series([99.0, 99.0]))
+        >>> intervals = flights.with_columns(q05_s=pl.Series([80.0, 90.0]), q50_s=90.0, q95_s=pl.Series([99.0, 99.0]))
         >>> actual = flights.with_columns(actual_s=pl.Series([85.0, 120.0]))
-        >>> coverage(intervals, actual).row(0, named=True)
-        {'level_fl': 150, 'flights': 2, 'covered': 0.5}
+        >>> coverage(intervals, actual).select("level_fl", "flights", "covered", "width_s").row(0)
+        (150, 2, 0.5, 14.0)
     """
     both = intervals.join(actual, on=["flight_id", "level_fl"])
-    inside = pl.col("actual_s").is_between(pl.col(low), pl.col(high))
-    return both.group_by("level_fl").agg(flights=pl.len(), covered=inside.mean()).sort("level_fl")
+    return (
+        both.group_by("level_fl")
+        .agg(
+            flights=pl.len(),
+            covered=pl.col("actual_s").is_between("q05_s", "q95_s").mean(),
+            width_s=(pl.col("q95_s") - pl.col("q05_s")).mean(),
+            rms_s=(pl.col("q50_s") - pl.col("actual_s")).pow(2).mean().sqrt(),
+        )
+        .sort("level_fl")
+    )
+
+
+def control_intervals(predictions: Sequence[Continuations], flights: Profiles, control: Control) -> pl.DataFrame:
+    """Times by the control for the flights that were observed down to the level that it was fitted from.
+
+    Returns:
+        Columns ``flight_id level_fl q05_s q50_s q95_s``.
+    """
+    last, position = len(control.half_s), {name: i for i, name in enumerate(flights.flight_ids)}
+    names = [one.flight_id for one in predictions if int(one.trajectories.entry[0]) == last]
+    middle = control.time_s(observed_at(flights.subset([position[name] for name in names]), last)).numpy()
+    half, levels = control.half_s.numpy(), flights.levels_fl[:last].to(torch.int32).numpy()
+    return pl.DataFrame(
+        {
+            "flight_id": np.repeat(np.array(names, dtype=str), last),
+            "level_fl": np.tile(levels, len(names)),
+            "q05_s": (middle - half).ravel(),
+            "q50_s": middle.ravel(),
+            "q95_s": (middle + half).ravel(),
+        }
+    )
 
 
 def occupancy_table(predictions: Sequence[Continuations], step_s: float) -> pl.DataFrame:

@@ -14,7 +14,7 @@ import polars as pl
 from descentflow.core.errors import DescentflowError
 from descentflow.diagnosis.diagnose import diagnose
 from descentflow.surveillance.descents.prepared_descents import Descents
-from studies.blind_diagnosis.figures.real_figures import PER_KFT, real_figure
+from studies.blind_diagnosis.real_figures import PER_KFT, real_figure
 from studies.blind_diagnosis.real_flights import check_temperature, check_wind
 from studies.blind_diagnosis.seal import write_json
 

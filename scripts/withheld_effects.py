@@ -1,13 +1,13 @@
-"""Hide effects in flights of the world, diagnose them blind, open the key and score.
+"""Hide effects in flights, diagnose them blind by five forms of simulator, open the key and score.
 
-python scripts/withheld_effects.py generate FOLDER --own 520 --foreign 200  # seals the key, flies, publishes the hash
+python scripts/withheld_effects.py generate FOLDER --own 300 --foreign 200  # seals the key, flies, publishes the hash
 python scripts/withheld_effects.py diagnose FOLDER   # resumable; seals every diagnosis
-python scripts/withheld_effects.py score FOLDER      # checks the seals, writes score.json and score.html
+python scripts/withheld_effects.py score FOLDER [FOLDER ...]  # checks the seals, writes score.json and score.md
 python scripts/withheld_effects.py all FOLDER        # the three in order
 python scripts/withheld_effects.py publish FOLDER --sets OUT --most 60  # of an open study, for benchmark.py rivals
-python scripts/withheld_effects.py score FOLDER --beside OTHER/evidence.json.gz  # two parts of other keys as one study
 
-Foreign sets are flown by JSBSim (the extra jsbsim). Every step prints how long each set takes and what is left.
+Foreign sets are flown by JSBSim (the extra jsbsim). Several folders are studies of keys of their own, scored as one.
+Every step prints how long each set takes and what is left.
 """
 
 import argparse
@@ -17,21 +17,15 @@ import time
 from pathlib import Path
 from typing import Any
 
-from descentflow.core.errors import DescentflowError
+from descentflow.core.errors import ConfigError, DescentflowError
+from descentflow.core.files import whole_file
 from studies.blind_diagnosis.blind_draw import draw_plan
-from studies.blind_diagnosis.blind_flights import reference_type
-from studies.blind_diagnosis.blind_page import write_page
 from studies.blind_diagnosis.blind_plan import Plan
-from studies.blind_diagnosis.blind_run import diagnose_all, fly_true, generate, how_long
-from studies.blind_diagnosis.blind_score import score
-from studies.blind_diagnosis.closing import closing
+from studies.blind_diagnosis.blind_run import diagnose_all, generate, how_long, measure_closures
 from studies.blind_diagnosis.known_sets import write_known_sets
+from studies.blind_diagnosis.outcome import Outcome, outcomes
 from studies.blind_diagnosis.seal import KEY, MANIFEST, open_key, read_json, write_json
-from studies.blind_diagnosis.study_evidence import Evidence, pooled, read_evidence, write_evidence
-
-EVIDENCE = "evidence.json.gz"
-"""File with the basis of a score; other parts of a study can be scored beside this one."""
-VERDICTS = {True: "met", False: "MISSED", None: "not judged"}
+from studies.blind_diagnosis.study_score import score, table
 
 
 def say(line: str) -> None:
@@ -39,73 +33,68 @@ def say(line: str) -> None:
 
 
 def do_generate(args: argparse.Namespace) -> None:
-    args.folder.mkdir(parents=True, exist_ok=True)
-    if (args.folder / KEY).is_file():
-        plan = Plan.from_dict(read_json(args.folder / KEY))
+    (folder,) = args.folders
+    folder.mkdir(parents=True, exist_ok=True)
+    if (folder / KEY).is_file():
+        plan = Plan.from_dict(read_json(folder / KEY))
         say(f"a study of {len(plan.sets)} sets is begun here: going on with it")
     else:
         # A seed that anyone could guess would be no seal; it is in the key and repeats the study once that is open.
         seed = secrets.randbits(32) if args.seed is None else args.seed
-        plan = draw_plan(args.own, seed, n_foreign=args.foreign, extra=not args.no_withheld)
-    generate(args.folder, plan, processes=args.processes, progress=say)
-    say(f"key sealed: SHA-256 {read_json(args.folder / MANIFEST)['key_sha256']}")
+        plan = draw_plan(args.own, seed, n_foreign=args.foreign, withheld=not args.no_withheld)
+    generate(folder, plan, processes=args.processes, progress=say)
+    say(f"key sealed: SHA-256 {read_json(folder / MANIFEST)['key_sha256']}")
 
 
 def do_diagnose(args: argparse.Namespace) -> None:
+    (folder,) = args.folders
     until = None if args.minutes is None else time.time() + 60 * args.minutes
-    done = diagnose_all(args.folder, processes=args.processes, until=until, parts=args.first, progress=say)
-    say(f"{done} diagnoses sealed\n{how_long(args.folder)}")
+    done = diagnose_all(folder, processes=args.processes, until=until, parts=args.first, progress=say)
+    say(f"{done} diagnoses sealed\n{how_long(folder)}")
 
 
 def do_score(args: argparse.Namespace) -> None:
-    plan, manifest, diagnoses = open_key(args.folder)
-    fly_true(args.folder, plan, processes=args.processes, progress=say)
-    mine = Evidence.of(plan, manifest, diagnoses, closings(args.folder, plan))
-    write_evidence(mine, args.folder / EVIDENCE)
-    whole = pooled([mine, *(read_evidence(path) for path in args.beside)])
-    scored = score(whole.plan, whole.manifest, whole.diagnoses, whole.closings)
-    write_json(args.folder / "score.json", scored)
-    write_page(scored, args.folder / "score.html")
-    for goal in scored["goals"]:
-        missed = f": {', '.join(goal['misses'])}" if goal["met"] is False else ""
-        say(f"{goal['goal']}: {goal['reached_text']} ({goal['n']} sets) {VERDICTS[goal['met']]}{missed}")
+    found: list[Outcome] = []
+    closures: dict[str, Any] = {}
+    keys = [read_json(folder / MANIFEST)["key_sha256"] for folder in args.folders]
+    if len(set(keys)) < len(keys):
+        raise ConfigError("one key twice", expected="studies of different keys", mend="name each folder once")
+    for key, folder in zip(keys, args.folders, strict=True):
+        plan, manifest, diagnoses = open_key(folder)
+        prefix = "" if len(keys) == 1 else f"{key[:8]}/"
+        several = {"processes": args.processes, "prefix": prefix, "progress": say}
+        closures |= measure_closures(folder, plan, manifest, **several)
+        found += outcomes(plan, manifest, diagnoses, prefix=prefix)
+    scored = score(found, closures) | {"keys": keys}
+    write_json(args.folders[0] / "score.json", scored)
+    with whole_file(args.folders[0] / "score.md") as temporary:
+        temporary.write_text(table(scored) + "\n", encoding="utf-8")
+    say(table(scored))
 
 
 def do_publish(args: argparse.Namespace) -> None:
-    out = args.sets or args.folder / "known_sets"
-    say(f"{write_known_sets(args.folder, out, args.most, say)} sets in {out}")
-
-
-def closings(folder: Path, plan: Plan) -> dict[str, Any]:
-    """Distances of corrected flights from the real ones, beside those of simulators that know the true effect."""
-    found = {}
-    for one in plan.sets:
-        corrected = folder / "reports" / f"{one.name}_flights" / "corrected.parquet"
-        if one.true is not None and corrected.is_file():
-            held, true = (folder / "simulators" / f"{name}.parquet" for name in (one.simulator, one.true))
-            rows = folder / "sets" / f"{one.name}.parquet"
-            found[one.name] = closing(rows, held, corrected, true, reference_type(one.world, one.model))
-    return found
+    (folder,) = args.folders
+    out = args.sets or folder / "known_sets"
+    say(f"{write_known_sets(folder, out, args.most, say)} sets in {out}")
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("step", choices=["generate", "diagnose", "score", "all", "publish"])
-    parser.add_argument("folder", type=Path, help="of the study; what is there already is not done again")
-    parser.add_argument("--own", type=int, default=520, help="blind sets of our own world (default: 520)")
+    parser.add_argument("folders", type=Path, nargs="+", help="of a study; what is there already is not done again")
+    parser.add_argument("--own", type=int, default=300, help="blind sets of our own world (default: 300)")
     parser.add_argument("--foreign", type=int, default=200, help="blind sets of JSBSim's aircraft (default: 200)")
     parser.add_argument("--no-withheld", action="store_true", help="blind sets alone, no effect withheld by name")
     parser.add_argument("--seed", type=int, help="repeats a study whose key is open (default: not to be guessed)")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--minutes", type=float, help="begin no diagnosis after this time")
-    parser.add_argument(
-        "--beside", nargs="*", default=[], type=Path, help=f"{EVIDENCE} of other parts, to score as one"
-    )
     parser.add_argument("--first", nargs="*", default=[], help="jobs whose names begin so come first")
     parser.add_argument("--sets", type=Path, help="of publish: folder for the sets (default: known_sets in FOLDER)")
     parser.add_argument("--most", type=int, default=60, help="of publish: sets at the most, drawn at random")
     args = parser.parse_args()
     steps = {"generate": do_generate, "diagnose": do_diagnose, "score": do_score}
+    if args.step != "score" and len(args.folders) > 1:
+        parser.error(f"{args.step} takes one folder")
     try:
         if args.step == "publish":
             do_publish(args)

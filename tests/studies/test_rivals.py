@@ -140,13 +140,13 @@ def test_sets_of_an_open_study_are_written_as_rivals_read_them(tmp_path: Path) -
     study, out = tmp_path / "study", tmp_path / "sets"
     (study / "sets").mkdir(parents=True)
     (study / "simulators").mkdir()
-    for name in ("blind_0000", "blind_0001"):
-        rows.write_parquet(study / "sets" / f"{name}.parquet")
-    write_descents(prepare(study / "sets" / "blind_0000.parquet"), study / "simulators" / "right.parquet")
-    hidden = SetPlan("blind_0000", "blind", "single", {"mass": {"factor": 0.9}}, 1.0, "all", 12, "right", 0)
-    against_wrong_polar = replace(hidden, name="blind_0001", simulator="wrong")
-    simulators = SimulatorPlan("right", 1), SimulatorPlan("wrong", 2, polar={"induced_drag": {"factor": 1.1}})
-    write_json(study / KEY, Plan(0, "00", (hidden, against_wrong_polar), simulators).as_dict())
+    rows.write_parquet(study / "sets" / "blind_0000.parquet")
+    write_descents(prepare(study / "sets" / "blind_0000.parquet"), study / "simulators" / "right_flights.parquet")
+    own = ("own", "A320")
+    hidden = SetPlan("blind_0000", "blind", "single", {"mass": {"factor": 0.9}}, 1.0, "all", 12, "right", 0, *own)
+    of_three = replace(hidden, name="blind_0001", kind="triple")
+    simulator = SimulatorPlan("right", 1, *own, flights=12)
+    write_json(study / KEY, Plan(0, "00", (hidden, of_three), (simulator,)).as_dict())
     with pytest.raises(DataError, match="is not open"):
         write_known_sets(study, out, 10)
     write_json(study / OPENED, {"opened_at": "2026-01-01T00:00:00Z", "diagnoses": 1})

@@ -12,13 +12,6 @@ from descentflow.evaluation.figures.level_cuts import cuts_figure
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.scores import score
 from descentflow.generation.samples import RejectionReport
-from studies.blind_diagnosis.figures.blind_figures import (
-    closure_figure,
-    p_value_figure,
-    sizes_figure,
-    strata_figure,
-    windows_figure,
-)
 
 
 def few_descents(n: int) -> DescentSet:
@@ -40,11 +33,6 @@ NOTHING: dict[str, Callable[[], Figure]] = {
     "cuts of two flights": lambda: cuts_figure(few_descents(2), {"flow": few_descents(2)}, None, 152.0),
     "no rule broken": lambda: acceptance_figure(RejectionReport(drawn=5, accepted=5, rejected=0, surplus=0, broken={})),
     "nothing drawn": lambda: acceptance_figure(RejectionReport(drawn=0, accepted=0, rejected=0, surplus=0, broken={})),
-    "no null set": lambda: p_value_figure({"p_values": [], "uniform_p": None}),
-    "no set of any kind": lambda: strata_figure([]),
-    "no size": lambda: sizes_figure([]),
-    "no closure": lambda: closure_figure([]),
-    "no window": lambda: windows_figure([]),
 }
 
 

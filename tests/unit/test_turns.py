@@ -20,10 +20,6 @@ from descentflow.measurements.quantities import CHANNELS, Quantities, quantities
 from descentflow.measurements.turning import induced_by_turns
 from descentflow.simulation.world import simulate
 from descentflow.surveillance.prepare import prepare
-from studies.blind_diagnosis.blind_draw import draw_plan
-from studies.blind_diagnosis.blind_plan import Plan, SetPlan
-from studies.blind_diagnosis.blind_score import score
-from studies.blind_diagnosis.outcome import outcomes
 
 TURN, BRAKES = EFFECTS["turn"], EFFECTS["speed_brake"]
 LEVELS = torch.arange(100.0, 301.0, dtype=torch.float64)
@@ -157,31 +153,3 @@ def test_brakes_of_own_levels_that_a_bank_may_be_need_headings() -> None:
     known = replace(state, turned_more=torch.zeros_like(state.altitude_m))
     assert [BRAKES.may_be(state, theta) for theta in (small, large, alike)] == [("turn",), (), ()]
     assert [BRAKES.may_be(known, theta) for theta in (small, large, alike)] == [(), (), ()]
-
-
-def test_a_study_asks_for_turns_where_headings_are_there() -> None:
-    """Whatever the plan called them: one of before they were in the catalogue counts them as outside."""
-    one = SetPlan("blind_0000", "blind", "outside", {"turn": {}}, 1.0, "all", 400, "simulator_000", 1)
-    sets = (one, replace(one, name="blind_0001", channels="basic"))
-    jobs = [
-        {"name": s.name, "set": s.name, "without": None, "by": "checkpoint", "simulator": s.simulator} for s in sets
-    ]
-    causes = [{"effect": "turn", "group": [], "parameters": {}, "closure": {}}]
-    said = {"report": {"verdict": "effect", "p_value": 0.001, "causes": causes}, "cpu_s": 9.0}
-    plan = Plan(0, "00", sets, ())
-    rich, poor = outcomes(plan, {"jobs": jobs}, {s.name: said for s in sets})
-    assert (rich.kind, rich.right_first, poor.kind) == ("single", True, "outside")
-    scored = score(plan, {"key_sha256": "00", "sealed_at": "today", "jobs": jobs}, {s.name: said for s in sets})
-    goals = {row["goal"]: row for row in scored["goals"]}
-    named, abstained = (
-        goals[f"own: {text} %"]
-        for text in (
-            "right effect first, all channels, at least 97",
-            "outside the catalogue called unknown, at least 95",
-        )
-    )
-    assert (named["n"], named["reached"]) == (1, 1.0)
-    assert (abstained["n"], abstained["reached"], abstained["misses"]) == (1, 0.0, ["blind_0001"])
-    drawn = draw_plan(60, seed=3, extra=False).sets
-    assert any("turn" in s.causes for s in drawn if s.kind == "single")
-    assert not any("turn" in s.causes for s in drawn if s.kind == "outside")

@@ -9,9 +9,9 @@ from descentflow.core.files import whole_file
 from descentflow.simulation.world import simulate
 from descentflow.surveillance.descents.prepared_descents import write_descents
 from descentflow.surveillance.prepare import prepare
-from studies.blind_diagnosis.blind_plan import Causes, SetPlan, SimulatorPlan, World
+from studies.blind_diagnosis.blind_plan import Causes, Form, SetPlan, SimulatorPlan, World
+from studies.blind_diagnosis.blind_worlds import foreign_scenario, own_scenario
 from studies.jsbsim_world.airframes import AIRFRAMES
-from studies.jsbsim_world.flight_plans import JsbsimConfig
 from studies.jsbsim_world.fly_models import fly
 
 NEVER = ("latitude", "longitude")
@@ -28,39 +28,53 @@ def write_set(one: SetPlan, path: Path) -> None:
         path: Parquet file of rows.
 
     Example:
-        >>> one = SetPlan("blind_0000", "blind", "null", {}, 0.0, "basic", 1, "simulator_000", seed=7)
+        >>> one = SetPlan("blind_0000", "blind", "null", {}, 0.0, "basic", 1, "simulator_000", 7, "own", "A320")
         >>> write_set(one, Path("blind_0000.parquet"))
         >>> [name for name in pl.read_parquet("blind_0000.parquet").columns if name in (*BASIC, "IAS", "Mach")]
         ['IAS', 'Mach']
     """
-    rows = _rows(one.world, one.model, one.flights, one.seed, one.causes)
+    rows = _rows("flights", one.world, one.model, one.flights, one.seed, one.causes)
     with whole_file(path) as temporary:
         rows.drop(BASIC if one.channels == "basic" else NEVER).write_parquet(temporary)
 
 
-def write_simulator(one: SimulatorPlan, path: Path) -> None:
-    """Fly a simulator's flights, train it on them and write its checkpoint.
+def write_simulator(one: SimulatorPlan, form: Form, path: Path) -> None:
+    """Fly a simulator's flights in a form and write them, prepared; or train it on them and write its checkpoint.
 
     Args:
-        one: Seed, polar and causes of its flights, and whether it is trained at all.
-        path: Checkpoint; the prepared descents are kept beside it.
+        one: Seed, type and number of its flights.
+        form: Whether it has weather, noise and spreads, and whether it is a checkpoint.
+        path: File of prepared descents, or the checkpoint; a checkpoint is trained on the ``flights`` beside it.
 
     Raises:
         DescentflowError: If the flights cannot be prepared or the model cannot be fitted.
 
     Example:
-        >>> write_simulator(SimulatorPlan("simulator_000", 8, model="ZZZZ"), Path("simulator_000.ckpt"))
+        >>> write_simulator(SimulatorPlan("a", 8, "own", "ZZZZ", 100), "flights", Path("a_flights.parquet"))
         Traceback (most recent call last):
             ...
         descentflow.core.errors.UnknownTypeError: ...ZZZZ...
     """
-    descents = path.with_suffix(".parquet")
-    if not descents.is_file():
-        _write_descents(one, descents)
-    if one.trained:
+    if form == "checkpoint":
         from descentflow.training.fit import fit
 
-        fit(descents, "gaussian", out=path, aircraft=reference_type(one.world, one.model), device="cpu")
+        flights = simulator_path(path.parent, one.name, "flights")
+        fit(flights, "gaussian", out=path, aircraft=reference_type(one.world, one.model), device="cpu")
+        return
+    with TemporaryDirectory() as folder:
+        rows = Path(folder) / "rows.parquet"
+        _rows(form, one.world, one.model, one.flights, one.seed, {}).drop(NEVER).write_parquet(rows)
+        write_descents(prepare(rows), path)
+
+
+def simulator_path(folder: Path, name: str, form: Form) -> Path:
+    """File of a simulator in a form.
+
+    Example:
+        >>> simulator_path(Path("simulators"), "simulator_000", "no_air").name
+        'simulator_000_no_air.parquet'
+    """
+    return folder / (f"{name}.ckpt" if form == "checkpoint" else f"{name}_{form}.parquet")
 
 
 def reference_type(world: World, model: str) -> str:
@@ -73,16 +87,7 @@ def reference_type(world: World, model: str) -> str:
     return model if world == "own" else AIRFRAMES[model].reference
 
 
-def _write_descents(one: SimulatorPlan, path: Path) -> None:
-    """Fly a simulator's flights and prepare them; they stay beside its checkpoint, to be diagnosed as flights too."""
-    with TemporaryDirectory() as folder:
-        rows = Path(folder) / "rows.parquet"
-        _rows(one.world, one.model, one.flights, one.seed, one.polar | one.causes).drop(NEVER).write_parquet(rows)
-        write_descents(prepare(rows), path)
-
-
-def _rows(world: World, model: str, n: int, seed: int, causes: Causes) -> pl.DataFrame:
+def _rows(form: Form, world: World, model: str, n: int, seed: int, causes: Causes) -> pl.DataFrame:
     if world == "own":
-        return simulate(model, n, seed, plant=causes).rows
-    airframe = AIRFRAMES[model]
-    return fly(model, n, seed, causes, config=JsbsimConfig(step_s=airframe.step_s), typecode=airframe.reference).rows
+        return simulate(model, n, seed, own_scenario(form, model), plant=causes).rows
+    return fly(model, n, seed, causes, config=foreign_scenario(form, model), typecode=AIRFRAMES[model].reference).rows

@@ -1,47 +1,44 @@
 """Key of a study, with all that is hidden in its sets: written before anything else."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-Part = Literal["blind", "withheld", "refit"]
-Kind = Literal["null", "single", "double", "outside", "mixed", "polar"]
-"""Nothing; one or two catalogued causes; one outside the catalogue; one of each; a simulator whose polar is wrong."""
+Part = Literal["blind", "withheld"]
+Kind = Literal["null", "single", "double", "triple", "outside"]
+"""Nothing; one, two or three catalogued causes; one outside the catalogue."""
 World = Literal["own", "foreign"]
 """Our point mass, or JSBSim's aircraft."""
+Form = Literal["checkpoint", "flights", "no_air", "bare", "one"]
+"""How a simulator is given: a checkpoint trained on its flights; those flights; flights without weather; without
+weather and noise of reports; those of one mass and one planned speed."""
+FORMS: tuple[Form, ...] = ("checkpoint", "flights", "no_air", "bare", "one")
+BARE: tuple[Form, ...] = ("no_air", "bare", "one")
+"""Simulators as users have them."""
 Causes = dict[str, dict[str, float]]
 
 SCALE_GROUP = frozenset({"mass", "idle_thrust", "drag_polar"})
 """Only their common scale shows in what is observed, so two of them are one."""
 HOLDING = frozenset({"geometric_path", "vertical_speed_mode"})
 """A flight can hold one of them only."""
-TYPECODE = "A320"
-REFERENCE_FLIGHTS = 560
-"""Flights flown for a simulator: 72 % of them, some 400, train it."""
 LEAST_FULL = 0.7
 """Sizes below are called half."""
 
 
 @dataclass(frozen=True)
 class SimulatorPlan:
-    """A simulator: flights of its own, and a model trained on them.
+    """A simulator, in every form: flights of its own, and a model trained on them.
 
     Example:
-        >>> SimulatorPlan("simulator_000", seed=8, polar={"induced_drag": {"factor": 1.1}}).world
-        'own'
+        >>> SimulatorPlan("simulator_000", seed=8, world="own", model="A320", flights=400).flights
+        400
     """
 
     name: str
     seed: int
-    polar: Causes = field(default_factory=dict)
-    """Error of its polar: causes injected in its flights."""
-    causes: Causes = field(default_factory=dict)
-    """Injected in its flights too: the refit regime, or what a true correction would make of another simulator."""
-    world: World = "own"
-    model: str = TYPECODE
+    world: World
+    model: str
     """Type flown, or JSBSim's model."""
-    flights: int = REFERENCE_FLIGHTS
-    trained: bool = True
-    """True if there is a checkpoint, and not flights alone."""
+    flights: int
 
 
 @dataclass(frozen=True)
@@ -49,7 +46,7 @@ class SetPlan:
     """Flights to be diagnosed.
 
     Example:
-        >>> one = SetPlan("blind_0000", "blind", "null", {}, 0.0, "all", 400, "simulator_000", seed=11)
+        >>> one = SetPlan("blind_0000", "blind", "null", {}, 0.0, "all", 400, "simulator_000", 11, "own", "A320")
         >>> one.flights, one.causes, one.full
         (400, {}, False)
     """
@@ -59,20 +56,16 @@ class SetPlan:
     kind: Kind
     causes: Causes
     size: float
-    """Of its smaller cause; 0 for none, 1 for full size."""
+    """Of its smallest cause; 0 for none, 1 for full size."""
     channels: Literal["all", "basic"]
     """``basic`` is without TAS, groundspeed, angles and geometric altitude."""
     flights: int
     simulator: str
     seed: int
-    world: World = "own"
-    model: str = TYPECODE
-    varying: bool = False
-    """True if flights differ in what they have of a cause, beyond the spread of weather."""
-    corrected: bool = False
-    """True if its report and the corrected flights are kept; drawn without regard to what is planted."""
-    true: str | None = None
-    """The simulator's flights with the very causes of this set: what a true correction would reach."""
+    world: World
+    model: str
+    closure: bool = False
+    """True if its corrected flights are kept, to be judged by fresh flights; drawn without regard to its causes."""
 
     @property
     def full(self) -> bool:
@@ -85,7 +78,7 @@ class Plan:
     """The key of a study.
 
     Example:
-        >>> plan = Plan(0, "00", (), (SimulatorPlan("simulator_000", seed=8),))
+        >>> plan = Plan(0, "00", (), (SimulatorPlan("simulator_000", 8, "own", "A320", 400),))
         >>> Plan.from_dict(plan.as_dict()) == plan
         True
     """

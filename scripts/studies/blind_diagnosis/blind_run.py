@@ -3,13 +3,14 @@
 import resource
 import statistics
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from descentflow.core.errors import DataError, DescentflowError
-from studies.blind_diagnosis.blind_flights import write_set, write_simulator
-from studies.blind_diagnosis.blind_plan import Plan
+from studies.blind_diagnosis.blind_flights import simulator_path, write_set, write_simulator
+from studies.blind_diagnosis.blind_plan import FORMS, Form, Plan, SetPlan
+from studies.blind_diagnosis.closing import closing
 from studies.blind_diagnosis.processes import pace, spread
 from studies.blind_diagnosis.seal import (
     MANIFEST,
@@ -27,8 +28,8 @@ Diagnose = Callable[[Path, Path, str | None, Path | None], dict[str, Any]]
 content of gap.json."""
 
 
-CHECKPOINT, FLIGHTS = "checkpoint", "flights"
-"""Forms in which a simulator is given to the diagnosis."""
+OF_CLOSURE: tuple[Form, ...] = ("flights", "bare")
+"""Forms of a simulator whose corrected flights are kept."""
 PUBLISH_EVERY = 20
 """Files after which the manifest is written anew."""
 
@@ -64,15 +65,15 @@ def generate(
     if not (folder / MANIFEST).is_file():
         write_json(folder / MANIFEST, started)
     work: list[tuple[Any, ...]] = []
-    for simulator in plan.simulators:
-        path = folder / "simulators" / f"{simulator.name}.ckpt"
-        if simulator.trained and not path.is_file():
-            work.append((_of_key, folder, seal, write_simulator, simulator, path))
-    for one in sorted(plan.sets, key=lambda one: one.part == "blind"):
+    for form in (*FORMS[1:], FORMS[0]):  # the checkpoint is trained on the flights
+        for simulator in plan.simulators:
+            path = simulator_path(folder / "simulators", simulator.name, form)
+            if not path.is_file():
+                work.append((_of_key, folder, seal, write_simulator, (simulator, form), path))
+    for one in plan.sets:
         path = folder / "sets" / f"{one.name}.parquet"
         if not path.is_file():
-            work.append((_of_key, folder, seal, write_set, one, path))
-
+            work.append((_of_key, folder, seal, write_set, (one,), path))
     begun = time.monotonic()
 
     def count(done: int) -> None:
@@ -84,7 +85,7 @@ def generate(
     _publish(folder, plan)
 
 
-def _of_key(folder: Path, seal: str, write: Callable[[Any, Path], None], one: Any, path: Path) -> None:
+def _of_key(folder: Path, seal: str, write: Callable[..., None], what: tuple[Any, ...], path: Path) -> None:
     """Write a file of the study, if its folder still holds the study that was begun.
 
     Sets and simulators of any two keys have the same names.
@@ -96,28 +97,7 @@ def _of_key(folder: Path, seal: str, write: Callable[[Any, Path], None], one: An
             expected=f"that of {seal[:8]}..., for which {path.name} was to be written",
             mend="give every study a folder of its own",
         )
-    write(one, path)
-
-
-def fly_true(folder: Path, plan: Plan, *, processes: int = 1, progress: Progress = print) -> None:
-    """Fly what true corrections would make of simulators: when the key is open, for their names tell what is hidden.
-
-    Args:
-        folder: Of the study.
-        plan: Its key.
-        processes: How many work at once.
-        progress: Progress callback, called with a line of text.
-
-    Example:
-        >>> fly_true(Path("."), Plan(seed=0, nonce="00", sets=(), simulators=()))  # none to fly
-    """
-    work: list[tuple[Any, ...]] = []
-    for simulator in plan.simulators:
-        path = folder / "simulators" / f"{simulator.name}.ckpt"
-        if not simulator.trained and not path.with_suffix(".parquet").is_file():
-            work.append((write_simulator, simulator, path))
-    begun = time.monotonic()
-    spread(work, processes, lambda n: progress(f"true corrections: {n} of {len(work)}, {pace(begun, n, len(work))}"))
+    write(*what, path)
 
 
 def _publish(folder: Path, plan: Plan) -> None:
@@ -133,21 +113,13 @@ def _jobs(folder: Path, plan: Plan) -> list[dict[str, Any]]:
         rows = folder / "sets" / f"{one.name}.parquet"
         if not rows.is_file():
             continue
-        job: dict[str, Any] = {
-            "name": one.name,
-            "rows_sha256": digest(rows),
-            "set": one.name,
-            "simulator": one.simulator,
-            "by": CHECKPOINT,
-            "without": None,
-            "corrected": False,
-        }
-        jobs.append(job)
-        if one.part != "refit":
-            # The same simulator, given by its flights; that is where corrected flights are written.
-            jobs.append({**job, "name": f"{one.name}_flights", "by": FLIGHTS, "corrected": one.corrected})
+        common = {"rows_sha256": digest(rows), "set": one.name, "simulator": one.simulator, "without": None}
+        for form in FORMS:
+            closure = one.closure and form in OF_CLOSURE
+            jobs.append({**common, "name": f"{one.name}_{form}", "form": form, "closure": closure})
         if one.part == "withheld":
-            jobs.append({**job, "name": f"{one.name}_without", "without": next(iter(one.causes))})
+            without = {"name": f"{one.name}_without", "form": "flights", "without": next(iter(one.causes))}
+            jobs.append({**common, **without, "closure": False})
     return jobs
 
 
@@ -180,8 +152,8 @@ def diagnose_all(
     Example:
         >>> for name in ("sets", "diagnoses"):
         ...     (Path("one_set") / name).mkdir(parents=True)
-        >>> job = {"name": "blind_0000", "set": "blind_0000", "simulator": "simulator_000", "by": CHECKPOINT}
-        >>> write_json(Path("one_set") / MANIFEST, {"jobs": [{**job, "without": None, "corrected": False}]})
+        >>> job = {"name": "blind_0000_bare", "set": "blind_0000", "simulator": "simulator_000", "form": "bare"}
+        >>> write_json(Path("one_set") / MANIFEST, {"jobs": [{**job, "without": None, "closure": False}]})
         >>> finds_nothing = lambda rows, simulator, without, out: {"verdict": "none", "causes": []}
         >>> diagnose_all(Path("one_set"), diagnose=finds_nothing)
         diagnosed: 1 of 1, ... s each, 0 min to go
@@ -230,6 +202,51 @@ def package_diagnosis(rows: Path, simulator: Path, without: str | None, out: Pat
     return diagnose(rows, simulator, catalogue=catalogue, seed=0, out=out).as_dict()
 
 
+def measure_closures(
+    folder: Path,
+    plan: Plan,
+    manifest: Mapping[str, Any],
+    *,
+    processes: int = 1,
+    prefix: str = "",
+    progress: Progress = print,
+) -> dict[str, Any]:
+    """Measure closures by fresh flights, once the key is open.
+
+    Args:
+        folder: Of the study.
+        plan: Its key.
+        manifest: What was published.
+        processes: How many work at once.
+        prefix: Of the names of jobs.
+        progress: Progress callback, called with a line of text.
+
+    Returns:
+        By job, see :func:`studies.blind_diagnosis.closing.closing`; without those that have nothing to measure.
+
+    Example:
+        >>> measure_closures(Path("."), Plan(0, "00", (), ()), {"jobs": []})
+        {}
+    """
+    (folder / "closures").mkdir(exist_ok=True)
+    sets = {one.name: one for one in plan.sets}
+    files = {job["name"]: folder / "closures" / f"{job['name']}.json" for job in manifest["jobs"] if job["closure"]}
+    set_of = {job["name"]: sets[job["set"]] for job in manifest["jobs"]}
+    work = [
+        (_measure_closure, set_of[name], folder / "reports" / name, path)
+        for name, path in files.items()
+        if not path.is_file()
+    ]
+    begun = time.monotonic()
+    spread(work, processes, lambda n: progress(f"closures: {n} of {len(work)}, {pace(begun, n, len(work))}"))
+    measured = {name: read_json(path) for name, path in files.items()}
+    return {f"{prefix}{name}": one for name, one in measured.items() if one is not None}
+
+
+def _measure_closure(one: SetPlan, report: Path, path: Path) -> None:
+    write_json(path, closing(one, report))
+
+
 def how_long(folder: Path) -> str:
     """Times of the diagnoses that exist: the median and the slowest by name, and the most memory.
 
@@ -242,22 +259,22 @@ def how_long(folder: Path) -> str:
     Example:
         >>> folder = Path("timed")
         >>> (folder / "diagnoses").mkdir(parents=True)
-        >>> write_json(folder / MANIFEST, {"jobs": [{"name": "blind_0000", "by": FLIGHTS}]})
+        >>> write_json(folder / MANIFEST, {"jobs": [{"name": "blind_0000", "form": "flights"}]})
         >>> write_json(folder / "diagnoses" / "blind_0000.json", {"cpu_s": 8.0, "most_memory_gb": 0.9})
         >>> print(how_long(folder))
         flights: 1 diagnosed, median 8.0 s of processor time, slowest 8.0 s (blind_0000), at most 0.90 GB
     """
     lines = []
     jobs = read_json(folder / MANIFEST)["jobs"]
-    for by in sorted({job["by"] for job in jobs}):
-        files = {j["name"]: folder / "diagnoses" / f"{j['name']}.json" for j in jobs if j["by"] == by}
+    for form in sorted({job["form"] for job in jobs}):
+        files = {j["name"]: folder / "diagnoses" / f"{j['name']}.json" for j in jobs if j["form"] == form}
         found = {name: read_json(path) for name, path in files.items() if path.is_file()}
         if found:
             seconds = {name: float(one["cpu_s"]) for name, one in found.items()}
             slowest = max(seconds, key=lambda name: seconds[name])
             lines.append(
-                f"{by}: {len(found)} diagnosed, median {statistics.median(seconds.values()):.1f} s of processor time, "
-                f"slowest {seconds[slowest]:.1f} s ({slowest}), at most "
+                f"{form}: {len(found)} diagnosed, median {statistics.median(seconds.values()):.1f} s of processor "
+                f"time, slowest {seconds[slowest]:.1f} s ({slowest}), at most "
                 f"{max(float(one['most_memory_gb']) for one in found.values()):.2f} GB"
             )
     return "\n".join(lines)
@@ -268,11 +285,11 @@ def _one(folder: Path, job: dict[str, Any], diagnose: Diagnose, until: float | N
     if until is not None and time.time() > until:
         return
     wall, cpu = time.perf_counter(), time.process_time()
-    suffix = ".ckpt" if job["by"] == CHECKPOINT else ".parquet"
-    paths = folder / "sets" / f"{job['set']}.parquet", folder / "simulators" / f"{job['simulator']}{suffix}"
+    simulator = simulator_path(folder / "simulators", job["simulator"], job["form"])
+    paths = folder / "sets" / f"{job['set']}.parquet", simulator
     result: dict[str, Any] = {"job": job, "report": None, "refused": None}
     try:
-        out = folder / "reports" / job["name"] if job["corrected"] else None
+        out = folder / "reports" / job["name"] if job["closure"] else None
         result["report"] = diagnose(*paths, job["without"], out)
     except DescentflowError as error:
         result["refused"] = f"{type(error).__name__}: {error}"

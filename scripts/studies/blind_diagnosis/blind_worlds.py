@@ -1,13 +1,16 @@
-"""The two worlds of a study: what is flown in each, what can be planted there, and how its simulators are wrong."""
+"""The two worlds of a study: what is flown in each, what can be planted there, and the forms of its simulators."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.simulation.causes import CATALOGUED, CAUSES, OUTSIDE
-from studies.blind_diagnosis.blind_plan import REFERENCE_FLIGHTS, Causes, World
+from descentflow.simulation.world_config import Operator, WorldConfig, default_operators
+from studies.blind_diagnosis.blind_plan import Form, World
 from studies.jsbsim_world.airframes import AIRFRAMES
+from studies.jsbsim_world.flight_plans import JsbsimConfig
 
 Draw = Callable[[np.random.Generator, float], dict[str, float]]
 _OF_JSBSIM: Mapping[str, Draw] = {
@@ -17,6 +20,73 @@ _OF_JSBSIM: Mapping[str, Draw] = {
 """In JSBSim's own terms. Full sizes: a lever left at 20 %, which slows a descent by some 10 % at all levels and so is
 nearly more idle thrust; four times the drag due to Mach, which adds a quarter and more to the rate near the top."""
 
+NO_NOISE = WorldConfig(
+    level_off_share=0.0,
+    managed_share=0.0,
+    gap_share=0.0,
+    dropout_share=0.0,
+    rate_noise_fpm=0.0,
+    rate_smoothing_s=0.0,
+    cas_noise_kt=0.0,
+    mach_noise=0.0,
+    tas_noise_kt=0.0,
+    altitude_noise_ft=0.0,
+    wander_kt=0.0,
+    cas_spread_kt=5.0,
+)
+"""A simulator that writes what it flies: no weather, noise of reports, level-offs or held rates."""
+DAYS_OF_WEATHER = replace(
+    WorldConfig(),
+    cas_spread_kt=5.0,
+    deviation_spread_k=4.0,
+    wind_slope_spread_per_s=0.001,
+    shear_spread_per_s=0.004,
+    layer_spread_k=1.0,
+    layers_own_share=0.7,
+    days=20,
+)
+"""Twenty days of flights, in layers of wind and temperature that are partly the day's and partly a flight's own."""
+
+
+def own_scenario(form: Form, model: str) -> WorldConfig:
+    """Settings of our world for the real flights (those of ``flights``) and for each form of a simulator.
+
+    Example:
+        >>> own_scenario("one", "A320").thrust_spread
+        0.0
+    """
+    if form == "no_air":
+        return WorldConfig(cas_spread_kt=5.0)
+    if form == "bare":
+        return NO_NOISE
+    if form == "one":
+        alike = replace(NO_NOISE, cas_spread_kt=0.0, mach_spread=0.0, thrust_spread=0.0, cd0_spread=0.0)
+        return replace(alike, operators=(_mean_operator(model),), mass_range=(0.875, 0.875))
+    return DAYS_OF_WEATHER
+
+
+def _mean_operator(model: str) -> Operator:
+    """Mean of the operators' planned speeds: a simulator of one trajectory is set to the fleet's."""
+    every = default_operators(find_aircraft(model))
+    shares = np.array([one.share for one in every]) / sum(one.share for one in every)
+    cas, mach = (float(shares @ [getattr(one, name) for one in every]) for name in ("cas_kt", "mach"))
+    return Operator("ONE", 1.0, cas, mach)
+
+
+def foreign_scenario(form: Form, model: str) -> JsbsimConfig:
+    """The same of JSBSim's aircraft.
+
+    Example:
+        >>> foreign_scenario("flights", "787-8").deviation_spread_k, foreign_scenario("one", "787-8").alike
+        (3.0, True)
+    """
+    step_s = AIRFRAMES[model].step_s
+    if form == "no_air":
+        return JsbsimConfig(step_s=step_s)
+    if form in ("bare", "one"):
+        return JsbsimConfig(step_s=step_s, wander_kt=0.0, radar=NO_NOISE, alike=form == "one")
+    return JsbsimConfig(step_s=step_s, deviation_spread_k=3.0, wind_slope_spread_per_s=0.001)
+
 
 @dataclass(frozen=True)
 class StudyWorld:
@@ -24,7 +94,7 @@ class StudyWorld:
 
     Example:
         >>> OWN.values(np.random.default_rng(0), "mass", 1.0, vary=False)
-        ({'factor': 1.1}, False)
+        {'factor': 1.1}
         >>> sorted(FOREIGN.models)
         ['787-8', 'B747', 'MD11', 'fokker100', 'global5000']
     """
@@ -34,16 +104,14 @@ class StudyWorld:
     """Types or models flown, and the share of each."""
     catalogued: tuple[str, ...]
     outside: tuple[str, ...]
-    strong: tuple[str, ...]
-    """Catalogued causes that may hide another."""
-    beside: tuple[str, ...]
-    """The causes that they may hide, which the catalogue does not have."""
     flights: tuple[tuple[int, float], ...]
     """Flights of a set, and how often."""
     reference_flights: int
     """Of a simulator."""
-    pool: tuple[int, int]
-    """Simulators of a model that sets with a cause share: with the right polar, and with a wrong one."""
+    pool: int
+    """Simulators of a model that sets with a cause share."""
+    null_pool: int | None
+    """Simulators of a model that sets without a cause share; None for one each."""
     always_vary: tuple[str, ...] = ()
     """Causes that always differ between flights."""
     only: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
@@ -60,9 +128,7 @@ class StudyWorld:
         odds = np.array([self.models[m] for m in models])
         return str(generator.choice(models, p=odds / odds.sum()))
 
-    def values(
-        self, generator: np.random.Generator, name: str, size: float, *, vary: bool
-    ) -> tuple[dict[str, float], bool]:
+    def values(self, generator: np.random.Generator, name: str, size: float, *, vary: bool) -> dict[str, float]:
         """Draw what is planted of a cause.
 
         Args:
@@ -72,58 +138,39 @@ class StudyWorld:
             vary: Whether flights are to differ, where they can.
 
         Returns:
-            Its values, and whether flights differ.
+            Its values.
         """
         if name in _OF_JSBSIM:
-            return _OF_JSBSIM[name](generator, size), False
+            return _OF_JSBSIM[name](generator, size)
         cause = CAUSES[name]
         values = cause.draw(generator, size)
         if cause.vary is None or not (vary or name in self.always_vary):
-            return values, False
-        return values | cause.vary(generator, size), True
-
-    def wrong_polar(self, generator: np.random.Generator) -> Causes:
-        """Draw how the polar of a simulator is wrong: CD0, CD2, or drag due to Mach."""
-        return {"own": _own_polar, "foreign": _foreign_polar}[self.name](generator)
+            return values
+        return values | cause.vary(generator, size)
 
 
-def _own_polar(generator: np.random.Generator) -> Causes:
-    return [
-        {"drag_polar": {"factor": float(generator.choice([0.96, 1.04]))}},
-        {"induced_drag": {"factor": float(generator.choice([0.9, 1.1]))}},
-        {"compressibility": {"gain": 0.1, "onset_below": float(generator.uniform(0.06, 0.12))}},
-    ][int(generator.integers(3))]
-
-
-def _foreign_polar(generator: np.random.Generator) -> Causes:
-    return [
-        {"drag_polar": {"factor": float(generator.choice([0.96, 1.04]))}},
-        {"induced_drag": {"factor": float(generator.choice([0.9, 1.1]))}},
-    ][int(generator.integers(2))]
-
-
+_NAMED = tuple(cause.name for cause in CATALOGUED if cause.name != "measurement_noise")
+"""Noise of reports is no cause: it is listed as what the simulator lacks."""
 OWN = StudyWorld(
     name="own",
-    models={"A320": 0.5, "B738": 0.2, "E190": 0.2, "B772": 0.1},
-    catalogued=tuple(cause.name for cause in CATALOGUED),
+    models={"A320": 0.4, "B738": 0.2, "E190": 0.2, "B772": 0.2},
+    catalogued=_NAMED,
     outside=tuple(cause.name for cause in OUTSIDE),
-    strong=("temperature", "speed_brake", "airspeed_bias", "speed_schedule"),
-    beside=("kept_thrust", "anti_ice", "powered_descent"),
     flights=((400, 0.8), (200, 0.1), (1000, 0.08), (2000, 0.02)),
-    reference_flights=REFERENCE_FLIGHTS,
-    pool=(6, 3),
+    reference_flights=400,
+    pool=3,
+    null_pool=None,
 )
 FOREIGN = StudyWorld(
     name="foreign",
     models=dict.fromkeys(AIRFRAMES, 1 / len(AIRFRAMES)),
     # Idle thrust of these models is nothing below FL200, and level-offs and turns are not flown.
-    catalogued=tuple(cause.name for cause in CATALOGUED if cause.name not in ("idle_thrust", "level_off", "turn")),
+    catalogued=tuple(name for name in _NAMED if name not in ("idle_thrust", "level_off", "turn")),
     outside=("kept_thrust", "anti_ice", "wave_drag"),
-    strong=("temperature", "speed_brake", "airspeed_bias"),
-    beside=("kept_thrust", "idle_setting"),
-    flights=((150, 1.0),),
-    reference_flights=200,
-    pool=(3, 1),
+    flights=((100, 1.0),),
+    reference_flights=150,
+    pool=2,
+    null_pool=2,
     always_vary=("speed_brake",),
     # The drag due to Mach of the business jet adds 4 % to the rate at the very top.
     only={"wave_drag": ("787-8", "MD11", "B747")},

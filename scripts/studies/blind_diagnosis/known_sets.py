@@ -8,7 +8,7 @@ import numpy as np
 from descentflow.core.errors import DataError
 from descentflow.surveillance.descents.prepared_descents import read_descents, write_descents
 from descentflow.surveillance.prepare import prepare
-from studies.blind_diagnosis.blind_flights import reference_type
+from studies.blind_diagnosis.blind_flights import reference_type, simulator_path
 from studies.blind_diagnosis.blind_plan import Plan, SetPlan
 from studies.blind_diagnosis.seal import KEY, OPENED, read_json, write_json
 
@@ -19,8 +19,8 @@ KINDS = ("null", "single", "double", "outside")
 def write_known_sets(folder: Path, out: Path, most: int, progress: Callable[[str], None] = print) -> int:
     """Write ``real.parquet``, ``simulator.parquet`` and ``truth.json`` of blind sets, each in a folder of its own.
 
-    Sets against a polar that is wrong are left out: there two answers are right. Both sides are prepared as the
-    diagnosis of the study prepared them, and each set that is there already is left as it is.
+    The simulator is given by its flights. Both sides are prepared as the diagnosis of the study prepared them, and each
+    set that is there already is left as it is.
 
     Args:
         folder: Of the study.
@@ -63,15 +63,14 @@ def draw_sets(plan: Plan, most: int) -> list[SetPlan]:
         >>> len(drawn), {one.part for one in drawn}
         (10, {'blind'})
     """
-    wrong = {one.name for one in plan.simulators if one.polar}
-    found = [one for one in plan.sets if one.part == "blind" and one.kind in KINDS and one.simulator not in wrong]
+    found = [one for one in plan.sets if one.part == "blind" and one.kind in KINDS]
     order = np.random.default_rng(plan.seed).permutation(len(found))
     return [found[i] for i in order[:most]]
 
 
 def _write(folder: Path, one: SetPlan, out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
-    simulator = read_descents(folder / "simulators" / f"{one.simulator}.parquet")
+    simulator = read_descents(simulator_path(folder / "simulators", one.simulator, "flights"))
     write_descents(simulator, out / "simulator.parquet")
     write_descents(prepare(folder / "sets" / f"{one.name}.parquet"), out / "real.parquet")
     truth = {

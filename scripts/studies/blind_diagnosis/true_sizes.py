@@ -13,18 +13,16 @@ from torch import Tensor
 
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.constants import T0_K
-from descentflow.core.mode_s_steps import STEPS
 from descentflow.core.units import FL_M, KT_MPS
-from descentflow.measurements.level_channels import least_noise
 from descentflow.physics.atmosphere import isa_temperature_k
 from descentflow.simulation.causes import Injection
 from descentflow.simulation.causes.air import KT_PER_KFT
 from descentflow.simulation.injected import REFERENCE_MACH
 from descentflow.simulation.parameters import draw_parameters
-from descentflow.simulation.world_config import WorldConfig
 from studies.blind_diagnosis.blind_plan import SetPlan
+from studies.blind_diagnosis.blind_worlds import foreign_scenario, own_scenario
 from studies.jsbsim_world.airframes import AIRFRAMES
-from studies.jsbsim_world.flight_plans import FlightPlan, JsbsimConfig, draw_plans
+from studies.jsbsim_world.flight_plans import FlightPlan, draw_plans
 from studies.jsbsim_world.model_effects import inject
 
 Own = Mapping[str, Tensor]
@@ -51,20 +49,6 @@ def _bias(own: Own) -> dict[str, float]:
     return {"bias_kt": float(own["bias_kt"].mean()) + slope * (_BIAS_MACH - REFERENCE_MACH), "growth_kt": 0.1 * slope}
 
 
-def _noise(own: Own) -> dict[str, float]:
-    config, factor = WorldConfig(), float(own["factor"].mean())
-    # Not of the rate: what a descent itself does within a few seconds is as large as the noise of its report.
-    noises = {"cas": config.cas_noise_kt, "mach": config.mach_noise, "tas": config.tas_noise_kt}
-    quanta = {"cas": STEPS["IAS"], "mach": STEPS["Mach"], "tas": STEPS["TAS"]}
-    found = {}
-    for name, noise in noises.items():
-        # Rounding adds a twelfth of its step squared to both variances; less than half a step counts as that.
-        rounding = quanta[name] ** 2 / 12
-        shown = [max(math.sqrt((k * noise) ** 2 + rounding), least_noise(name)) for k in (factor, 1.0)]
-        found[f"ln_ratio_{name}"] = math.log(shown[0] / shown[1])
-    return found
-
-
 def _mean_of_all(own: Own, *names: str) -> dict[str, float]:
     return {name: float(own[name].nan_to_num().mean()) for name in names}
 
@@ -79,7 +63,6 @@ REPORTED: dict[str, Callable[[Own], dict[str, float]]] = {
     "speed_schedule": lambda own: _mean_of_all(own, "cas_kt", "mach"),
     "airspeed_bias": _bias,
     "vertical_rate_lag": lambda own: _mean_of_all(own, "lag_s"),
-    "measurement_noise": _noise,
 }
 """By cause; held paths and rates and level-offs are missing, for their sizes are shares of flights that hold them,
 and a diagnosis reports what cleaning leaves of them."""
@@ -109,7 +92,8 @@ def true_sizes(one: SetPlan) -> dict[str, dict[str, float]]:
         one: The set.
 
     Example:
-        >>> one = SetPlan("blind_0000", "blind", "single", {"mass": {"factor": 0.9}}, 1.0, "all", 9, "simulator_0", 1)
+        >>> causes = {"mass": {"factor": 0.9}}
+        >>> one = SetPlan("blind_0", "blind", "single", causes, 1.0, "all", 9, "simulator_0", 1, "own", "A320")
         >>> true_sizes(one)
         {'mass': {'relative_change': -0.0999...}}
     """
@@ -125,7 +109,9 @@ def true_sizes(one: SetPlan) -> dict[str, dict[str, float]]:
 def _own_flights(one: SetPlan) -> dict[str, Own]:
     """Values in the flights of a set of our own world, by cause and value."""
     aircraft = find_aircraft(one.model)
-    flights = Injection(aircraft, one.causes, one.seed)(draw_parameters(aircraft, range(one.flights), one.seed))
+    flights = Injection(aircraft, one.causes, one.seed)(
+        draw_parameters(aircraft, range(one.flights), one.seed, own_scenario("flights", one.model))
+    )
     return {
         name: {key.removeprefix(f"{name}_"): own for key, own in flights.planted.items() if key.startswith(f"{name}_")}
         for name in one.causes
@@ -134,7 +120,7 @@ def _own_flights(one: SetPlan) -> dict[str, Own]:
 
 def _foreign_flights(one: SetPlan) -> dict[str, Own]:
     """The same of JSBSim's flights, by what each cause changes in their plans."""
-    airframe, config = AIRFRAMES[one.model], JsbsimConfig()
+    airframe, config = AIRFRAMES[one.model], foreign_scenario("flights", one.model)
     before = draw_plans(airframe, range(one.flights), one.seed, config)
     found: dict[str, Own] = {}
     for name in one.causes:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
@@ -54,6 +54,8 @@ class JsbsimConfig:
     the time to FL150 by less than 0.001 %."""
     interval_s: float = 4.0
     """Between two rows of truth, and the mean interval of reports."""
+    alike: bool = False
+    """True for one mass and one planned speed, the means of the fleet."""
     radar: WorldConfig = field(default_factory=WorldConfig)
     """Jitter, losses and noise of the reports; nothing else of it is used."""
 
@@ -164,6 +166,15 @@ def draw_plans(airframe: Airframe, numbers: Sequence[int], seed: int, config: Js
 
 
 def _plan(airframe: Airframe, number: int, seed: int, config: JsbsimConfig) -> FlightPlan:
+    one = _drawn_plan(airframe, number, seed, config)
+    if not config.alike:
+        return one
+    mass, cas = sum(airframe.mass_kg) / 2, float(np.dot(SHARES, airframe.cas_kt)) * KT_MPS
+    mach = airframe.mach + float(np.dot(SHARES, MACH_STEPS))
+    return replace(one, operator=1, mass_kg=mass, idle_factor=1.0, cd0_factor=1.0, mach=mach, cas_mps=cas)
+
+
+def _drawn_plan(airframe: Airframe, number: int, seed: int, config: JsbsimConfig) -> FlightPlan:
     generator = np.random.default_rng((seed, number, 0))
     uniform, normal = generator.random(_DRAWS).tolist(), generator.standard_normal(_DRAWS).tolist()
     own = np.random.default_rng((seed, number // config.flights_per_aircraft, 2)).random()

@@ -1,1 +1,0 @@
-"""Figures that only the study of blind diagnosis draws."""

@@ -50,10 +50,10 @@ def corrected_entries(compared: Compared, correction: Correction) -> Tensor:
     state = _before(compared, simulated)
     flown, reported = changes_of(state, correction)
     moved = dict(flown)
-    # The rate of a comparison is beyond the polar's at the flight's own speed.
-    faster = log_rate(state, cas_mps=state.cas_mps + flown["cas"] * KT_MPS) - state.own_log_rate
-    moved["rate"] = flown["rate"] + reported["rate"] - faster
     moved["cas"] = flown["cas"] + reported["cas"]
+    # The rate of a comparison is beyond the polar's at the speed that the flight reports.
+    faster = log_rate(state, cas_mps=state.cas_mps + moved["cas"] * KT_MPS) - state.own_log_rate
+    moved["rate"] = flown["rate"] + reported["rate"] - faster
     moved["tas"] = flown["tas"] + reported["tas"]
     moved["lag"], moved["mismatch"] = reported["rate"], reported["cas"]
     for name in ("wind", "height"):

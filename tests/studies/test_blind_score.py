@@ -24,7 +24,7 @@ MANIFEST, PERFECT = study(PLAN)
 SETS = {one.name: one for one in PLAN.sets}
 
 
-def reached(found: dict[str, Any], **closures: dict[str, float]) -> dict[tuple[str, str], dict[str, Any]]:
+def reached(found: dict[str, Any], **closures: dict[str, Any]) -> dict[tuple[str, str], dict[str, Any]]:
     scored = score(outcomes(PLAN, MANIFEST, found), closures)
     return {(row["column"], row["goal"]): row for row in scored["rows"]}
 
@@ -124,7 +124,7 @@ def test_intervals_are_judged_parameter_by_parameter() -> None:
 
 def test_closures_are_judged_by_column() -> None:
     jobs = [f"{one.name}_{form}" for one in PLAN.sets if one.closure for form in ("flights", "bare")]
-    near = {job: {"reported": 0.9, "measured": 0.78} for job in jobs}
+    near = {job: {"reported": 0.9, "measured": 0.78, "error": None} for job in jobs}
     rows = reached(PERFECT, **near)
     assert rows["own", "closure within 0.1 of that measured on fresh flights"]["met"] is False
     assert rows["bare", "closure within 0.15 of that measured on fresh flights"]["met"] is True

@@ -15,8 +15,8 @@ from descentflow.simulation.causes import CATALOGUED
 from descentflow.surveillance.descents.prepared_descents import read_descents
 from studies.blind_diagnosis.blind_flights import simulator_path, write_set, write_simulator
 from studies.blind_diagnosis.blind_plan import FORMS, Plan, SetPlan, SimulatorPlan
-from studies.blind_diagnosis.blind_run import _of_key, diagnose_all, generate, how_long
-from studies.blind_diagnosis.closing import closing
+from studies.blind_diagnosis.blind_run import OF_CLOSURE, _of_key, diagnose_all, generate, how_long
+from studies.blind_diagnosis.closing import closing, fly_fresh
 from studies.blind_diagnosis.outcome import outcomes
 from studies.blind_diagnosis.seal import DIAGNOSES, KEY, MANIFEST, open_key, read_json, write_json
 from studies.blind_diagnosis.study_score import score, table
@@ -160,8 +160,10 @@ def test_the_package_finds_what_is_hidden(folder: Path, tmp_path: Path) -> None:
     intervals = {(row["column"], row["parameter"]): row for row in score(found, {})["intervals"]}
     assert abs(intervals["own", "deviation_k"]["error"]) < 0.1
     assert abs(intervals["bare", "growth_kt"]["error"]) < 0.2
-    for form in ("flights", "bare"):
-        closed = closing(PLAN.sets[1], tmp_path / "reports" / f"blind_0001_{form}")
+    for form in OF_CLOSURE:
+        fresh = fly_fresh(PLAN.simulators[0], form, tmp_path)
+        rows, report = tmp_path / "sets" / "blind_0001.parquet", tmp_path / "reports" / f"blind_0001_{form}"
+        closed = closing(rows, fresh, report)
         assert closed is not None
         assert closed["reported"] == pytest.approx(closed["measured"], abs=0.3)  # of 100 flights a side
 

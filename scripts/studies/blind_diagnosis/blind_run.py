@@ -9,8 +9,8 @@ from typing import Any
 
 from descentflow.core.errors import DataError, DescentflowError
 from studies.blind_diagnosis.blind_flights import simulator_path, write_set, write_simulator
-from studies.blind_diagnosis.blind_plan import FORMS, Form, Plan, SetPlan
-from studies.blind_diagnosis.closing import closing
+from studies.blind_diagnosis.blind_plan import FORMS, Form, Plan, SimulatorPlan
+from studies.blind_diagnosis.closing import closing, fly_fresh
 from studies.blind_diagnosis.processes import pace, spread
 from studies.blind_diagnosis.seal import (
     MANIFEST,
@@ -229,22 +229,23 @@ def measure_closures(
         {}
     """
     (folder / "closures").mkdir(exist_ok=True)
-    sets = {one.name: one for one in plan.sets}
-    files = {job["name"]: folder / "closures" / f"{job['name']}.json" for job in manifest["jobs"] if job["closure"]}
-    set_of = {job["name"]: sets[job["set"]] for job in manifest["jobs"]}
-    work = [
-        (_measure_closure, set_of[name], folder / "reports" / name, path)
-        for name, path in files.items()
-        if not path.is_file()
-    ]
+    simulators = {one.name: one for one in plan.simulators}
+    jobs = {job["name"]: job for job in manifest["jobs"] if job["closure"]}
+    files = {name: folder / "closures" / f"{name}.json" for name in jobs}
+    left = [name for name, path in files.items() if not path.is_file()]
+    fresh = {(jobs[name]["simulator"], jobs[name]["form"]) for name in left}
+    flights = [(fly_fresh, simulators[name], form, folder / "simulators") for name, form in sorted(fresh)]
     begun = time.monotonic()
+    spread(flights, processes, lambda n: progress(f"fresh flights: {n} of {len(flights)}"))
+    work = [(_measure_closure, folder, jobs[name], simulators[jobs[name]["simulator"]], files[name]) for name in left]
     spread(work, processes, lambda n: progress(f"closures: {n} of {len(work)}, {pace(begun, n, len(work))}"))
     measured = {name: read_json(path) for name, path in files.items()}
     return {f"{prefix}{name}": one for name, one in measured.items() if one is not None}
 
 
-def _measure_closure(one: SetPlan, report: Path, path: Path) -> None:
-    write_json(path, closing(one, report))
+def _measure_closure(folder: Path, job: Mapping[str, Any], simulator: SimulatorPlan, path: Path) -> None:
+    fresh = fly_fresh(simulator, job["form"], folder / "simulators")
+    write_json(path, closing(folder / "sets" / f"{job['set']}.parquet", fresh, folder / "reports" / job["name"]))
 
 
 def how_long(folder: Path) -> str:

@@ -92,12 +92,12 @@ GOALS: Final = (
 )
 
 
-def score(found: Sequence[Outcome], closures: Mapping[str, Mapping[str, float]]) -> dict[str, Any]:
+def score(found: Sequence[Outcome], closures: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     """Score every sealed diagnosis of one or several studies.
 
     Args:
         found: Outcomes.
-        closures: By diagnosis, ``reported`` and ``measured`` closure of its corrected flights.
+        closures: By diagnosis, see :func:`studies.blind_diagnosis.closing.closing`.
 
     Returns:
         Primitives: ``rows`` of goals, ``intervals`` by parameter, ``withheld`` effects, and the ``answers`` themselves.
@@ -147,13 +147,11 @@ def row(
     return {"goal": text, "column": column, **reached, "asked": asked, "met": met, "misses": list(misses)}
 
 
-def _closure_row(
-    column: Column, some: Sequence[Outcome], closures: Mapping[str, Mapping[str, float]]
-) -> dict[str, Any]:
+def _closure_row(column: Column, some: Sequence[Outcome], closures: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     near = {
-        o.job: abs(closures[o.job]["reported"] - closures[o.job]["measured"]) <= WITHIN[column]
+        o.job: one["error"] is None and abs(one["reported"] - one["measured"]) <= WITHIN[column]
         for o in some
-        if o.job in closures
+        if (one := closures.get(o.job)) is not None
     }
     text = f"closure within {WITHIN[column]:g} of that measured on fresh flights"
     return row(text, column, list(near.values()), 0.9, [job for job in near if not near[job]], at_least=True)

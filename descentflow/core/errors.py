@@ -1,5 +1,7 @@
 """Typed errors: each message has what was got, what was expected and how to mend it."""
 
+import sys
+import warnings
 from collections.abc import Iterable
 from difflib import get_close_matches
 
@@ -62,16 +64,23 @@ def _made_again(kind: "type[DescentflowError]", message: str) -> "DescentflowErr
 
 
 class DescentflowWarning(UserWarning):
-    """Warning that a user should see although the work goes on; the command line prints it in one line.
+    """Warning that a user should see although the work goes on; the command line prints it in one line."""
+
+
+def warn(text: str) -> None:
+    """Warn at the line outside of the package from which it was called.
 
     Example:
-        >>> import warnings
         >>> with warnings.catch_warnings(record=True) as seen:
         ...     warnings.simplefilter("always", DescentflowWarning)
-        ...     warnings.warn("these descents do not say how they were cleaned", DescentflowWarning, stacklevel=1)
+        ...     warn("these descents do not say how they were cleaned")
         >>> print(seen[0].message)
         these descents do not say how they were cleaned
     """
+    level, frame = 2, sys._getframe(1)
+    while frame.f_back and str(frame.f_globals.get("__name__", "")).startswith("descentflow."):
+        level, frame = level + 1, frame.f_back
+    warnings.warn(text, DescentflowWarning, stacklevel=level)
 
 
 class DataError(DescentflowError):

@@ -1,20 +1,17 @@
 """Descents of whatever a user has: rows are cleaned, prepared files are read, and other settings are not overlooked."""
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 
 from descentflow.core.arguments import checked_arguments
-from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
+from descentflow.core.errors import ConfigError, DataError, warn
 from descentflow.core.tabular import held_table, is_pandas
 from descentflow.surveillance.cleaning.thresholds import Cleaning, differences_in_words, different_settings
 from descentflow.surveillance.descents.check_descents import checked_descents
 from descentflow.surveillance.descents.prepared_descents import (
-    REQUIRED,
     Descents,
     join_descents,
     read_descents,
@@ -63,12 +60,12 @@ def open_descents(
         60.0
     """
     descents = prepared_descents(source)
-    if descents is None:
-        return cleaned_rows(source, cleaning or rows_cleaning or Cleaning(), progress, columns)
-    check_no_columns(columns)
-    if cleaning is not None:
-        _compare(descents, cleaning)
-    return descents
+    if descents is not None and cleaning is not None:
+        _compare_settings(
+            {"the model's training descents": cleaning, "these descents": descents.cleaning},
+            "prepare the rows with the model's settings, or pass the rows themselves",
+        )
+    return _cleaned(source, descents, cleaning or rows_cleaning or Cleaning(), columns, progress)
 
 
 @checked_arguments
@@ -168,21 +165,26 @@ def _in_memory(source: Any) -> Descents | None:
     table = held_table(source)
     if not isinstance(table, pl.DataFrame) or "level_fl" not in table.columns:
         return None
-    absent = [name for name in REQUIRED if name not in table.columns]
-    if absent or table.is_empty():
-        raise DataError(
-            f"a table of descents without {', '.join(absent) or 'a row'}",
-            expected="prepared descents (columns " + ", ".join(REQUIRED) + ")",
-            mend="pass what descentflow.prepare returned, or the rows themselves",
-        )
     table = checked_descents(table, "a table of descents")
     bottom = int(table["level_fl"].min())  # type: ignore[arg-type]
     known = {"schema_version": SCHEMA_VERSION, "bottom_fl": bottom, "top_fl": top_levels(table), "inputs": []}
     return Descents(table, known)
 
 
-def check_no_columns(columns: Mapping[str, str] | None) -> None:
-    """Refuse names of columns for descents that are prepared."""
+def _cleaned(
+    source: Any,
+    prepared: Descents | None,
+    cleaning: Cleaning,
+    columns: Mapping[str, str] | None,
+    progress: Say | None,
+) -> Descents:
+    """Prepared descents as they are, or rows cleaned to descents; progress names settings that are not the defaults."""
+    if prepared is None:
+        differences = different_settings(Cleaning(), cleaning)
+        changed = ", ".join(f"{name} {value}" for name, (_, value) in differences.items())
+        say = progress or (lambda _: None)
+        say(f"cleaning rows with {changed or 'the default settings'}")
+        return prepare(source, cleaning=cleaning, columns=columns, progress=say)
     if columns:
         words = ", ".join(f"{name}={column}" for name, column in columns.items())
         raise ConfigError(
@@ -190,38 +192,7 @@ def check_no_columns(columns: Mapping[str, str] | None) -> None:
             expected="columns of rows",
             mend="leave them out, for prepared descents have names of their own",
         )
-
-
-def cleaned_rows(
-    rows: Any, cleaning: Cleaning, progress: Say | None = None, columns: Mapping[str, str] | None = None
-) -> Descents:
-    """Rows cleaned to descents; the settings are said where they are not the default ones."""
-    say = progress or (lambda _: None)
-    differences = different_settings(Cleaning(), cleaning)
-    changed = ", ".join(f"{name} {value}" for name, (_, value) in differences.items())
-    say(f"cleaning rows with {changed or 'the default settings'}")
-    return prepare(rows, cleaning=cleaning, columns=columns, progress=say)
-
-
-def _compare(descents: Descents, cleaning: Cleaning) -> None:
-    """Warn of descents that were prepared with other settings, or do not say with which."""
-    if descents.cleaning is None:
-        warnings.warn(
-            "the cleaning settings of these descents are unknown, so they may differ from those of the model's "
-            "training descents and show as a difference of flight; prepare the rows again, or pass the rows themselves",
-            DescentflowWarning,
-            stacklevel=3,
-        )
-        return
-    differences = different_settings(cleaning, descents.cleaning)
-    if differences:
-        words = differences_in_words(differences, "in these descents", "in the model's training descents")
-        warnings.warn(
-            f"descents of other cleaning settings: {words}; what the settings change shows as a difference of flight; "
-            "prepare the rows with the model's settings, or pass the rows themselves",
-            DescentflowWarning,
-            stacklevel=3,
-        )
+    return prepared
 
 
 SIDES = ("the real descents", "the simulator's descents")
@@ -234,7 +205,7 @@ def open_pair(
     *,
     columns: Mapping[str, str] | None = None,
     simulator_columns: Mapping[str, str] | None = None,
-    progress: Callable[[str], None] | None = None,
+    progress: Say | None = None,
 ) -> tuple[Descents, Descents]:
     """Open real descents and those of a simulator, through the same cleaning.
 
@@ -261,48 +232,35 @@ def open_pair(
         >>> real.cleaning == simulator.cleaning, real.frame.equals(simulator.frame)
         (True, True)
     """
-    found = [prepared_descents(real), prepared_descents(simulator)]
-    settings = _settings(found)
-    _compare_settings(found)
-    opened = []
-    for source, named, descents in zip((real, simulator), (columns, simulator_columns), found, strict=True):
-        if descents is not None:
-            check_no_columns(named)
-        opened.append(cleaned_rows(source, settings, progress, named) if descents is None else descents)
-    return opened[0], opened[1]
+    found = prepared_descents(real), prepared_descents(simulator)
+    prepared = {name: one for name, one in zip(SIDES, found, strict=True) if one is not None}
+    _compare_settings(
+        {name: one.cleaning for name, one in prepared.items()},
+        "prepare the rows of both with the same settings, or pass the rows themselves",
+    )
+    settings = _settings_for_rows([*prepared.values()][::-1])
+    return (
+        _cleaned(real, found[0], settings, columns, progress),
+        _cleaned(simulator, found[1], settings, simulator_columns, progress),
+    )
 
 
-def _settings(found: list[Descents | None]) -> Cleaning:
-    """Settings for rows: those that prepared descents say, the simulator's first; else the defaults."""
-    prepared = [descents for descents in reversed(found) if descents is not None]
-    known = [descents.cleaning for descents in prepared if descents.cleaning is not None]
-    if known:
-        return known[0]
+def _settings_for_rows(prepared: Sequence[Descents]) -> Cleaning:
+    """Settings of the first prepared descents that know them; else the defaults."""
+    known = [one.cleaning for one in prepared if one.cleaning is not None]
     # Of settings that are unknown, the lowest level at least shows in the descents.
-    return replace(Cleaning(), bottom_fl=prepared[0].bottom_fl) if prepared else Cleaning()
+    return [*known, *(Cleaning(bottom_fl=one.bottom_fl) for one in prepared), Cleaning()][0]
 
 
-def _compare_settings(found: list[Descents | None]) -> None:
-    prepared = [(name, descents) for name, descents in zip(SIDES, found, strict=True) if descents is not None]
-    unknown = [name for name, descents in prepared if descents.cleaning is None]
+def _compare_settings(settings: Mapping[str, Cleaning | None], mend: str) -> None:
+    """Warn of sides that were cleaned with different settings, or that do not say with which."""
+    unknown = [name for name, cleaning in settings.items() if cleaning is None]
+    known = {name: cleaning for name, cleaning in settings.items() if cleaning is not None}
     if unknown:
-        warnings.warn(
-            f"the cleaning settings of {' and '.join(unknown)} are unknown, so both sides may have been cleaned "
-            "differently, which shows as a difference of flight; pass the rows of both, or the files that "
-            "`descentflow prepare` wrote",
-            DescentflowWarning,
-            stacklevel=3,
-        )
+        found = f"the cleaning settings of {' and '.join(unknown)} are unknown and may differ from the other side's"
+    elif words := differences_in_words(known):
+        found = f"descents of different cleaning settings: {words}"
+    else:
         return
-    settings = [descents.cleaning for _, descents in prepared if descents.cleaning is not None]
-    if len(settings) < 2:
-        return
-    differences = different_settings(settings[0], settings[1])
-    if differences:
-        words = differences_in_words(differences, f"in {SIDES[1]}", f"in {SIDES[0]}")
-        warnings.warn(
-            f"descents of different cleaning settings: {words}; what the settings change shows as a difference of "
-            "flight; prepare the rows of both with the same settings, or pass the rows themselves",
-            DescentflowWarning,
-            stacklevel=3,
-        )
+    text = f"{found}; what the settings change shows as a difference of flight; {mend}"
+    warn(text)

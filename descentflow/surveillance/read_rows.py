@@ -11,7 +11,7 @@ import polars as pl
 
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.tabular import held_table, is_pandas
-from descentflow.surveillance.formats.known_formats import ACCEPTED, Part, SourceTable, check_format, put_together
+from descentflow.surveillance.formats.known_formats import ACCEPTED, Part, check_format, put_together
 from descentflow.surveillance.formats.recognition import held_parts, recognised
 from descentflow.surveillance.rows.air_data import MACH_MISSING, mach_reported, with_ias, with_mach
 from descentflow.surveillance.rows.column_names import note_unused, row_names, with_named
@@ -99,7 +99,7 @@ def read_table(path: Path) -> pl.DataFrame:
     report = DropReport()
     with opened([path], str(path)) as source:
         parts = _parts(iter([source]), report, Unreadable(report), None, 1 << 22)
-        tables = [table.columns for table in put_together(parts, report, 1)]
+        tables: list[pl.DataFrame] = [table.rows for table in put_together(parts, report, 1)]
     return pl.concat(tables, how="diagonal")
 
 
@@ -168,38 +168,35 @@ def _parts(
                 yield Part(rows, found, source.label, number == 0)
 
 
-def _normalised(
-    tables: Iterator[SourceTable], report: DropReport, columns: Mapping[str, str]
-) -> Iterator[pl.DataFrame]:
-    """Rows in our names, types and units; units of tables that anybody may have made are checked.
+def _normalised(tables: Iterator[Part], report: DropReport, columns: Mapping[str, str]) -> Iterator[pl.DataFrame]:
+    """Rows in our names, types and units; names and units of tables that anybody may have made are checked.
 
     A folder of rows often holds the list of their types (`--types`), which has none: it is counted and left out.
     """
     times = RelativeTimes()
     for table in tables:
-        named = columns and table.any_columns
-        given = with_named(table.columns, columns, table.label, report) if named else table.columns
-        if table.any_columns and is_list_of_types(given.columns):
+        if not table.format.any_columns:
+            rows = normalise(table.rows, table.label, report)
+            yield rows if "Mach" in rows.columns else with_mach(rows, report)
+            continue
+        given = with_named(table.rows, columns, table.label, report)
+        if is_list_of_types(given.columns):
             report.note(LISTS_OF_TYPES, len(given))
             continue
-        if table.any_columns:
-            used = wanted(given.columns)
-            note_unused([name for name in given.columns if name not in used], len(given), report)
-            report.note(WITHOUT_ROWS, int(table.first and given.is_empty() and table.label != HELD))
-        rows = normalise(given, table.label, report)
-        rows = with_values_beside(rows, report) if table.any_columns else rows
-        without_ias = rows
-        rows = with_ias(rows, report) if table.any_columns else rows
-        reported = mach_reported(rows) if table.any_columns else 1.0
+        used = wanted(given.columns)
+        note_unused([name for name in given.columns if name not in used], len(given), report)
+        report.note(WITHOUT_ROWS, int(table.first and given.is_empty() and table.label != HELD))
+        own = with_values_beside(normalise(given, table.label, report), report)
+        rows = with_ias(own, report)
+        computed = rows is not own
+        reported = mach_reported(rows)
         # An empty column is none: IAS cannot be checked against it.
         rows = rows if reported else rows.drop("Mach", strict=False)
-        if table.any_columns and (table.first or len(rows) >= MIN_IN_LATER_PARTS):
+        if table.first or len(rows) >= MIN_IN_LATER_PARTS:
             # A computed IAS proves nothing of Mach.
-            check_units(rows if rows is without_ias else rows.drop("Mach", strict=False), table.label)
-        if table.any_columns:
-            times.check(rows, table.label, table.first)
-        computes = "Mach" not in rows.columns or reported < MACH_MISSING
-        yield with_mach(rows, report) if computes else rows
+            check_units(rows.drop("Mach", strict=False) if computed else rows, table.label)
+        times.check(rows, table.label, table.first)
+        yield with_mach(rows, report) if reported < MACH_MISSING else rows
 
 
 def _even_blocks(tables: Iterator[pl.DataFrame], block_rows: int) -> Iterator[pl.DataFrame]:

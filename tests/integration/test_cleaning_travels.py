@@ -65,4 +65,4 @@ def test_a_warning_is_one_line_on_the_terminal(folder: Path, tmp_path: Path) -> 
         [sys.executable, "-m", "descentflow", *words], capture_output=True, text=True, check=True, cwd=tmp_path
     )
     (line,) = (line for line in done.stderr.splitlines() if "slowest_fpm" in line)
-    assert line.startswith(f"descentflow evaluate: warning: descents of other cleaning settings: {OTHERS}")
+    assert line.startswith(f"descentflow evaluate: warning: descents of different cleaning settings: {OTHERS}")

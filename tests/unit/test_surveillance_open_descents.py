@@ -106,7 +106,7 @@ def test_prepared_descents_of_other_settings_are_named(folder: Path) -> None:
 def test_descents_that_do_not_say_how_they_were_cleaned(folder: Path, tmp_path: Path) -> None:
     before = without_settings(folder / "descents.parquet", tmp_path / "before.parquet")
     assert read_descents(before).cleaning is None
-    with pytest.warns(DescentflowWarning, match="unknown.* prepare the rows again"):
+    with pytest.warns(DescentflowWarning, match="unknown.* prepare the rows with the model"):
         open_descents(before, Cleaning())
     data = DescentDataModule(before)
     with pytest.warns(DescentflowWarning, match="unknown.* prepare the rows again"):
@@ -151,7 +151,7 @@ def test_rows_and_prepared_descents_do_not_mix(folder: Path, tmp_path: Path) -> 
         open_prepared(folder / "rows.parquet")
     with pytest.raises(DataError, match="rows that are not prepared"):
         open_prepared(pl.read_parquet(folder / "rows.parquet"))
-    with pytest.raises(DataError, match="a table of descents without Mach"):
+    with pytest.raises(DataError, match="a table of descents: no column Mach"):
         open_descents(read_descents(folder / "descents.parquet").frame.drop("Mach"))
 
 

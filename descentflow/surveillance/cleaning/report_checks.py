@@ -1,13 +1,12 @@
 """Checks of the whole drop report: types that are absent, columns that contradict each other, and nothing left."""
 
 import re
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 
 import polars as pl
 
-from descentflow.core.errors import DataError, DescentflowWarning
+from descentflow.core.errors import DataError, warn
 from descentflow.surveillance.cleaning.flights import OTHER_VALUES
 from descentflow.surveillance.cleaning.thresholds import Cleaning, Fixed
 from descentflow.surveillance.cleaning.two_clocks import AGAIN
@@ -32,11 +31,9 @@ def tell_absent_types(wanted: Sequence[str] | None, present: Iterable[str], what
     known = sorted(name for name in present if name)
     if absent := asked_in_vain(wanted, known):
         there = ", ".join(known[:MAX_LISTED_TYPES]) + (", ..." if len(known) > MAX_LISTED_TYPES else "")
-        warnings.warn(
+        warn(
             f"no {what} of type {', '.join(absent)}, which {option} asks for beside others; there are {there}: "
-            "designators of ICAO Doc 8643 are taken, as B738; to mend it, correct it or leave it out",
-            DescentflowWarning,
-            stacklevel=3,
+            "designators of ICAO Doc 8643 are taken, as B738; to mend it, correct it or leave it out"
         )
 
 
@@ -56,11 +53,9 @@ def check_designators(typecodes: Iterable[str]) -> None:
     odd = sorted({name for name in typecodes if not DESIGNATOR.fullmatch(name)})
     if odd:
         more = f" and {len(odd) - 5} more" if len(odd) > 5 else ""
-        warnings.warn(
+        warn(
             f"descents of type {', '.join(name[:40] for name in odd[:5])}{more}, which is no designator of ICAO's "
-            "Doc 8643; coefficients are found by designators, such as A320: correct the column typecode",
-            DescentflowWarning,
-            stacklevel=3,
+            "Doc 8643; coefficients are found by designators, such as A320: correct the column typecode"
         )
 
 
@@ -80,26 +75,18 @@ def check_report(report: DropReport, rules: Cleaning) -> None:
     _tell_apart(report)
     if clocks := [note for note in report.notes if note.startswith(AGAIN.partition("{")[0])]:
         said = " and ".join(f"{report.notes[note]:,} {note}" for note in clocks)
-        warnings.warn(
-            f"{said}, are left out: write the times of all sources in UTC (the earlier of both are kept)",
-            DescentflowWarning,
-            stacklevel=3,
-        )
+        warn(f"{said}, are left out: write the times of all sources in UTC (the earlier of both are kept)")
     if several := report.notes.get(SEVERAL):
-        warnings.warn(
+        warn(
             f"the rows of {several:,} flights name several types, and each flight is taken for the one that most of "
-            "its rows name: correct the column typecode, or give rows of different aircraft different icao24",
-            DescentflowWarning,
-            stacklevel=3,
+            "its rows name: correct the column typecode, or give rows of different aircraft different icao24"
         )
     read, other = report.left("read") or 0, report.notes.get(OTHER_VALUES, 0)
     if other > Fixed.other_values_share * read and report.steps[-1].rows_left:
-        warnings.warn(
+        warn(
             f"{other:,} of {read:,} rows have the address and the time of another row but other values, and are left "
             "out as duplicates (the first of each is kept): if they are of another run or another receiver, give them "
-            "addresses (icao24) or times of their own",
-            DescentflowWarning,
-            stacklevel=3,
+            "addresses (icao24) or times of their own"
         )
 
 
@@ -110,11 +97,9 @@ def _tell_apart(report: DropReport) -> None:
     }
     if apart and report.steps and report.steps[-1].rows_left:
         said = ", ".join(f"{name} in {rows:,} rows" for name, rows in apart.items())
-        warnings.warn(
+        warn(
             f"values without IAS beside them nor in a row within 5 s: {said}; descents lack them: "
-            f"{JOIN.format(name=' and '.join(apart))}",
-            DescentflowWarning,
-            stacklevel=4,
+            f"{JOIN.format(name=' and '.join(apart))}"
         )
 
 

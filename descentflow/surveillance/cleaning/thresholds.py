@@ -298,13 +298,13 @@ def different_settings(first: Cleaning, second: Cleaning) -> dict[str, tuple[Any
     return {name: (values[name], others[name]) for name in values if values[name] != others[name]}
 
 
-def differences_in_words(differences: Mapping[str, tuple[Any, Any]], second: str, first: str) -> str:
-    """Each setting that differs with both values, in one line."""
-    return ", ".join(
-        f"{name} is {_value_in_words(there)} {second} and {_value_in_words(here)} {first}"
-        for name, (here, there) in differences.items()
-    )
-
-
-def _value_in_words(value: float | None) -> str:
-    return "off" if value is None else f"{value:g}"
+def differences_in_words(settings: Mapping[str, Cleaning]) -> str:
+    """Each setting that differs between two cleanings, with both values and names; empty for one alone."""
+    if len(settings) < 2:
+        return ""
+    (first, one), (second, other) = settings.items()
+    values = {
+        name: ["off" if value is None else f"{value:g}" for value in both]
+        for name, both in different_settings(one, other).items()
+    }
+    return ", ".join(f"{name} is {there} in {second} and {here} in {first}" for name, (here, there) in values.items())

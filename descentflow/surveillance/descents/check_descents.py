@@ -9,6 +9,7 @@ from descentflow.surveillance.descents.store import MEND
 from descentflow.surveillance.rows.schema import CHANNELS, POSSIBLE, TIMESTAMP
 from descentflow.surveillance.rows.units_check import check_consistency
 
+REQUIRED = ("flight_id", "icao24", "typecode", "level_fl", "timestamp", "time_s", "IAS", "Mach", "vertical_rate")
 LEVELS_FL = (0, 600)
 TEXTS = ("flight_id", "icao24", "typecode", "callsign")
 LOOKED_AT, LONGEST_S = 400_000, 1e7
@@ -17,7 +18,12 @@ NEVER_MISSING = ("flight_id", "level_fl", "time_s")
 
 
 def checked_descents(frame: pl.DataFrame, source: object) -> pl.DataFrame:
-    """The table with the types that prepared descents have."""
+    """The table with the types that prepared descents have, if every value is one that they can have."""
+    absent = [name for name in REQUIRED if name not in frame.columns]
+    if absent:
+        raise DataError(f"{source}: no column {', '.join(absent)}", expected=f"{', '.join(REQUIRED)}", mend=MEND)
+    if frame.is_empty():
+        raise DataError(f"{source}: no descent in it", expected="at least one", mend="prepare other rows")
     frame = _typed(frame, source)
     for name in NEVER_MISSING:
         if missing := frame[name].null_count():

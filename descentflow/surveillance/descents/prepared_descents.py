@@ -1,7 +1,7 @@
 """Prepared descents: a table of one row per flight and level with its description, written to files and read back."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ from descentflow.core.files import whole_file
 from descentflow.core.parquet_pages import check_pages
 from descentflow.core.tabular import to_dataset, to_pandas
 from descentflow.reporting.in_notebook import InNotebook
-from descentflow.surveillance.cleaning.thresholds import Cleaning, kept_cleaning
+from descentflow.surveillance.cleaning.thresholds import Cleaning, differences_in_words, kept_cleaning
 from descentflow.surveillance.descents.check_descents import checked_descents
 from descentflow.surveillance.descents.store import KEY, MEND, SCHEMA_VERSION, described, read_store
 from descentflow.surveillance.rows.air_data import IAS_COMPUTED, MACH_COMPUTED
@@ -23,11 +23,8 @@ from descentflow.surveillance.unpacking.streams import whole_input
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-from collections.abc import Sequence
 
-from descentflow.surveillance.cleaning.thresholds import differences_in_words, different_settings
 
-REQUIRED = ("flight_id", "icao24", "typecode", "level_fl", "timestamp", "time_s", "IAS", "Mach", "vertical_rate")
 REACHED_BY = 0.25
 """The grid ends at the highest level that this share of the flights reach (paper, appendix A)."""
 
@@ -252,11 +249,6 @@ def read_descents(path: str | Path) -> Descents:
             expected=f"version {SCHEMA_VERSION}",
             mend="prepare the rows again with this version of descentflow",
         )
-    absent = [name for name in REQUIRED if name not in frame.columns]
-    if absent:
-        raise DataError(f"{path}: no column {', '.join(absent)}", expected=f"{', '.join(REQUIRED)}", mend=MEND)
-    if frame.is_empty():
-        raise DataError(f"{path}: no descent in it", expected="at least one", mend="prepare other rows")
     return Descents(checked_descents(frame, path), metadata)
 
 
@@ -266,20 +258,6 @@ def read_description(path: str | Path) -> dict[str, Any]:
         raise DataError(f"no file {path}", expected="prepared descents", mend=MEND)
     with whole_input(path, "a whole Parquet file", MEND):
         metadata = pl.read_parquet_metadata(path)
-    return _description(metadata, path)
-
-
-def _read_file(path: str | Path) -> tuple[pl.DataFrame, dict[str, Any]]:
-    if not Path(path).is_file():
-        raise DataError(f"no file {path}", expected="prepared descents", mend=MEND)
-    with whole_input(path, "a whole Parquet file", MEND):
-        check_pages(Path(path))
-        metadata = pl.read_parquet_metadata(path)
-        frame = pl.read_parquet(path)
-    return frame, _description(metadata, path)
-
-
-def _description(metadata: dict[str, str], path: str | Path) -> dict[str, Any]:
     if KEY not in metadata:
         raise DataError(
             f"{path}: Parquet, but not prepared descents",
@@ -287,6 +265,13 @@ def _description(metadata: dict[str, str], path: str | Path) -> dict[str, Any]:
             mend=f"{MEND}; saved again by another program a table lacks how it was prepared",
         )
     return described(metadata[KEY], path)
+
+
+def _read_file(path: str | Path) -> tuple[pl.DataFrame, dict[str, Any]]:
+    description = read_description(path)
+    with whole_input(path, "a whole Parquet file", MEND):
+        check_pages(Path(path))
+        return pl.read_parquet(path), description
 
 
 def join_descents(parts: Sequence[Descents], names: Sequence[str]) -> Descents:
@@ -298,27 +283,24 @@ def join_descents(parts: Sequence[Descents], names: Sequence[str]) -> Descents:
     if len(parts) == 1:
         return first
     for part, name in zip(parts[1:], names[1:], strict=True):
-        _check_alike(first, part, names[0], name)
+        _check_alike({names[0]: first, name: part})
     frame = pl.concat([part.frame for part in parts], how="diagonal").sort("flight_id", maintain_order=True)
     flights = pl.concat([part.frame.select("flight_id").unique() for part in parts])
-    if flights["flight_id"].is_duplicated().any():
-        twice = flights["flight_id"].filter(flights["flight_id"].is_duplicated())[0]
+    twice = flights["flight_id"].filter(flights["flight_id"].is_duplicated())
+    if len(twice):
         raise DataError(
-            f"flight {twice} in two of {', '.join(names)}",
+            f"flight {twice[0]} in two of {', '.join(names)}",
             expected="every flight once",
             mend="prepare the rows of all of them together",
         )
     return Descents(frame, _joined_metadata(parts, frame))
 
 
-def _check_alike(first: Descents, other: Descents, name: str, other_name: str) -> None:
-    if first.cleaning is not None and other.cleaning is not None:
-        differences = different_settings(first.cleaning, other.cleaning)
-    else:
-        bottoms = float(first.bottom_fl), float(other.bottom_fl)
-        differences = {} if bottoms[0] == bottoms[1] else {"bottom_fl": bottoms}
-    if differences:
-        words = differences_in_words(differences, f"in {other_name}", f"in {name}")
+def _check_alike(parts: Mapping[str, Descents]) -> None:
+    """Refuse two parts that were cleaned with different settings, as far as these are known."""
+    known = {name: part.cleaning for name, part in parts.items() if part.cleaning is not None}
+    lowest = {name: Cleaning(bottom_fl=part.bottom_fl) for name, part in parts.items()}
+    if words := differences_in_words(known if len(known) == len(parts) else lowest):
         raise DataError(
             f"descents of different cleaning settings: {words}",
             expected="descents that were all prepared with the same settings",

@@ -81,28 +81,33 @@ WITHOUT_DAY = "files of ASTERIX without a day in their name, put on 1970-01-01"
 FIRST_YEAR = 2004
 """Year of the first enhanced surveillance: six digits of before are a number."""
 HALF_DAY_S = 43_200.0
-COLUMNS = {
-    "callsign": str,
-    "icao24": str,
-    "altitude": float,
-    "vertical_rate": float,
-    "IAS": float,
-    "Mach": float,
-    "TAS": float,
-    "groundspeed": float,
-    "track": float,
-    "heading": float,
-    "roll": float,
-    "latitude": float,
-    "longitude": float,
-    "selected_altitude": float,
-    "geometric_rate": float,
-    "wind_direction": float,
-    "wind_speed": float,
-    "temperature": float,
+TEXTS = ("icao24", "callsign")
+TRACK = {
+    "icao24": ("I062/380", "ADR", "ADR"),
+    "callsign": ("I062/380", "ID", "ACID"),
+    "altitude": ("I062/136", "MFL"),
+    "vertical_rate": ("I062/380", "BVR", "BVR"),
+    "IAS": ("I062/380", "IAR", "IAS"),
+    "Mach": ("I062/380", "MAC", "MNO"),
+    "TAS": ("I062/380", "TAS", "TAS"),
+    "heading": ("I062/380", "MHG", "MAH"),
+    "roll": ("I062/380", "RAN", "RAN"),
+    "latitude": ("I062/105", "Lat"),
+    "longitude": ("I062/105", "Lon"),
+    "selected_altitude": ("I062/380", "SAL", "Alt"),
+    "geometric_rate": ("I062/380", "GVR", "GVR"),
 }
+"""Row column -> its place in a message of category 062."""
+PLOT = {
+    "icao24": ("I048/220", "ACAddr"),
+    "callsign": ("I048/240", "TId"),
+    "groundspeed": ("I048/200", "CGS"),
+    "track": ("I048/200", "CHdg"),
+}
+"""The same of category 048, whose altitude may be garbled."""
 WEATHER = {"wind_direction": "WD", "wind_speed": "WS", "temperature": "TMP"}
 """Row column -> its name in I062/380/MET, the temperature in degrees Celsius."""
+COLUMNS = tuple(dict.fromkeys((*TRACK, *PLOT, *WEATHER)))
 
 Row = dict[str, Any]
 
@@ -181,51 +186,32 @@ def _rows_of_block(
 
 def _of_track(items: Row) -> tuple[Row, float | None]:
     """A row of category 062."""
-    aircraft = items.get("I062/380", {})
-    velocity, position = items.get("I062/185", {}), items.get("I062/105", {})
-    speed, track = _polar(velocity.get("Vx"), velocity.get("Vy"))
-    rate = _of(aircraft, "BVR", "BVR")
-    row = {
-        "icao24": _of(aircraft, "ADR", "ADR"),
-        "callsign": _of(aircraft, "ID", "ACID"),
-        "altitude": _of(items, "I062/136", "MFL"),
-        "vertical_rate": _of(items, "I062/220", "RoC") if rate is None else rate,
-        "IAS": _of(aircraft, "IAR", "IAS"),
-        "Mach": _of(aircraft, "MAC", "MNO"),
-        "TAS": _of(aircraft, "TAS", "TAS"),
-        "groundspeed": speed,
-        "track": track,
-        "heading": _of(aircraft, "MHG", "MAH"),
-        "roll": _of(aircraft, "RAN", "RAN"),
-        "latitude": position.get("Lat"),
-        "longitude": position.get("Lon"),
-        "selected_altitude": _of(aircraft, "SAL", "Alt"),
-        "geometric_rate": _of(aircraft, "GVR", "GVR"),
-    }
+    row = {name: _at(items, *path) for name, path in TRACK.items()}
+    if row["vertical_rate"] is None:
+        row["vertical_rate"] = _at(items, "I062/220", "RoC")
+    row["groundspeed"], row["track"] = _polar(_at(items, "I062/185", "Vx"), _at(items, "I062/185", "Vy"))
     # Wind and temperature have a bit each that says whether they are there.
-    weather = aircraft.get("MET", {})
+    weather = _at(items, "I062/380", "MET") or {}
     row |= {name: weather.get(f"{field}_D") for name, field in WEATHER.items() if weather.get(field)}
-    return row, _of(items, "I062/070", "ToT")
+    return row, _at(items, "I062/070", "ToT")
 
 
 def _of_plot(items: Row) -> tuple[Row, float | None]:
     """A row of category 048, without a position: range and azimuth are from a radar of unknown place."""
+    row = {name: _at(items, *path) for name, path in PLOT.items()}
     level = items.get("I048/090", {})
-    usable = level.get("FL") if not level.get("V") and not level.get("G") else None
-    row: Row = {
-        "icao24": _of(items, "I048/220", "ACAddr"),
-        "callsign": _of(items, "I048/240", "TId"),
-        "altitude": None if usable is None else 100 * usable,
-        "groundspeed": _of(items, "I048/200", "CGS"),
-        "track": _of(items, "I048/200", "CHdg"),
-    }
+    if level.get("FL") is not None and not level.get("V") and not level.get("G"):
+        row["altitude"] = 100 * level["FL"]
     for register in items.get("I048/250", []):
         row |= values_of((register["BDS1"], register["BDS2"]), int(register["MB"], 16))
-    return row, _of(items, "I048/140", "ToD")
+    return row, _at(items, "I048/140", "ToD")
 
 
-def _of(items: Row, item: str, name: str) -> Any:
-    return items.get(item, {}).get(name)
+def _at(items: Row, *path: str) -> Any:
+    """Value at a place in a message; None where anything on the way to it is missing."""
+    for name in path[:-1]:
+        items = items.get(name, {})
+    return items.get(path[-1])
 
 
 def _polar(east_mps: float | None, north_mps: float | None) -> tuple[float | None, float | None]:
@@ -265,9 +251,7 @@ def _day(label: str) -> date:
 
 
 def _frame(waiting: list[Row], seconds: list[float | None]) -> pl.DataFrame:
-    columns = {
-        name: (texts if kind is str else numbers)([row.get(name) for row in waiting]) for name, kind in COLUMNS.items()
-    }
+    columns = {name: (texts if name in TEXTS else numbers)([row.get(name) for row in waiting]) for name in COLUMNS}
     return pl.DataFrame({"timestamp": numbers(seconds), **columns}).with_columns(pl.col("temperature") + 273.15)
 
 

@@ -1,7 +1,7 @@
 """The table of formats: to add a source of rows, write its file in this folder and enter it here."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import polars as pl
@@ -52,7 +52,6 @@ class FileFormat(Format):
         read: Tables of about so many rows from a stream; what cannot be read is counted in the report.
 
     Example:
-        >>> from descentflow.surveillance.formats.known_formats import FORMATS
         >>> FORMATS["parquet"].recognise(b"PAR1"), FORMATS["parquet"].recognise(b"timestamp,icao24")
         (True, False)
     """
@@ -66,7 +65,6 @@ class TextFormat(FileFormat):
     """A format of text that is no JSON; it is recognised without byte order mark and blanks before it.
 
     Example:
-        >>> from descentflow.surveillance.formats.known_formats import FORMATS
         >>> lines = FORMATS["modes-hex"]
         >>> isinstance(lines, TextFormat), lines.recognise(b"1700000000.5 a00004128f39f91a7e27c46adc21")
         (True, True)
@@ -82,7 +80,6 @@ class JsonFormat(Format):
         read: Tables of about so many rows from the documents of a file with that label.
 
     Example:
-        >>> from descentflow.surveillance.formats.known_formats import FORMATS
         >>> FORMATS["aircraft-json"].recognise({"now": 1.7e9, "aircraft": []})
         True
     """
@@ -98,7 +95,7 @@ class Part:
     Attributes:
         rows: A table, or what the format's `join` makes one of.
         format: Of the file.
-        label: Name of the file in messages.
+        label: Name of the (first) file in messages.
         first: Whether it is the first part of its file.
     """
 
@@ -108,62 +105,21 @@ class Part:
     first: bool
 
 
+MAX_POINTS = 50_000
+"""Points of traces that are held as JSON."""
+MAX_TABLES = 2000
+"""Tables that are put together at once."""
 KNOWN = (
-    FileFormat(
-        "parquet",
-        any_columns=True,
-        recognise=tables.is_parquet,
-        read=tables.parquet,
-    ),
-    FileFormat(
-        "feather",
-        any_columns=True,
-        recognise=tables.is_feather,
-        read=tables.feather,
-    ),
-    TextFormat(
-        "csv",
-        any_columns=True,
-        recognise=tables.may_be_csv,
-        read=tables.csv,
-    ),
-    JsonFormat(
-        "json-rows",
-        any_columns=True,
-        recognise=json_rows.is_rows,
-        read=json_rows.rows,
-    ),
-    JsonFormat(
-        "readsb-trace",
-        join=readsb_trace.joined,
-        recognise=readsb_trace.is_trace,
-        read=readsb_trace.rows,
-    ),
-    JsonFormat(
-        "aircraft-json",
-        recognise=aircraft_json.is_snapshot,
-        read=aircraft_json.rows,
-    ),
-    JsonFormat(
-        "jet1090",
-        recognise=mode_s_frames.is_message,
-        read=mode_s_frames.jet1090,
-    ),
-    TextFormat(
-        "modes-hex",
-        recognise=mode_s_frames.begins_with_frames,
-        read=mode_s_frames.lines,
-    ),
-    JsonFormat(
-        "scat",
-        recognise=scat.is_flight,
-        read=scat.rows,
-    ),
-    FileFormat(
-        "asterix",
-        recognise=asterix.is_asterix,
-        read=asterix.rows,
-    ),
+    FileFormat("parquet", any_columns=True, recognise=tables.is_parquet, read=tables.parquet),
+    FileFormat("feather", any_columns=True, recognise=tables.is_feather, read=tables.feather),
+    TextFormat("csv", any_columns=True, recognise=bool, read=tables.csv),
+    JsonFormat("json-rows", any_columns=True, recognise=json_rows.is_rows, read=json_rows.rows),
+    JsonFormat("readsb-trace", join=readsb_trace.joined, recognise=readsb_trace.is_trace, read=readsb_trace.rows),
+    JsonFormat("aircraft-json", recognise=aircraft_json.is_snapshot, read=aircraft_json.rows),
+    JsonFormat("jet1090", recognise=mode_s_frames.is_message, read=mode_s_frames.jet1090),
+    TextFormat("modes-hex", recognise=mode_s_frames.begins_with_frames, read=mode_s_frames.lines),
+    JsonFormat("scat", recognise=scat.is_flight, read=scat.rows),
+    FileFormat("asterix", recognise=asterix.is_asterix, read=asterix.rows),
 )
 """The formats. They are tried in this order, but those of any columns after all others: what they recognise is least
 specific."""
@@ -185,30 +141,7 @@ def check_format(name: str | None) -> None:
         )
 
 
-MAX_POINTS = 50_000
-"""Points of traces that are held as JSON."""
-MAX_TABLES = 2000
-"""Tables that are put together at once."""
-
-
-@dataclass(frozen=True)
-class SourceTable:
-    """Rows with the columns as their format names them.
-
-    Attributes:
-        columns: The table.
-        label: Name of the (first) file in messages.
-        any_columns: Whether names and units have to be checked.
-        first: Whether it is the first of its file.
-    """
-
-    columns: pl.DataFrame
-    label: str
-    any_columns: bool
-    first: bool = True
-
-
-def put_together(parts: Iterator[Part], report: DropReport, block_rows: int) -> Iterator[SourceTable]:
+def put_together(parts: Iterator[Part], report: DropReport, block_rows: int) -> Iterator[Part]:
     """Tables of the parts, in their order: one for each part of any columns, else one for many small parts."""
     waiting: list[Part] = []
     for part in parts:
@@ -216,17 +149,17 @@ def put_together(parts: Iterator[Part], report: DropReport, block_rows: int) -> 
             table, waiting = _joined(waiting, report), []
             yield table
         if part.format.any_columns:
-            yield SourceTable(part.rows, part.label, any_columns=True, first=part.first)
+            yield part
         else:
             waiting.append(part)
     if waiting:
         yield _joined(waiting, report)
 
 
-def _joined(parts: Sequence[Part], report: DropReport) -> SourceTable:
+def _joined(parts: Sequence[Part], report: DropReport) -> Part:
     rows: list[Columns] = [part.rows for part in parts]
     join = parts[0].format.join
-    return SourceTable(join(rows, report) if join else pl.concat(rows), parts[0].label, any_columns=False)
+    return replace(parts[0], rows=join(rows, report) if join else pl.concat(rows), first=True)
 
 
 def _belongs(part: Part, waiting: Sequence[Part], block_rows: int) -> bool:

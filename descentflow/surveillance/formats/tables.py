@@ -48,11 +48,6 @@ def is_feather(head: bytes) -> bool:
     return head.startswith(b"ARROW1")
 
 
-def may_be_csv(head: bytes) -> bool:
-    """Any text may be, that nothing else recognises; whether it is shows when it is read."""
-    return bool(head)
-
-
 def _slices(
     table: pl.LazyFrame, rows: int, label: str, columns: Sequence[str], report: DropReport
 ) -> Iterator[pl.DataFrame]:

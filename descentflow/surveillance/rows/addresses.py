@@ -1,13 +1,12 @@
 """ICAO addresses in one spelling, however a table writes them, and tables of the type of each address."""
 
 import re
-import warnings
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 import polars as pl
 
-from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
+from descentflow.core.errors import ConfigError, DataError, warn
 from descentflow.core.tabular import held_table
 from descentflow.surveillance.rows.column_names import listed, row_names
 from descentflow.surveillance.rows.drop_report import DropReport
@@ -82,12 +81,10 @@ def _tell_ambiguous(bare: dict[str, str], numbers: list[int], source: object) ->
     if not lost or max(numbers) < 2 * len(numbers):
         return
     one = lost[0]
-    warnings.warn(
+    warn(
         f"{source}: icao24 holds numbers of at most six digits ({', '.join(list(bare.values())[:3])}), taken for "
         f"hexadecimal digits that lost zeros ({one} for {one.zfill(6)}); if they are decimal values of addresses "
-        f"({one} for {int(one):06x}), write them as six hexadecimal digits",
-        DescentflowWarning,
-        stacklevel=5,
+        f"({one} for {int(one):06x}), write them as six hexadecimal digits"
     )
 
 
@@ -102,11 +99,9 @@ def _tell_kept(text: pl.Series, names: Iterable[str], source: object, report: Dr
         return
     rows = int(text.is_in(long).sum())
     report.note(KEPT, rows)
-    warnings.warn(
+    warn(
         f"{source}: {rows:,} rows have an icao24 of seven or eight digits ({long[0]}) and others hexadecimal ones; "
-        "they are kept as aircraft of their own: write all addresses as six hexadecimal digits",
-        DescentflowWarning,
-        stacklevel=4,
+        "they are kept as aircraft of their own: write all addresses as six hexadecimal digits"
     )
 
 

@@ -4,7 +4,7 @@ The same ISA and impact-pressure relations as :mod:`descentflow.physics`, to whi
 surveillance never imports torch.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 import polars as pl
@@ -78,11 +78,7 @@ def with_ias(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
     """Rows with IAS computed from Mach and pressure altitude, if no row has any."""
     if "Mach" not in rows.columns or ("IAS" in rows.columns and rows["IAS"].count()):
         return rows
-    possible = rows.select(
-        pl.when(pl.col(name).is_between(*POSSIBLE[name])).then(pl.col(name)).alias(name)
-        for name in ("Mach", "altitude")
-    )
-    ias = pl.Series(cas_of_mach_kt(possible["Mach"].to_numpy(), possible["altitude"].to_numpy())).fill_nan(None)
+    ias = _made(rows, "Mach", cas_of_mach_kt)
     report.note(IAS_COMPUTED, ias.count())
     return rows.with_columns(IAS=ias).select(name for name in COLUMNS if name == "IAS" or name in rows.columns)
 
@@ -103,11 +99,14 @@ def with_mach(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
     Instrument and position errors are neglected (IAS is CAS, as everywhere); the relation is that of
     :func:`~descentflow.surveillance.rows.air_data.mach_of_cas`. IAS and altitude cannot be checked against Mach then.
     """
-    possible = rows.select(
-        pl.when(pl.col(name).is_between(*POSSIBLE[name])).then(pl.col(name)).alias(name) for name in ("IAS", "altitude")
-    )
-    mach = pl.Series("Mach", mach_of_cas(possible["IAS"].to_numpy(), possible["altitude"].to_numpy())).fill_nan(None)
+    mach = _made(rows, "IAS", mach_of_cas)
     given = rows["Mach"] if "Mach" in rows.columns else pl.repeat(None, len(rows), dtype=pl.Float64, eager=True)
     rows = rows.with_columns(Mach=given.fill_null(mach))
     report.note(MACH_COMPUTED, rows["Mach"].count() - given.count())
     return rows.select(name for name in COLUMNS if name in rows.columns)
+
+
+def _made(rows: pl.DataFrame, name: str, conversion: Callable[[Array, Array], Array]) -> pl.Series:
+    """The other airspeed of one and pressure altitude, missing where either is missing or impossible."""
+    possible = [pl.when(pl.col(one).is_between(*POSSIBLE[one])).then(one) for one in (name, "altitude")]
+    return pl.Series(conversion(*(column.to_numpy() for column in rows.select(possible)))).fill_nan(None)

@@ -1,11 +1,9 @@
 """Columns that nothing else of a row explains: angles, temperatures, and values that stand for none."""
 
-import warnings
-
 import numpy as np
 import polars as pl
 
-from descentflow.core.errors import DataError, DescentflowWarning
+from descentflow.core.errors import DataError, warn
 from descentflow.core.units import FT_M
 from descentflow.surveillance.rows.schema import MIN_CHECKED_VALUES, POSSIBLE, REQUIRED
 
@@ -82,10 +80,8 @@ def check_possible(rows: pl.DataFrame, source: str) -> None:
         outside = values.filter(~values.is_between(*POSSIBLE[name]))
         if len(values) >= MIN_CHECKED_VALUES and len(outside) > len(values) / 2:
             low, high = POSSIBLE[name]
-            warnings.warn(
+            warn(
                 f"{source}: {len(outside):,} of {len(values):,} values of {name} are outside {low:g} to {high:g} and "
                 f"taken for missing (the most frequent: {outside.mode().sort()[0]:g}): check the unit of the column, "
-                "and leave values that stand for none empty",
-                DescentflowWarning,
-                stacklevel=4,
+                "and leave values that stand for none empty"
             )

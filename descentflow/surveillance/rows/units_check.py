@@ -1,11 +1,9 @@
 """Detect a column in a wrong unit, or of another quantity, by physics: of all rows, or of some flights alone."""
 
-import warnings
-
 import numpy as np
 import polars as pl
 
-from descentflow.core.errors import DescentflowWarning
+from descentflow.core.errors import warn
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt, isa_tas_of_mach_kt, mach_of_cas
 from descentflow.surveillance.rows.other_checks import (
     check_angles,
@@ -86,7 +84,7 @@ def check_consistency(rows: pl.DataFrame, source: str) -> None:
     """Refuse columns of which all rows contradict each other, and warn of flights that contradict what others do."""
     check_constant_rate(rows.head(MAX_RATE_ROWS), source)
     if flights := _contradicting_flights(rows):
-        _warn(f"{source}: {flights}")
+        warn(f"{source}: {flights}")
         return
     evidence = Evidence.of(rows)
     if not evidence.columns:
@@ -96,10 +94,6 @@ def check_consistency(rows: pl.DataFrame, source: str) -> None:
         _check_geometric(evidence, source)
     else:
         _check_contradiction(evidence, given, rows, source)
-
-
-def _warn(text: str) -> None:
-    warnings.warn(text, DescentflowWarning, stacklevel=5)
 
 
 def _check_geometric(evidence: Evidence, source: str) -> None:
@@ -114,7 +108,7 @@ def _check_geometric(evidence: Evidence, source: str) -> None:
     # An error of the altitude grows with it, one of the airspeed does not.
     above, below = (abs(float(np.median(share[part]))) for part in (high, ~high))
     if abs(excess_kt) > GEOMETRIC_KT and above > GROWS * below:
-        _warn(
+        warn(
             f"{source}: altitude seems to be a geometric altitude (alt_geom, geoaltitude, GPS), and no pressure "
             f"altitude: IAS less the CAS of Mach and altitude is {excess_kt:+.1f} kt in the median, where real sources "
             f"are within 1 kt; levels are then too {'high' if excess_kt > 0 else 'low'}: name the column of the "
@@ -149,7 +143,7 @@ def _check_contradiction(evidence: Evidence, given: Solution, rows: pl.DataFrame
         raise error
     # Rows of several aircraft under one address make such rates, too.
     shared = ", or give rows of different aircraft different icao24" if off == {"vertical_rate"} else ""
-    _warn(f"{error.got}; {error.mend}{shared}")
+    warn(f"{error.got}; {error.mend}{shared}")
 
 
 def _contradicting_flights(rows: pl.DataFrame) -> str:

@@ -164,7 +164,7 @@ def findings() -> Findings:
         recipe=recipe,
         left_out_channels=[LeftOutChannel("geoaltitude", "simulator", ["temperature"])],
         flights_worth_a_look=[FlightWorthALook("DLH4AB-3", 41.0, "s", "time", 190.0, 235.0)],
-        previous=Previous("gap/gap.json", ["temperature"], CLOSED, CLOSED, 0.6, 0.1, "The air is as it was found."),
+        previous=Previous("gap/gap.json", ["temperature"], CLOSED, CLOSED, 0.6, 0.1),
         provenance=Provenance(real, simulator, {"descentflow": "0.1.0"}, {"seed": "0"}, ["own_effects.py"], used),
         corrected_file="corrected.parquet",
         below_rounding=[BelowRounding("cas", 150.0, 195.0, 0.11, 0.29)],

@@ -10,10 +10,10 @@ from torch import Tensor
 
 from descentflow.core.threads import one_thread
 from descentflow.diagnosis.correction.corrected_descents import CorrectionMade, correction_made
-from descentflow.diagnosis.correction.corrected_sides import MeasuredClosure, corrected_entries
+from descentflow.diagnosis.correction.corrected_sides import corrected_entries
 from descentflow.diagnosis.correction.costs import costs_of, profile_of
 from descentflow.diagnosis.correction.effects_in_flights import Correction
-from descentflow.diagnosis.correction.measured_gap import measured_gap
+from descentflow.diagnosis.correction.measured_gap import MeasuredGap
 from descentflow.diagnosis.correction.recipe import levels_compared, recipe_of
 from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.findings.cause_found import Alternative, Cause, ClosedShare, Closure
@@ -99,7 +99,7 @@ def _run(frame: pl.DataFrame, settings: Settings, dropped: Mapping[str, int]) ->
     from descentflow.diagnosis.correction.previous_round import held_against
 
     settings.progress("holding it against the round before")
-    before = held_against(settings.previous, settings.previous_name, compared, report, settings.seed)
+    before = held_against(settings.previous, settings.previous_name, compared, settings.seed)
     return replace(report, previous=before)
 
 
@@ -178,7 +178,7 @@ class Diagnosis:
         progress("putting the causes into the simulator's flights")
         left = self._left(theta)
         entries = self._measured_over()
-        closure = MeasuredClosure(compared, entries, asked.seed)
+        closure = MeasuredGap(compared, entries, asked.seed)
         costs = costs_of(compared, left if theta else None, asked.seed)
         if verdict == "effect" and leaves_cost(costs):
             verdict = "partial"
@@ -197,7 +197,7 @@ class Diagnosis:
             remaining=remaining_of(compared, left, after - floor, found.named.unknown),
             would_split=hidden if verdict == "none" else would_split(compared, asked.catalogue, causes),
             dropped=dict(counts),
-            details=self._details(found, left, entries),
+            details=self._details(found, left, closure),
             costs=costs,
             recipe=recipe_of(causes, asked.catalogue, levels_compared(compared)),
             write_corrected=made.write,
@@ -246,7 +246,7 @@ class Diagnosis:
         self,
         found: Explanation,
         theta: Mapping[str, Tensor],
-        closure: MeasuredClosure,
+        closure: MeasuredGap,
         costs: list[Cost],
         left: Tensor,
     ) -> list[Cause]:
@@ -283,7 +283,7 @@ class Diagnosis:
         found: Explanation,
         name: str,
         theta: Mapping[str, Tensor],
-        closure: MeasuredClosure,
+        closure: MeasuredGap,
         whole: ClosedShare,
     ) -> Cause:
         effect, value, error = self.settings.catalogue[name], theta[name], found.errors[name]
@@ -329,9 +329,8 @@ class Diagnosis:
         simulator = replace(asked.simulator, aircraft=self.compared.state.aircraft)
         return correction_made(simulator, frame, self.compared.state.mass_kg, theta, asked)
 
-    def _details(self, found: Explanation, left: Tensor, entries: Tensor) -> Details:
+    def _details(self, found: Explanation, left: Tensor, closure: MeasuredGap) -> Details:
         asked, compared = self.settings, self.compared
-        gap = measured_gap(compared, entries, asked.seed)
         weights = zip(found.sets, found.named.weights.tolist(), strict=True)
         return Details(
             simulator=asked.simulator.name,
@@ -350,8 +349,8 @@ class Diagnosis:
             subsets=[Subset([*one.names, *[UNKNOWN] * one.has_unknown], w) for one, w in weights][:SHOWN_SETS],
             profile=profile_of(compared),
             detection_limits=detection_limits(self.explainer),
-            measured_over=gap.entries,
-            gap_error=gap.error,
+            measured_over=closure.entries(),
+            gap_error=closure.error,
             lacks=list(found.lacks),
         )
 

@@ -69,6 +69,11 @@ class Quantities:
         return len(self.airframe)
 
     @property
+    def known_day(self) -> Tensor:
+        """(n,) ``day``; where days are not known, an aircraft's flights count as of one day of their own."""
+        return self.airframe if self.day is None else self.day
+
+    @property
     def altitude_m(self) -> Tensor:
         """(K,) middles of the bands."""
         low, high = self.levels_fl

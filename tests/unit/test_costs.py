@@ -33,7 +33,7 @@ def flying(rate_mps: Tensor, tas_mps: float = 200.0, tailwind_mps: float = 0.0) 
     entries = (*sides.entries, *wind)
     y = torch.stack([columns[e.quantity][:, e.band] for e in entries], 1)
     state = replace(state, tailwind_mps=torch.full_like(state.cas_mps, tailwind_mps))
-    return replace(sides, entries=entries, y=y, state=state, free=torch.ones(44).bool(), scale=torch.ones(44).double())
+    return replace(sides, entries=entries, y=y, state=state, scale=torch.ones(44).double())
 
 
 def by_name(costs: list[Cost], part: int = 0) -> dict[str, Cost]:

@@ -1,89 +1,158 @@
-"""The gap entry by entry, with its error: what the next round, with the same real flights, is compared with."""
+r"""The gap in some entries, the share of it that causes close, and what the next round is compared with.
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+With s the spread between flights, the gap of an entry is :math:`|\bar y_r - \bar y_s| / s`, and that of several the mean
+over their quantities, each of which counts once. Of a gap before and after the simulator has the causes,
+
+.. math:: \mathrm{closure} = 1 - \frac{\mathrm{after} - \mathrm{floor}}{\mathrm{before} - \mathrm{floor}},
+
+with the noise floor that two samples of one population of these sizes show. Errors are by the jackknife over groups of
+whole aircraft. The page, `gap.json` and the round after all take these numbers.
+"""
+
+from collections.abc import Callable, Sequence
+from statistics import fmean
 
 import torch
 from torch import Tensor
 
+from descentflow.diagnosis.findings.cause_found import ClosedShare
 from descentflow.diagnosis.findings.gap_found import MeasuredEntry
 from descentflow.diagnosis.inference.labellings import distances, labellings_of, mean_over_quantities, noise_floor
 from descentflow.diagnosis.inference.two_sides import Compared
 
-REPLICATES = 40
-"""Fleets behind a standard error, which is then good to a ninth; and permutations behind a floor."""
+FLOORS = 30
+"""Labellings behind a noise floor."""
+GROUPS = 20
+"""Groups of aircraft that are left out in turn."""
+NINETY = 1.645
+"""Standard errors on either side of a 90 % interval."""
+LEAST_GAP = 1.02
+"""Gap, in noise floors, below which there is none to close."""
 SAME_EDGE_FL = 0.5
 """Edges of bands are the same within half a level."""
 
 
-@dataclass(frozen=True)
 class MeasuredGap:
-    """A gap over some entries: its parts, their mean over quantities, the same of the floor, and its standard error.
+    """Difference of the means of both sides over some entries, before and after a correction.
 
     Example:
-        >>> MeasuredGap([], gap=0.6, floor=0.1, error=0.02).gap
-        0.6
-    """
-
-    entries: list[MeasuredEntry]
-    gap: float
-    floor: float
-    error: float
-
-
-def measured_gap(compared: Compared, chosen: Tensor, seed: int, spreads: Tensor | None = None) -> MeasuredGap:
-    """Measure the gap over chosen entries.
-
-    The error is the standard deviation over fleets of whole aircraft, drawn with replacement from either side.
-
-    Args:
-        compared: Flights of both sides.
-        chosen: (p,) entries.
-        seed: Of permutations and fleets.
-        spreads: (p,) in which distances are given; those of the flights if absent.
-
-    Example:
+        >>> from descentflow.diagnosis.correction.corrected_sides import corrected_entries
+        >>> from descentflow.diagnosis.correction.effects_in_flights import Correction
         >>> from descentflow.diagnosis.inference.example_sides import example_sides
         >>> from descentflow.effects import EFFECTS
+        >>> from descentflow.surveillance.cleaning.thresholds import Cleaning
         >>> sides = example_sides(EFFECTS["temperature"], [10.0])
-        >>> found = measured_gap(sides, sides.of("tas"), seed=0)
-        >>> len(found.entries), found.gap > 10 * found.floor > 0, found.error < 0.1 * found.gap
-        (11, True, True)
+        >>> warm = Correction(EFFECTS, {"temperature": torch.tensor([10.0])}, 60e3, Cleaning(), seed=0)
+        >>> measured = MeasuredGap(sides, sides.of("tas"), seed=0)
+        >>> measured.share(corrected_entries(sides, warm)).estimate > 0.9
+        True
+        >>> len(measured.entries()), measured.error < 0.1 * measured.before
+        (11, True)
     """
-    at = torch.nonzero(chosen)[:, 0]
-    part = compared.only(at)
-    y, real, scale = part.y, part.real, (part.scale if spreads is None else spreads[at])
-    everything = torch.ones(len(at), dtype=torch.bool)
-    counts = everything  # differences of means, as closure is measured
-    apart = distances(y, real, scale, counts)
-    floor = noise_floor(y, real, list(labellings_of(part, REPLICATES, seed))[1:], scale, counts)
-    drawn = [
-        mean_over_quantities(part, distances(y[index], real[index], scale, counts), everything)
-        for index in _fleets(part, seed)
-    ]
-    entries = [
-        MeasuredEntry(e.quantity, *part.level_range(e), float(scale[i]), float(apart[i]), float(floor[i]))
-        for i, e in enumerate(part.entries)
-    ]
-    gap, least = (float(mean_over_quantities(part, x, everything)) for x in (apart, floor))
-    return MeasuredGap(entries, gap, least, float(torch.stack(drawn).std()))
+
+    def __init__(self, compared: Compared, entries: Tensor, seed: int, spreads: Tensor | None = None) -> None:
+        """Measure the gap.
+
+        Args:
+            compared: Flights of both sides.
+            entries: (p,) those over which it is measured.
+            seed: Of the labellings and groups of aircraft.
+            spreads: (p,) in which distances are given; those of the flights if absent.
+        """
+        self._at = torch.nonzero(entries)[:, 0]
+        self._part = compared.only(self._at)
+        self._scale = self._part.scale if spreads is None else spreads[self._at]
+        # Of means: that a simulator's flights differ less widely than real ones is no cause's matter.
+        self._means = torch.ones(len(self._at), dtype=torch.bool)
+        self._dealt = list(labellings_of(self._part, FLOORS, seed))[1:]
+        names, index = torch.unique(self._part.airframe, return_inverse=True)
+        group = torch.randperm(len(names), generator=torch.Generator().manual_seed(seed))[index] % GROUPS
+        self._without = [group != k for k in range(GROUPS)]
+        self.before = self._over(self._apart(self._part.y))
+        self._before = [self._over(self._apart(self._part.y, kept)) for kept in self._without]
+
+    @property
+    def error(self) -> float:
+        """Standard error of the gap before."""
+        return _jackknife(self._before)
+
+    def entries(self) -> list[MeasuredEntry]:
+        """The gap before and its floor, entry by entry."""
+        apart, floor, part = self._apart(self._part.y), self._floors(self._part.y), self._part
+        return [
+            MeasuredEntry(e.quantity, *part.level_range(e), float(self._scale[i]), float(apart[i]), float(floor[i]))
+            for i, e in enumerate(part.entries)
+        ]
+
+    def after(self, left: Tensor) -> float:
+        """The gap once entries are (n, p)."""
+        return self._over(self._apart(left[:, self._at]))
+
+    def floor(self, left: Tensor) -> float:
+        """The gap that two samples of one population of these sizes show, by entries (n, p)."""
+        return self._over(self._floors(left[:, self._at]))
+
+    def share(self, left: Tensor) -> ClosedShare:
+        """Share of the gap above the floor that is closed, with a 90 % interval."""
+        floor = self.floor(left)
+        estimate = closed_share(self.before, floor, self.after(left), floor)
+        pairs = zip(self._before, self._without, strict=True)
+        found = [
+            closed_share(before, floor, self._over(self._apart(left[:, self._at], kept)), floor)
+            for before, kept in pairs
+        ]
+        known = [one for one in found if one is not None]
+        if estimate is None or len(known) < GROUPS:
+            return ClosedShare(estimate, None, None)
+        half = NINETY * _jackknife(known)
+        return ClosedShare(estimate, estimate - half, estimate + half)
+
+    def _apart(self, y: Tensor, kept: Tensor | None = None) -> Tensor:
+        """Distance (k,) of the entries (n, k) of all flights, or of those that are kept."""
+        rows = slice(None) if kept is None else kept
+        return distances(y[rows], self._part.real[rows], self._scale, self._means)
+
+    def _floors(self, y: Tensor) -> Tensor:
+        return noise_floor(y, self._part.real, self._dealt, self._scale, self._means)
+
+    def _over(self, values: Tensor) -> float:
+        return float(mean_over_quantities(self._part, values, self._means))
 
 
-def again(compared: Compared, before: Sequence[MeasuredEntry], seed: int) -> tuple[MeasuredGap, list[MeasuredEntry]]:
+def _jackknife(without: Sequence[float]) -> float:
+    """Standard error by values that each leave one group out."""
+    mean, count = fmean(without), len(without)
+    return float(((count - 1) / count * sum((one - mean) ** 2 for one in without)) ** 0.5)
+
+
+def closed_share(before: float, floor_before: float, after: float, floor_after: float) -> float | None:
+    """Share of a gap that is closed: one where the rest is at the floor; None where there was no gap.
+
+    Example:
+        >>> closed_share(1.1, 0.1, 0.35, 0.1), closed_share(0.1, 0.1, 0.1, 0.1)
+        (0.75, None)
+    """
+    none = before <= floor_before * LEAST_GAP
+    return None if none else 1.0 - (after - floor_after) / (before - floor_before)
+
+
+def again(
+    compared: Compared, before: Sequence[MeasuredEntry], seed: int
+) -> tuple[Callable[[], MeasuredGap], list[MeasuredEntry]]:
     """The gap of other flights over the entries of an earlier one, in its spreads; and those of its entries.
 
     Args:
         compared: Flights of both sides.
         before: Entries of the earlier round; those that are not measured now are left out.
-        seed: Of permutations and fleets.
+        seed: Of labellings and groups of aircraft.
 
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_sides
         >>> from descentflow.effects import EFFECTS
         >>> warm, same = example_sides(EFFECTS["temperature"], [10.0]), example_sides()
-        >>> then = measured_gap(warm, warm.of("tas"), seed=0)
-        >>> now, of_then = again(same, then.entries, seed=0)
-        >>> len(of_then), now.gap < 0.1 * then.gap
+        >>> then = MeasuredGap(warm, warm.of("tas"), seed=0)
+        >>> now, of_then = again(same, then.entries(), seed=0)
+        >>> len(of_then), now().before < 0.1 * then.before
         (11, True)
     """
     chosen = torch.zeros(len(compared.entries), dtype=torch.bool)
@@ -91,40 +160,8 @@ def again(compared: Compared, before: Sequence[MeasuredEntry], seed: int) -> tup
     for one in before:
         for i, entry in enumerate(compared.entries):
             low, high = compared.level_range(entry)
-            of_flight = entry.band < 0
             same = abs(low - one.low_fl) < SAME_EDGE_FL and abs(high - one.high_fl) < SAME_EDGE_FL
-            if entry.quantity == one.quantity and (of_flight or same):
+            if entry.quantity == one.quantity and (entry.band < 0 or same):
                 chosen[i], spreads[i] = True, one.spread
                 kept.append(one)
-    found = measured_gap(compared, chosen, seed, spreads) if kept else MeasuredGap([], 0.0, 0.0, 0.0)
-    return found, kept
-
-
-def mean_of(entries: Sequence[MeasuredEntry]) -> tuple[float, float]:
-    """Mean distance and floor over quantities, each of which counts once.
-
-    Example:
-        >>> cas, tas = (MeasuredEntry(q, 150.0, 165.0, 1.0, d, 0.1) for q, d in (("cas", 1.0), ("tas", 3.0)))
-        >>> mean_of([cas, tas, tas])[0]
-        2.0
-    """
-    names = dict.fromkeys(one.quantity for one in entries)
-    of = [[one for one in entries if one.quantity == name] for name in names]
-    means = [[sum(x) / len(part) for x in ([p.distance for p in part], [p.floor for p in part])] for part in of]
-    count = max(len(means), 1)
-    return sum(m[0] for m in means) / count, sum(m[1] for m in means) / count
-
-
-def _fleets(compared: Compared, seed: int) -> list[Tensor]:
-    """Positions of flights in fleets of as many aircraft as either side has, drawn with replacement."""
-    generator = torch.Generator().manual_seed(seed + 1)
-    names, index = torch.unique(compared.airframe, return_inverse=True)
-    members = [torch.nonzero(index == c)[:, 0] for c in range(len(names))]
-    owner = torch.zeros(len(names), dtype=torch.bool)
-    owner[index] = compared.real
-    sides = [side for side in (torch.nonzero(owner)[:, 0], torch.nonzero(~owner)[:, 0]) if len(side)]
-    found = []
-    for _ in range(REPLICATES):
-        drawn = [side[torch.randint(len(side), (len(side),), generator=generator)] for side in sides]
-        found.append(torch.cat([members[c] for part in drawn for c in part.tolist()]))
-    return found
+    return lambda: MeasuredGap(compared, chosen, seed, spreads), kept

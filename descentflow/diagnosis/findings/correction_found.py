@@ -55,7 +55,6 @@ class Previous:
         achieved: Closure that the changed simulator reached.
         gap_before: Gap then, in spreads between flights, over what both diagnoses measure.
         gap_now: Gap now, over the same.
-        text: What is done, what remains and what is next, in words.
 
     Example:
         >>> predicted, achieved = ClosedShare(0.9, 0.85, 0.95), ClosedShare(0.88, 0.8, 0.94)
@@ -69,4 +68,17 @@ class Previous:
     achieved: ClosedShare
     gap_before: float | None = None
     gap_now: float | None = None
-    text: str = ""
+
+    @property
+    def judged(self) -> str:
+        """``less`` or ``more`` than predicted, or ``as`` predicted; empty where either is not known.
+
+        Example:
+            >>> predicted, achieved = ClosedShare(0.9, 0.85, 0.95), ClosedShare(0.7, 0.65, 0.75)
+            >>> Previous("gap/gap.json", ["temperature"], predicted, achieved).judged
+            'less'
+        """
+        p, a = self.predicted, self.achieved
+        if p.low is None or p.high is None or a.low is None or a.high is None:
+            return ""
+        return "less" if a.high < p.low else "more" if a.low > p.high else "as"

@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-from descentflow.diagnosis.findings.gap_found import LargestDifference
-
 
 @dataclass(frozen=True)
 class Subset:
@@ -28,7 +26,6 @@ class DetectionLimit:
         size: In ``unit``; None where no physically possible size would be named.
         unit: Of the size, as of the parameter.
         label: What readers call the parameter.
-        shows: Where it moves a mean most, and by how much.
 
     Example:
         >>> DetectionLimit("temperature", "deviation_k", 1.2, "K", "deviation from the standard atmosphere").size
@@ -40,4 +37,3 @@ class DetectionLimit:
     size: float | None
     unit: str
     label: str = ""
-    shows: LargestDifference | None = None

@@ -41,8 +41,9 @@ def example_sides(effect: Effect | None = None, theta: Sequence[float] = (), n: 
     noise = torch.randn(2 * n, len(entries), generator=torch.Generator().manual_seed(2), dtype=torch.float64)
     whole = noise.reshape(2 * n, -1, len(bands)).mean(2).repeat_interleave(len(bands), 1) * len(bands) ** 0.5
     y = scale * (ALIKE * whole + (1 - ALIKE**2) ** 0.5 * noise)
-    real, free = torch.arange(2 * n) >= n, torch.ones(len(entries), dtype=torch.bool)
-    compared = Compared(entries, y, real, free, scale, torch.arange(2 * n), state, 20.0)
+    each = torch.arange(2 * n)
+    real = each >= n
+    compared = Compared(entries, y, real, scale, each, each, state, 20.0)
     if effect is None:
         return compared
     shift = compared.vector(effect.shift(state, torch.tensor(theta, dtype=torch.float64)))

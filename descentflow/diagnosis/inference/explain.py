@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from descentflow.diagnosis.findings.findings import Verdict
-from descentflow.diagnosis.findings.gap_found import Lack, LargestDifference
+from descentflow.diagnosis.findings.gap_found import Lack
 from descentflow.diagnosis.findings.selection_found import DetectionLimit
 from descentflow.diagnosis.inference.assumptions import Assumptions
 from descentflow.diagnosis.inference.candidates import Candidate, FlightsEffect, MeanEffect
@@ -189,18 +189,4 @@ def _limit(explainer: Explainer, candidate: MeanEffect) -> DetectionLimit:
         moved = float((np.abs(about.jacobian[:, 0]) / known.negligible).max())
         size = max(size, assumed.least_shift / max(moved, 1e-30))
         size = None if abs(size) > max(abs(parameter.low), abs(parameter.high)) else size
-    shows = None if size is None else _shows(explainer, about.jacobian[:, 0] * size)
-    return DetectionLimit(candidate.name, parameter.name, size, parameter.unit, parameter.text, shows)
-
-
-def _log_odds(probability: float) -> float:
-    return math.log(probability / (1.0 - probability))
-
-
-def _shows(explainer: Explainer, shift: np.ndarray) -> LargestDifference:
-    """Entry where a shift (p,) is largest in units of what is negligible."""
-    standing = np.abs(shift) / explainer.known.negligible
-    most = int(standing.argmax())
-    entry = explainer.within.entries[most]
-    low, high = explainer.within.level_range(entry)
-    return LargestDifference(entry.quantity, low, high, float(shift[most]), float(standing[most]))
+    return DetectionLimit(candidate.name, parameter.name, size, parameter.unit, parameter.text)

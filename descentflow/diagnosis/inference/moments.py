@@ -70,7 +70,7 @@ def moments(compared: Compared, assumed: Assumptions) -> Moments:
         0.02
     """
     y, real, airframe = compared.y.numpy(), compared.real.numpy(), compared.airframe.numpy()
-    day = airframe if compared.day is None else compared.day.numpy()
+    day = compared.day.numpy()
     quantity = np.array([entry.quantity for entry in compared.entries])
     kernel = smooth_kernel(compared, quantity, assumed.length_m)
     bend = spread_of_speeds(compared, quantity)

@@ -61,9 +61,8 @@ class Entry:
 class Compared:
     """Flights of both sides as vectors.
 
-    Shapes: ``y`` (n, p) with NaN where not seen, simulator's flights first; ``real`` (n,) bool; ``free`` (p,) bool,
-    true where the simulator's own flights say what is normal and false where physics claims zero; ``scale`` (p,)
-    spread between flights; ``airframe`` (n,).
+    Shapes: ``y`` (n, p) with NaN where not seen, simulator's flights first; ``real`` (n,) bool; ``scale`` (p,) spread
+    between flights; ``airframe`` (n,).
 
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_sides
@@ -78,17 +77,16 @@ class Compared:
     entries: tuple[Entry, ...]
     y: Tensor
     real: Tensor
-    free: Tensor
     scale: Tensor
     airframe: Tensor
+    day: Tensor
+    """(n,) number of the day on which each began; its own for each aircraft where days are not known."""
     state: FlightState
     band_fl: float
     coefficients: ReferenceCoefficients = field(default_factory=ReferenceCoefficients.unknown)
     """Of the aircraft that the simulator flies, as far as known; ``state`` is taken with them."""
     names: tuple[str, ...] = ()
     """Identifiers of the real flights, in their order; empty where they are not known."""
-    day: Tensor | None = None
-    """(n,) number of the day on which each began; unknown where absent."""
 
     @property
     def has_reference(self) -> bool:
@@ -119,7 +117,7 @@ class Compared:
     def only(self, entries: Tensor) -> "Compared":
         """The same flights with some entries (k,) alone."""
         kept = tuple(self.entries[i] for i in entries.tolist())
-        return replace(self, entries=kept, y=self.y[:, entries], free=self.free[entries], scale=self.scale[entries])
+        return replace(self, entries=kept, y=self.y[:, entries], scale=self.scale[entries])
 
     def quantities(self) -> tuple[str, ...]:
         """Quantities that are compared, each once, in order."""
@@ -203,7 +201,7 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Performanc
             if "lag" in values
             else 0.0,
         )
-    entries, columns, free = [], [], []
+    entries, columns = [], []
     # Where the simulator's flights measured nothing, flights of mean zero with the real spread are its claim.
     stand_in = torch.arange(n_before) % len(real)
     for name in (*BY_BAND, *OF_FLIGHT):
@@ -225,21 +223,19 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Performanc
             shown, *known = _drawn_in(sides, NEGLIGIBLE["noise" if QUANTITIES[name].is_noise else name])
             normal = known[0] if anchored else (shown - shown.nanmean())[stand_in]
             columns.append(torch.cat([normal, shown]))
-            free.append(reference is not None)
     y = torch.stack(columns, 1)
     scale = _spread(y, is_real)
     return Compared(
         tuple(entries),
         y,
         is_real,
-        torch.tensor(free),
         scale,
         both.airframe,
+        both.known_day,
         state,
         real.band_fl,
         coefficients,
         real.names,
-        both.day,
     )
 
 
@@ -295,7 +291,6 @@ def _joined(first: Quantities, second: Quantities) -> Quantities:
         return found
 
     airframe = torch.cat([first.airframe, second.airframe + first.airframe.max() + 1])
-    # Where the days of a side are not known, an aircraft's flights count as of one day of their own.
-    day = torch.cat([side.airframe if side.day is None else side.day for side in (first, second)])
+    day = torch.cat([first.known_day, second.known_day])
     values, physics = cat(first.values, second.values), cat(first.physics, second.physics)
     return Quantities(second.levels_fl, second.band_fl, values, physics, airframe, day=day)

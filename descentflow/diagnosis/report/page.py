@@ -193,6 +193,7 @@ def _shared(found: Findings) -> dict[str, Any]:
         "decide": _deciding(found),
         "worth_a_look": found.flights_worth_a_look if found.verdict in ("unknown", "partial") else [],
         "limits": _limits(found),
+        "then_named": "" if found.previous is None else listed(list(map(found.details.label, found.previous.causes))),
         "percent": percent,
         "number": trade_number,
         "levels": level_range,

@@ -192,7 +192,7 @@ def on_both_sides(compared: Compared, effect: Effect) -> BothSides:
         >>> found.has_some, round(found.measured[0].flights), abs(found.measured[0].simulator) < 0.5
         (False, 10, True)
     """
-    if not bool(compared.free.any()):
+    if not compared.has_reference:
         return BothSides()
     found = [_of_side(compared, effect, side) for side in (compared.real, ~compared.real)]
     if found[0] is None or found[1] is None:

@@ -59,8 +59,4 @@ def corrected_entries(compared: Compared, correction: Correction) -> Tensor:
 def _before(compared: Compared, simulated: Tensor) -> FlightState:
     """The simulator's flights as effects are put into them, each at its own rate."""
     state = compared.state.rows_of_fleet(simulated)
-    beyond = torch.zeros_like(state.cas_mps)
-    for i, entry in enumerate(compared.entries):
-        if entry.quantity == "rate":
-            beyond[:, entry.band] = compared.y[simulated, i].nan_to_num(0.0)
-    return replace(state, affected=False, beyond_polar=beyond)
+    return replace(state, affected=False, beyond_polar=compared.table("rate", compared.y[simulated]).nan_to_num(0.0))

@@ -95,8 +95,7 @@ def profile_of(compared: Compared) -> list[LevelMeans]:
         (160.0, 360.0, True)
     """
     bands = sorted(e.band for e in compared.entries if e.quantity == "rate")
-    has_reference = bool((~compared.real).any())
-    table = flown(compared, compared.y if has_reference else 0.0 * compared.y)
+    table = flown(compared, compared.y if compared.has_reference else 0.0 * compared.y)
     simulator = simulator_rows(compared)
     rate, seconds, distance = (table[name][simulator].nanmean(0) for name in ("rate", "time", "air_distance"))
     cas = torch.where(table["rate"].isfinite(), compared.state.cas_mps / KT_MPS, torch.nan)[simulator].nanmean(0)
@@ -125,7 +124,7 @@ class _Sides:
 
     def __init__(self, compared: Compared, left: Tensor | None, seed: int) -> None:
         c, real = compared, compared.real
-        self.has_reference = bool((~real).any())
+        self.has_reference = c.has_reference
         every = flown(c, c.y)
         # Nominal BADA flies each flight's own speed at the polar's rate: a rate of zero beyond the polar.
         simulator = {k: v[~real] for k, v in every.items()} if self.has_reference else flown(c, 0.0 * c.y)
@@ -193,14 +192,14 @@ def flown(compared: Compared, y: Tensor) -> dict[str, Tensor]:
 
     def moved(name: str) -> Tensor:
         """By how much the entries differ from those that were measured."""
-        return (_entries(compared, y, name) - _entries(compared, compared.y, name)).nan_to_num(0.0)
+        return (compared.table(name, y) - compared.table(name, compared.y)).nan_to_num(0.0)
 
     cas_mps = state.cas_mps + moved("cas") * KT_MPS
-    rate = (_entries(compared, y, "rate") + log_rate(state, cas_mps=cas_mps)).exp()
+    rate = (compared.table("rate", y) + log_rate(state, cas_mps=cas_mps)).exp()
     # How late a report is takes no time.
-    crossed = rate * (-_entries(compared, y, "lag").nan_to_num(0.0)).exp()
+    crossed = rate * (-compared.table("lag", y).nan_to_num(0.0)).exp()
     standard = mach_to_tas_mps(cas_to_mach(cas_mps, state.altitude_m), state.altitude_m)
-    tas = standard * _entries(compared, y, "tas").nan_to_num(0.0).exp()
+    tas = standard * compared.table("tas", y).nan_to_num(0.0).exp()
     seconds = state.width_m / crossed
     own = state.own_log_rate[simulator_rows(compared)].mean(0)
     found = {
@@ -230,20 +229,12 @@ def simulator_rows(compared: Compared) -> Tensor:
         >>> int(simulator_rows(example_sides()).sum())
         80
     """
-    return ~compared.real if bool((~compared.real).any()) else compared.real
-
-
-def _entries(compared: Compared, y: Tensor, name: str) -> Tensor:
-    """Entries (n, K) of a quantity; NaN in bands that are not compared."""
-    table = torch.full((len(y), len(compared.state.altitude_m)), torch.nan, dtype=torch.float64)
-    at = compared.columns(name)
-    table[:, [compared.entries[i].band for i in at.tolist()]] = y[:, at]
-    return table
+    return ~compared.real if compared.has_reference else compared.real
 
 
 def _measured_wind(compared: Compared) -> list[bool]:
     """Test for wind measured on each side: without it there is no distance over ground."""
-    sides = [compared.real, ~compared.real] if bool((~compared.real).any()) else [compared.real]
+    sides = [compared.real, ~compared.real] if compared.has_reference else [compared.real]
     return [bool((compared.state.tailwind_mps[side] != 0).any()) for side in sides]
 
 

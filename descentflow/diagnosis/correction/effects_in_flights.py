@@ -14,6 +14,7 @@ from descentflow.effects import Effect
 from descentflow.effects.effect import Shift
 from descentflow.effects.flight_law import DiffersByFlight
 from descentflow.effects.flight_state import SLOWEST_MPS, FlightState, log_rate
+from descentflow.measurements.along_track import drift_cosine, level_part_kt
 from descentflow.measurements.level_channels import LevelGrid
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 from descentflow.physics.performance_model import PerformanceModel
@@ -218,9 +219,10 @@ def _flown(grid: LevelGrid, state: FlightState, change: dict[str, Tensor]) -> Le
             reported_kt = filled(values["TAS"])
             # Receivers lack the TAS of flights that never sent it.
             tas_kt = torch.where(reported_kt.isfinite(), reported_kt, tas_kt)
-        level = [_level_part_kt(tas_kt, grid), _level_part_kt(tas_kt * ratio, replace(grid, values=values))]
+        before_kt = level_part_kt({**grid.values, "TAS": tas_kt})
+        gained_kt = level_part_kt({**values, "TAS": tas_kt * ratio}) - before_kt
         wind_kt = change["wind"] / KT_MPS
-        values["groundspeed"] = values["groundspeed"] + (level[1] - level[0]) * _drift_cosine(grid) + wind_kt
+        values["groundspeed"] = values["groundspeed"] + gained_kt * drift_cosine({**values, "TAS": tas_kt}) + wind_kt
     if "TAS" in values:
         values["TAS"] = values["TAS"] * ratio
     if "geoaltitude" in values:
@@ -270,23 +272,9 @@ def _tailwind_mps(grid: LevelGrid) -> Tensor:
     """Along-track wind (n, L); zero where it is not known."""
     if "TAS" not in grid.values or "groundspeed" not in grid.values:
         return torch.zeros_like(grid.time_s)
-    wind = grid.values["groundspeed"] - _level_part_kt(grid.values["TAS"], grid) * _drift_cosine(grid)
+    wind = grid.values["groundspeed"] - level_part_kt(grid.values) * drift_cosine(grid.values)
     known = wind.isfinite().any(1)
     found = torch.zeros_like(wind)
     if bool(known.any()):
         found[known] = filled(wind[known]) * KT_MPS
     return found
-
-
-def _level_part_kt(tas_kt: Tensor, grid: LevelGrid) -> Tensor:
-    """Horizontal part of a true airspeed."""
-    fall_kt = grid.values["vertical_rate"] * FPM_MPS / KT_MPS
-    return (tas_kt**2 - fall_kt**2).clamp(min=0.0).sqrt()
-
-
-def _drift_cosine(grid: LevelGrid) -> Tensor:
-    """Cosine of the angle between heading and track; one where they are not reported."""
-    if "track" not in grid.values or "heading" not in grid.values:
-        return torch.ones_like(grid.time_s)
-    cosine = torch.cos(torch.deg2rad(grid.values["heading"] - grid.values["track"]))
-    return torch.where(cosine.isfinite(), cosine, 1.0)

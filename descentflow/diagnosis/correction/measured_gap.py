@@ -1,6 +1,6 @@
 r"""The gap in some entries, the share of it that causes close, and what the next round is compared with.
 
-With s the spread between flights, the gap of an entry is :math:`|\bar y_r - \bar y_s| / s`, and that of several the mean
+With s the spread between flights, the gap of an entry is :math:`|\bar y_r - \bar y_s| / s`; that of several is the mean
 over their quantities, each of which counts once. Of a gap before and after the simulator has the causes,
 
 .. math:: \mathrm{closure} = 1 - \frac{\mathrm{after} - \mathrm{floor}}{\mathrm{before} - \mathrm{floor}},

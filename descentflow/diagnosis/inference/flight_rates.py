@@ -25,6 +25,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 
 from descentflow.diagnosis.inference.assumptions import Assumptions
 from descentflow.diagnosis.inference.linear_gaussian import Array, Precisions
@@ -72,31 +73,28 @@ def flight_rates(compared: Compared, known: Moments) -> FlightRates:
     """
     entries = np.flatnonzero(known.quantity == "rate")
     bands = np.array([compared.entries[i].band for i in entries], dtype=int)
-    values = known.departures[:, entries] - np.nan_to_num(_by_band(compared, known, "lag")[:, bands])
+    values = known.departures[:, entries] - np.nan_to_num(_departures(compared, known, "lag")[:, bands])
     values = values - _by_own_air(compared, known, values, bands)
     seen = np.isfinite(values)
     return FlightRates(np.where(seen, values, 0.0), seen, entries, bands)
 
 
-def _by_band(compared: Compared, known: Moments, quantity: str) -> Array:
+def _departures(compared: Compared, known: Moments, quantity: str) -> Array:
     """Departures (n, K) of a quantity, NaN where it is not seen."""
-    found = np.full((len(known.departures), len(compared.state.altitude_m)), np.nan)
-    for i, entry in enumerate(compared.entries):
-        if entry.quantity == quantity:
-            found[:, entry.band] = known.departures[:, i]
+    found: Array = compared.table(quantity, torch.from_numpy(known.departures)).numpy()
     return found
 
 
 def _by_own_air(compared: Compared, known: Moments, values: Array, bands: np.ndarray) -> Array:
     """Change (n, m) of each flight's rate by its own air."""
     state, altitude = compared.state, compared.state.altitude_m
-    tas = _by_band(compared, known, "tas")
+    tas = _departures(compared, known, "tas")
     # Half of ln of the temperature's ratio, which is ln of that of the true airspeed.
-    warmth = np.where(np.isfinite(tas), tas, _slope(_by_band(compared, known, "height"), altitude.numpy()) / 2.0)
+    warmth = np.where(np.isfinite(tas), tas, _slope(_departures(compared, known, "height"), altitude.numpy()) / 2.0)
     speed = mach_to_tas_mps(state.mach(), altitude, 0.0).numpy()
     by_wind, by_kelvin = _sensitivities(state)
     kelvin = 2.0 * isa_temperature_k(altitude).numpy() * warmth
-    wind = _slope(_by_band(compared, known, "wind"), altitude.numpy())
+    wind = _slope(_departures(compared, known, "wind"), altitude.numpy())
     columns = np.stack([by_wind * wind, by_wind * _slope(speed * warmth, altitude.numpy()), by_kelvin * kelvin], 2)
     columns = np.nan_to_num(columns[:, bands])
     found = np.zeros_like(values)

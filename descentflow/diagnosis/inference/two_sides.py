@@ -119,6 +119,18 @@ class Compared:
         kept = tuple(self.entries[i] for i in entries.tolist())
         return replace(self, entries=kept, y=self.y[:, entries], scale=self.scale[entries])
 
+    def table(self, quantity: str, y: Tensor) -> Tensor:
+        """Entries (n, K) of a quantity of bands, from vectors (n, p); NaN in bands that are not compared."""
+        found = torch.full((len(y), len(self.state.altitude_m)), torch.nan, dtype=torch.float64)
+        at = self.columns(quantity)
+        found[:, [self.entries[i].band for i in at.tolist()]] = y[:, at]
+        return found
+
+    def difference(self, y: Tensor) -> Tensor:
+        """Mean (p,) of the real flights minus that of the simulator's, or minus zero where physics claims so."""
+        mean = y[self.real].nanmean(0)
+        return mean - y[~self.real].nanmean(0).nan_to_num(0.0) if self.has_reference else mean
+
     def quantities(self) -> tuple[str, ...]:
         """Quantities that are compared, each once, in order."""
         return tuple(dict.fromkeys(e.quantity for e in self.entries))

@@ -13,6 +13,7 @@ from descentflow.diagnosis.findings.plain_values import number, percent
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.effects import Effect, Parameter
 from descentflow.effects.effect import NONE
+from descentflow.measurements.quantity_registry import QUANTITIES
 
 NINETY = 1.645
 """Standard errors on either side of a 90 % interval."""
@@ -206,12 +207,9 @@ def on_both_sides(compared: Compared, effect: Effect) -> BothSides:
 
 def _of_side(compared: Compared, effect: Effect, side: Tensor) -> list[float] | None:
     """Parameters that one side shows by itself."""
-    index, bands = torch.nonzero(side)[:, 0], len(compared.state.altitude_m)
-    shown: dict[str, Tensor] = {}
-    for i, entry in enumerate(compared.entries):
-        if entry.band >= 0:
-            table = shown.setdefault(entry.quantity, torch.full((len(index), bands), torch.nan, dtype=torch.float64))
-            table[:, entry.band] = compared.y[index, i]
+    index = torch.nonzero(side)[:, 0]
+    banded = [name for name in compared.quantities() if QUANTITIES[name].by_band]
+    shown = {name: compared.table(name, compared.y[index]) for name in banded}
     found = effect.measured(compared.state.rows(index), shown)
     return None if found is None else found.tolist()
 

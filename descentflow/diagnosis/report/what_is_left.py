@@ -43,9 +43,7 @@ def remaining_of(compared: Compared, left: Tensor, gap: float, share_unexplained
         >>> remaining_of(sides, sides.y, 0.5, 0.0).largest.quantity
         'tas'
     """
-    mean = left[compared.real].nanmean(0)
-    if compared.has_reference:
-        mean = mean - left[~compared.real].nanmean(0)
+    mean = compared.difference(left)
     standing = (mean.abs() / compared.negligible()).nan_to_num(0.0)
     # What the simulator lacks beside any cause is no part of the difference that is explained.
     standing = torch.where(set_apart(compared), 0.0, standing)
@@ -71,11 +69,7 @@ def curves(compared: Compared, left: Tensor) -> dict[str, Curve]:
         (True, 11)
     """
     real, levels = compared.real, compared.middles_fl()
-
-    def apart(y: Tensor) -> Tensor:
-        mean = y[real].nanmean(0)
-        return mean - y[~real].nanmean(0).nan_to_num(0.0) if compared.has_reference else mean
-
+    before, after = compared.difference(compared.y), compared.difference(left)
     count = 1 / real.sum().double()
     if compared.has_reference:
         count = count + 1 / (~real).sum().double()
@@ -85,8 +79,7 @@ def curves(compared: Compared, left: Tensor) -> dict[str, Curve]:
         size: Tensor = compared.scale[at] * count.sqrt()
         bands = [compared.entries[i].band for i in at.tolist()]
         middles = [levels[b] if b >= 0 else None for b in bands]
-        before, after = apart(compared.y[:, at]), apart(left[:, at])
-        found[quantity] = Curve(middles, before.tolist(), after.tolist(), size.tolist())
+        found[quantity] = Curve(middles, before[at].tolist(), after[at].tolist(), size.tolist())
     return found
 
 

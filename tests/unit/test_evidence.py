@@ -29,6 +29,7 @@ from descentflow.diagnosis.inference.naming import lacks, name_effects
 from descentflow.diagnosis.inference.sets import Search, SetFit, SetFits
 from descentflow.diagnosis.inference.two_sides import Compared, Entry
 from descentflow.diagnosis.procedure import Diagnosis
+from descentflow.diagnosis.report.what_is_left import curves
 from descentflow.diagnosis.simulator import Simulator
 from descentflow.effects import EFFECTS
 from descentflow.effects.example_flights import example_flights
@@ -312,6 +313,22 @@ def test_closure_is_measured_on_simulated_flights_that_have_the_cause(name: str,
     time = next(cost for cost in report.costs if cost.name == "time")
     assert time.after is not None
     assert abs(time.after.estimate) < 0.2 * abs(time.before.estimate)
+
+
+def test_the_error_of_a_curve_counts_aircraft_and_not_flights() -> None:
+    """Four flights of one aircraft that are alike say no more than one of them."""
+    one = example_sides()
+    index = torch.arange(len(one.y)).repeat_interleave(4)
+    four = replace(
+        one,
+        y=one.y[index],
+        real=one.real[index],
+        airframe=one.airframe[index],
+        day=one.day[index],
+        state=one.state.rows(index),
+    )
+    errors = [curves(sides, sides.y)["tas"].error for sides in (one, four)]
+    assert errors[1] == pytest.approx(errors[0], rel=1e-9)
 
 
 @pytest.mark.parametrize(

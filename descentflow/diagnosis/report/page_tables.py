@@ -87,7 +87,8 @@ def inputs_table(found: Findings) -> list[list[str]]:
     if made is None:
         return []
     sides = (_side(made.real), _side(made.simulator))
-    return [[name, *(side[name] for side in sides)] for name in sides[0]]
+    rows = [[name, *(side[name] for side in sides)] for name in sides[0]]
+    return [row for row in rows if set(row[1:]) != {"-"}]
 
 
 def _side(used: InputUsed) -> dict[str, str]:

@@ -11,6 +11,8 @@ from descentflow.diagnosis.findings.costs_found import LevelMeans
 from descentflow.diagnosis.findings.findings import Curve
 from descentflow.diagnosis.findings.gap_found import LargestDifference, Remaining, WouldSplit
 from descentflow.diagnosis.findings.inputs_found import FlightWorthALook, LeftOutChannel
+from descentflow.diagnosis.inference.assumptions import Assumptions
+from descentflow.diagnosis.inference.moments import moments
 from descentflow.diagnosis.inference.naming import set_apart
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.report.trade_units import in_trade
@@ -68,18 +70,15 @@ def curves(compared: Compared, left: Tensor) -> dict[str, Curve]:
         >>> curve.before == curve.after, len(curve.level_fl)
         (True, 11)
     """
-    real, levels = compared.real, compared.middles_fl()
+    levels, found = compared.middles_fl(), {}
     before, after = compared.difference(compared.y), compared.difference(left)
-    count = 1 / real.sum().double()
-    if compared.has_reference:
-        count = count + 1 / (~real).sum().double()
-    found: dict[str, Curve] = {}
+    # By whole aircraft and days: their flights are alike.
+    error = moments(compared, Assumptions()).covariance.diagonal() ** 0.5
     for quantity in compared.quantities():
         at = compared.columns(quantity)
-        size: Tensor = compared.scale[at] * count.sqrt()
         bands = [compared.entries[i].band for i in at.tolist()]
         middles = [levels[b] if b >= 0 else None for b in bands]
-        found[quantity] = Curve(middles, before[at].tolist(), after[at].tolist(), size.tolist())
+        found[quantity] = Curve(middles, before[at].tolist(), after[at].tolist(), error[at.numpy()].tolist())
     return found
 
 

@@ -1,14 +1,10 @@
 import pytest
-import torch
 import toys
-from torch import Tensor
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import KT_MPS
 from descentflow.evaluation.metrics.bootstrap import score_intervals
-from descentflow.evaluation.metrics.comparison import resampled_distances
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.evaluation.metrics.level_distances import level_distances
 from descentflow.evaluation.metrics.score_table import ScoreTable
 from descentflow.evaluation.metrics.scores import score
 
@@ -43,26 +39,3 @@ def test_the_width_is_that_of_a_mean_over_flights() -> None:
 def test_one_resample_has_no_spread() -> None:
     with pytest.raises(ConfigError, match="at least two"):
         score_intervals(ScoreTable(()), sets(10, 1), sets(10, 2), 170.0, n_resamples=1)
-
-
-def gappy(n: int, seed: int) -> tuple[Tensor, Tensor]:
-    """Values of both signs with ties, hidden more and more; of the last level none is left."""
-    generator = torch.Generator().manual_seed(seed)
-    values = torch.randint(-6, 7, (n, 9), generator=generator) / 2
-    mask = torch.rand(n, 9, generator=generator) > torch.linspace(-0.1, 1, 9)
-    return values.where(mask, torch.nan), mask
-
-
-def test_counted_flights_are_repeated_ones() -> None:
-    """Every statistic is that of the repeated values, ordered again; only the mean is summed in another order."""
-    (x, x_mask), (y, y_mask) = gappy(40, 1), gappy(25, 2)
-    chosen = torch.randint(25, (6, 25), generator=torch.Generator().manual_seed(3))
-    counts = torch.stack([one.bincount(minlength=25) for one in chosen])
-    found = resampled_distances((x, x_mask), (y, y_mask), counts)
-    for i, drawn in enumerate(chosen):
-        expected = level_distances(x, x_mask, y[drawn], y_mask[drawn])
-        assert found.n_first[i].tolist() == expected.n_first.tolist()
-        assert found.n_second[i].tolist() == expected.n_second.tolist()
-        for name, values in expected.by_name.items():
-            assert torch.allclose(found[name][i], values, rtol=1e-12, atol=1e-12, equal_nan=True), name
-        assert found["ks"][i].isnan().tolist() == [False] * 8 + [True]

@@ -73,10 +73,9 @@ def score_intervals(
         raise ConfigError(f"{n_resamples} resamples", expected="at least two", mend="ask for 50")
     generator = torch.Generator().manual_seed(seed)
     few = samples.subset(torch.randperm(len(samples), generator=generator)[:MAX_SAMPLES])
-    chosen = torch.randint(len(real), (n_resamples, len(real)), generator=generator)
-    counts = torch.stack([one.bincount(minlength=len(real)) for one in chosen]).to(real.mask.device)
-    spreads = _level_spreads(few, real, transition_fl, counts)
-    spreads |= {name: _resampled_means(flights, counts).std() for name, flights in scores.by_flight.items()}
+    drawn = torch.randint(len(real), (n_resamples, len(real)), generator=generator)
+    spreads = _level_spreads(few, real, transition_fl, drawn)
+    spreads |= {name: flights[drawn].double().nanmean(1).std() for name, flights in scores.by_flight.items()}
     found = []
     for row in scores:
         half = NORMAL_90 * float(spreads[row.quantity, row.statistic])
@@ -87,21 +86,14 @@ def score_intervals(
 
 
 def _level_spreads(
-    samples: DescentSet, real: DescentSet, transition_fl: float, counts: Tensor
+    samples: DescentSet, real: DescentSet, transition_fl: float, drawn: Tensor
 ) -> dict[tuple[str, str], Tensor]:
     """Standard deviation over the resamples of each score by level, averaged over the levels of each part."""
     spreads = {}
     for quantity in QUANTITIES:
-        distances = resampled_levels(quantity.of(samples), quantity.of(real), counts)
+        distances = resampled_levels(quantity.of(samples), quantity.of(real), drawn)
         for part in parts_of(quantity):
             chosen = part.levels(real.levels_fl, transition_fl)
             for one in level_statistics():
                 spreads[part.name, one.name] = distances[one.name][:, chosen].nanmean(1).std()
     return spreads
-
-
-def _resampled_means(flights: Tensor, counts: Tensor) -> Tensor:
-    """Mean (n_resamples,) of the flights that have a score, each counted as often as it was drawn."""
-    known = ~flights.isnan()
-    weights = counts[:, known].double()
-    return weights @ flights[known].double() / weights.sum(1)

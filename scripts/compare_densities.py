@@ -25,6 +25,7 @@ from descentflow.core.files import check_output, whole_file
 from descentflow.densities.density import Density
 from descentflow.simulation.world import simulate
 from descentflow.simulation.world_config import WorldConfig
+from descentflow.training.data_settings import ContextSettings, SplitSettings
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.fit import fit
 from descentflow.training.training_settings import training_settings
@@ -86,7 +87,8 @@ def scores_of_seed(args: argparse.Namespace, seed: int, folder: Path) -> list[pl
         table = with_random(table, descents, seed, folder)
     frames = []
     for context in [None, args.context] if args.context else [None]:
-        data = DescentDataModule(descents, context=context, context_table=table if context else None, seed=seed)
+        conditions = ContextSettings(context=context, context_table=table if context else None)
+        data = DescentDataModule(descents, conditions=conditions, split=SplitSettings(seed=seed))
         data.setup()
         flights, weights, known = data.profiles("test"), data.weights("test"), data.contexts("test")
         for name in args.models:

@@ -21,7 +21,7 @@ from descentflow.densities.transformed import TransformedDensity
 from descentflow.generation.rejection import sample_descents
 from descentflow.positions.placing import place
 from descentflow.representation.decoder.trajectories import Trajectories, concatenate
-from descentflow.representation.fit_representation import fit_representation
+from descentflow.representation.fit_representation import RepresentationSettings, fit_representation
 from descentflow.representation.representation import Representation, Split
 
 BOTTOM, TOP = 270, 370
@@ -40,7 +40,7 @@ def state() -> dict[str, Any]:
     """Two components of CAS at least, so that two speeds can be asked, and drag beyond the components."""
     train = toys.flights(300, bottom_fl=BOTTOM, top_fl=TOP)
     split = Split(train.flight_ids, (), ())
-    return fit_representation(train, toys.AIRCRAFT, split, explained_variance=0.97).to_state()
+    return fit_representation(train, toys.AIRCRAFT, split, RepresentationSettings(explained_variance=0.97)).to_state()
 
 
 def fitted() -> Representation:

@@ -19,7 +19,7 @@ from lightning.pytorch.loggers import CSVLogger
 from descentflow.cli.options import class_in
 from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import CheckpointError, ConfigError, DescentflowError, nearest
-from descentflow.core.settings_file import read_settings
+from descentflow.core.settings_file import read_settings, settings_text
 from descentflow.core.threads import one_thread_unless_told
 from descentflow.densities.kinds import KINDS
 from descentflow.representation.read_checkpoint import SECTION, read_checkpoint
@@ -28,6 +28,7 @@ from descentflow.training.callbacks.kept_epochs import KeptEpochs, WholeCheckpoi
 from descentflow.training.callbacks.log_prob_writer import WriteLogProb
 from descentflow.training.callbacks.score_callback import ScoreCallback
 from descentflow.training.callbacks.show_progress import ShowProgress
+from descentflow.training.data_settings import grouped
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.final_fit import fit_to_all
 from descentflow.training.models import LatentModel
@@ -51,6 +52,10 @@ NOTHING_KEPT = (
     "no checkpoint was written: no epoch was trained and validated to its end (--trainer.max_epochs, fast_dev_run and "
     "limit_train_batches say how much is trained)"
 )
+
+
+GROUPED = re.compile(r"(?<=^--data\.)\w+")
+"""Name of an option of the data, which may be that of a setting in a group."""
 
 
 class DescentCLI(LightningCLI):
@@ -212,6 +217,7 @@ def run(command: str, rest: Sequence[str]) -> None:
         CheckpointError: If the checkpoint cannot be used.
     """
     words = ["--help" if word == "--help_all" else word for word in rest]
+    words = [GROUPED.sub(_in_group, word) for word in words]
     words = _replaced(_replaced(words, "--config", _settings), "--model", _class_path)
     words = _replaced(words, "--model.class_path", _class_path)
     if "--help" not in words:
@@ -268,17 +274,32 @@ def _replaced(words: list[str], option: str, new: Callable[[str], str]) -> list[
     ]
 
 
+def _in_group(name: re.Match[str]) -> str:
+    """The place of a setting by its flat name.
+
+    Example:
+        >>> GROUPED.sub(_in_group, "--data.split_by=aircraft"), GROUPED.sub(_in_group, "--data.air=measured")
+        ('--data.split.split_by=aircraft', '--data.air=measured')
+    """
+    ((place, value),) = grouped({name[0]: None}, DescentDataModule).items()
+    return place if value is None else f"{place}.{name[0]}"
+
+
 def _settings(name: str) -> str:
-    """The path of a settings file, the user's own or one that comes along, whose sections hold settings."""
+    """A settings file, the user's own or one that comes along; its sections hold settings, those of data in groups."""
     path = config_file(name)
-    for section, content in read_settings(path).items():
+    settings = read_settings(path)
+    for section, content in settings.items():
         if section in ("data", "trainer", "scores", "checkpoint") and not isinstance(content, dict | str):
             raise ConfigError(
                 f"{path}: {section} is {str(content)[:60]}",
                 expected="settings by name, or the name of a YAML file of them",
                 mend=f"write lines of `NAME: VALUE` indented under `{section}:`, or leave the section out",
             )
-    return str(path)
+    data = settings.get("data")
+    if not isinstance(data, dict) or (in_groups := grouped(data, DescentDataModule)) == data:
+        return str(path)
+    return settings_text({**settings, "data": in_groups})
 
 
 def _class_path(name: str) -> str:
@@ -342,10 +363,11 @@ def _settings_beside(checkpoint: str, needed: bool) -> list[str]:
         if needed:
             raise
         return []
+    sections = {"data": grouped(run.get("data") or {}, DescentDataModule), "scores": run.get("scores") or {}}
     return [
         f"--{section}.{name}={value if isinstance(value, str) else json.dumps(value)}"
-        for section in ("data", "scores")
-        for name, value in dict(run.get(section) or {}).items()
+        for section, settings in sections.items()
+        for name, value in settings.items()
         if value is not None
     ]
 

@@ -18,6 +18,7 @@ from descentflow.core.tabular import held_table
 
 P = ParamSpec("P")
 R = TypeVar("R")
+T = TypeVar("T")
 LONGEST_SHOWN = 60
 """Characters of a wrong value that are shown."""
 BITS = " of 64 bits"
@@ -108,6 +109,24 @@ def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
         return call({}) if is_constructor else with_local_files(call, bound.arguments, outputs)
 
     return checked
+
+
+def checked_settings(settings: type[T]) -> type[T]:
+    """Let a dataclass refuse fields that are not of the annotated kinds.
+
+    Example:
+        >>> from dataclasses import dataclass
+        >>> @checked_settings
+        ... @dataclass(frozen=True)
+        ... class Batches:
+        ...     size: Count = 512
+        >>> Batches(0)
+        Traceback (most recent call last):
+        ...
+        descentflow.core.errors.ConfigError: size = 0; expected a whole number, 1 or more; to mend it, see help(Batches)
+    """
+    settings.__init__ = checked_arguments(settings.__init__)  # type: ignore[method-assign]
+    return settings
 
 
 def kind_of(hint: Any) -> Kind:

@@ -1,10 +1,13 @@
 """Bases, scaler, bounds and residual, fitted before any density to the training flights alone."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import torch
+from jsonargparse.typing import OpenUnitInterval, PositiveFloat
 from torch import Tensor
 
+from descentflow.core.arguments import checked_settings
 from descentflow.core.errors import DataError
 from descentflow.core.units import FL_M
 from descentflow.physics.performance_model import PerformanceModel
@@ -13,6 +16,7 @@ from descentflow.representation.drag_scale import DragScale, DragScaleName, fit_
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.gappy import GappyFPCA, Method
 from descentflow.representation.fpca.roughness import SPREAD_WEIGHT, smoother
+from descentflow.representation.linear_curves import Gaps
 from descentflow.representation.plausibility import MARGIN, Bounds, Plausibility
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation, Split
@@ -21,18 +25,48 @@ CAS_SHARE = 0.95
 """Share of the variance of CAS that components explain, for operators' speeds lie apart by little."""
 
 
+@checked_settings
+@dataclass(frozen=True)
+class RepresentationSettings:
+    """Settings by which flights become weights.
+
+    Attributes:
+        explained_variance: Share of variance that the components of drag explain.
+        cas_explained_variance: Share of variance that the components of CAS explain.
+        fpca: Gappy fPCA algorithm: ``ppca`` or the paper's ``iterative``.
+        margin: Share by which the plausibility bounds lie outside the extremes of the training flights; 0.05 in the
+            paper (section 2.4).
+        bounds: What samples are held to: ``expected``, extremes as of 3,000 training flights or more, and changes from
+            level to level; or ``paper``, extremes as observed.
+        residual: Whether samples have the drag and the speed beyond the components, with their own variance; never with
+            ``iterative``, which does not know it.
+        drag_scale: Scale on which drag is linear in the weights: ``log``, the logarithm of drag minus idle thrust, so
+            that all weights descend; or ``newton``, as in the paper.
+        gaps: What densities are fitted to and scored by: ``marginal``, the likelihood of the levels that a flight
+            shows; or ``filled``, weights that count as known after expectations were put where nothing was observed, as
+            in the paper. The components of ``iterative`` have no likelihood, so that theirs are known.
+
+    Example:
+        >>> RepresentationSettings(explained_variance=0.9).cas_explained_variance
+        0.95
+    """
+
+    explained_variance: OpenUnitInterval = 0.8
+    cas_explained_variance: OpenUnitInterval = CAS_SHARE
+    fpca: Method = "ppca"
+    margin: PositiveFloat = MARGIN
+    bounds: Bounds = "expected"
+    residual: bool = True
+    drag_scale: DragScaleName = "log"
+    gaps: Gaps = "marginal"
+
+
 def fit_representation(
     train: Profiles,
     aircraft: PerformanceModel,
     split: Split,
+    settings: RepresentationSettings = RepresentationSettings(),
     *,
-    explained_variance: float = 0.8,
-    cas_explained_variance: float = CAS_SHARE,
-    method: Method = "ppca",
-    margin: float = MARGIN,
-    bounds: Bounds = "expected",
-    residual: bool = True,
-    drag_scale: DragScaleName = "log",
     mass_kg: float | None = None,
     provenance: dict[str, Any] | None = None,
 ) -> Representation:
@@ -42,15 +76,7 @@ def fit_representation(
         train: Training flights on their grid.
         aircraft: Coefficients that inferred their drag.
         split: The split that ``train`` comes from, to be recorded.
-        explained_variance: Share of variance that the components of drag explain.
-        cas_explained_variance: Share of variance that the components of a CAS profile explain.
-        method: Gappy fPCA algorithm, of drag, and of a CAS profile.
-        margin: Share by which the plausibility bounds lie outside the extremes of the training flights.
-        residual: Whether samples have the drag and the speed that the components leave out, with their own variance;
-            never with ``iterative``, which does not know it.
-        drag_scale: Scale on which drag is linear in the weights, see
-            :class:`~descentflow.representation.drag_scale.DragScale`: ``log`` or ``newton``.
-        bounds: Which extremes, see :meth:`~descentflow.representation.plausibility.Plausibility.from_profiles`.
+        settings: How.
         mass_kg: Mass that inferred the drag, if not the reference mass.
         provenance: Recorded in the checkpoint.
 
@@ -66,12 +92,13 @@ def fit_representation(
         >>> parts.decoder.encode(train).std(0).round(decimals=6).unique()  # standardised
         tensor([1.], dtype=torch.float64)
     """
-    scale = fit_drag_scale(train, aircraft, drag_scale)
-    bases = _fitted_bases(train, (explained_variance, cas_explained_variance), method, scale)
+    scale = fit_drag_scale(train, aircraft, settings.drag_scale)
+    shares = settings.explained_variance, settings.cas_explained_variance
+    bases = _fitted_bases(train, shares, settings.fpca, scale)
     decoder = standardised_decoder(train, aircraft, bases, scale, mass_kg)
-    if residual and method == "ppca":
+    if settings.residual and settings.fpca == "ppca":
         decoder.keep_residual(residual_drag(decoder, train), residual_speed(decoder, train))
-    plausibility = Plausibility.from_profiles(train, margin, bounds, scale)
+    plausibility = Plausibility.from_profiles(train, settings.margin, settings.bounds, scale)
     return Representation(decoder, plausibility, split, provenance or {})
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import polars as pl
-from jsonargparse.typing import ClosedUnitInterval, OpenUnitInterval, PositiveFloat, PositiveInt
+from jsonargparse.typing import PositiveFloat
 from lightning.pytorch import LightningDataModule, Trainer
 from lightning.pytorch.utilities import rank_zero_info
 from torch import Tensor
@@ -14,7 +14,7 @@ from torch.utils.data import DataLoader
 
 from descentflow.air.kept_air import KeptAir
 from descentflow.air.standard_air import in_standard_air
-from descentflow.core.arguments import NotNegativeInt, checked_arguments
+from descentflow.core.arguments import checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.core.progress import Stage
 from descentflow.core.progress import stage as progress_stage
@@ -22,9 +22,8 @@ from descentflow.core.row_runs import first_rows
 from descentflow.measurements.quantities import reference_state
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.comparable_descents import comparable_descents
-from descentflow.representation.context import ContextEncoder, Missing
+from descentflow.representation.context import ContextEncoder
 from descentflow.representation.context_columns import without_missing
-from descentflow.representation.drag_scale import DragScaleName
 from descentflow.representation.encode_flights import (
     EncodedFlights,
     context_of,
@@ -33,12 +32,10 @@ from descentflow.representation.encode_flights import (
     summary_of,
 )
 from descentflow.representation.evidence import Evidence
-from descentflow.representation.fit_representation import CAS_SHARE, fit_representation
+from descentflow.representation.fit_representation import RepresentationSettings, fit_representation
 from descentflow.representation.flight_parts import Part, levels_shown, one_part, places, top_level, with_levels
-from descentflow.representation.fpca.gappy import Method
-from descentflow.representation.linear_curves import Gaps, evidence_of, has_noise_model
+from descentflow.representation.linear_curves import evidence_of, has_noise_model
 from descentflow.representation.own_air import STANDARD, airs_as_kept, in_air_asked
-from descentflow.representation.plausibility import MARGIN, Bounds
 from descentflow.representation.profiles import Profiles, profiles_from_frame
 from descentflow.representation.read_checkpoint import load_representation
 from descentflow.representation.representation import Representation, Split
@@ -47,8 +44,9 @@ from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.open_descents import open_prepared
 from descentflow.training.chosen_descents import aircraft_of, at_mass, bottom_of, cleaning_told, name_of, of_typecodes
+from descentflow.training.data_settings import BatchSettings, ContextSettings, SplitSettings
 from descentflow.training.flight_batches import flight_batches
-from descentflow.training.splitting import SplitBy, split_flights
+from descentflow.training.splitting import split_flights
 
 
 class DescentDataModule(LightningDataModule):
@@ -76,25 +74,12 @@ class DescentDataModule(LightningDataModule):
         typecodes: str | list[str] | None = None,
         bottom_fl: int | None = None,
         mass_kg: PositiveFloat | None = None,
-        test_fraction: ClosedUnitInterval = 0.2,
-        validation_fraction: ClosedUnitInterval = 0.1,
-        split_by: SplitBy = "flight",
-        seed: NotNegativeInt = 0,
-        explained_variance: OpenUnitInterval = 0.8,
-        cas_explained_variance: OpenUnitInterval = CAS_SHARE,
-        fpca: Method = "ppca",
-        batch_size: PositiveInt = 512,
-        checkpoint: Path | None = None,
-        context: list[str] | None = None,
-        context_table: Path | None = None,
-        missing_context: Missing = "drop",
-        fewest_batches: PositiveInt = 1,
-        margin: PositiveFloat = MARGIN,
-        gaps: Gaps = "marginal",
-        bounds: Bounds = "expected",
-        residual: bool = True,
-        drag_scale: DragScaleName = "log",
         air: str | Path = "standard",
+        checkpoint: Path | None = None,
+        split: SplitSettings = SplitSettings(),
+        components: RepresentationSettings = RepresentationSettings(),
+        conditions: ContextSettings = ContextSettings(),
+        batches: BatchSettings = BatchSettings(),
     ) -> None:
         """Set the options; nothing is read before ``setup``.
 
@@ -106,48 +91,20 @@ class DescentDataModule(LightningDataModule):
             typecodes: Keep these types of the descents (A320, or A320,A20N); all if absent.
             bottom_fl: Lowest level of the grid; the one that the descents were prepared with if absent.
             mass_kg: Mass that infers and flies the drag; the type's reference mass if absent.
-            test_fraction: Share of the flights held out for test; with zero, none are.
-            validation_fraction: Share of the other flights held out for validation; with zero, the training flights
-                serve for it.
-            split_by: What the split never tears apart: a flight, or an aircraft with all its flights.
-            seed: Of the split.
-            explained_variance: Share of variance that the components of drag explain.
-            cas_explained_variance: Share of variance that the components of CAS explain.
-            fpca: Gappy fPCA algorithm: ``ppca`` or the paper's ``iterative``.
-            batch_size: Flights in a training batch.
-            checkpoint: Encode with this checkpoint's representation instead of fitting one.
-            context: Columns on which the density is conditioned, see
-                :func:`~descentflow.representation.context_columns.flight_context`; those of the checkpoint where one is
-                given.
-            context_table: CSV or Parquet with `flight_id` and columns of context.
-            missing_context: What becomes of flights that lack a value: ``drop`` or ``indicator``.
-            fewest_batches: Batches that an epoch has at least; with few flights they are smaller than ``batch_size``.
-            margin: Share by which the plausibility bounds lie outside the extremes of the training flights; 0.05 in the
-                paper (section 2.4).
-            gaps: What densities are fitted to and scored by: ``marginal``, the likelihood of the levels that a flight
-                shows; or ``filled``, weights that count as known after expectations were put where nothing was
-                observed, as in the paper. The components of ``iterative`` have no likelihood, so that theirs are known.
-            bounds: What samples are held to: ``expected``, extremes as of 3,000 training flights or more, and changes
-                from level to level; or ``paper``, extremes as observed.
-            residual: Whether samples have the drag and the speed beyond the components, with their own variance.
-            drag_scale: Scale on which drag is linear in the weights: ``log``, the logarithm of drag minus idle thrust,
-                so that all weights descend; or ``newton``, as in the paper.
             air: In which air drag is inferred: ``standard``; ``measured``: temperature and wind along the track by the
                 flights' own reports (TAS, Mach, groundspeed); or a weather field by pressure level (ERA5), a NetCDF or
                 GRIB file or a folder of them, read where the flights were. With a checkpoint: where the flights' air is
                 known from, if not as its training flights' was.
+            checkpoint: Encode with this checkpoint's representation instead of fitting one.
+            split: Which flights are held out.
+            components: How flights become weights.
+            conditions: What the density is conditioned on.
+            batches: How training flights are shared out.
         """
         super().__init__()
         self.descents, self.aircraft, self.bada_dir, self.typecodes = descents, aircraft, bada_dir, typecodes
-        self.bottom_fl, self.mass_kg = bottom_fl, mass_kg
-        self.test_fraction, self.validation_fraction = test_fraction, validation_fraction
-        self.split_by, self.seed = split_by, seed
-        self.explained_variance, self.cas_explained_variance = explained_variance, cas_explained_variance
-        self.fpca, self.margin = fpca, margin
-        self.batch_size, self.fewest_batches, self.checkpoint = batch_size, fewest_batches, checkpoint
-        self.context, self.context_table, self.missing_context = context, context_table, missing_context
-        self.gaps, self.bounds, self.residual = gaps, bounds, residual
-        self.air, self.drag_scale = air, drag_scale
+        self.bottom_fl, self.mass_kg, self.air, self.checkpoint = bottom_fl, mass_kg, air, checkpoint
+        self.split, self.components, self.conditions, self.batches = split, components, conditions, batches
         self._evidence: dict[Part, Evidence] = {}
         self._representation: Representation | None = None
         self._grid: list[float] = []
@@ -169,7 +126,7 @@ class DescentDataModule(LightningDataModule):
                 done.say("inferring drag")
                 representation = known
                 air = None if representation.air is None or self.air == STANDARD else self.air
-                self._parts = encode_flights(frame, known, self.context_table, air=air, say=rank_zero_info)
+                self._parts = encode_flights(frame, known, self.conditions.context_table, air=air, say=rank_zero_info)
             else:
                 read = self._read(done)
                 done.say("fitting components")
@@ -184,7 +141,7 @@ class DescentDataModule(LightningDataModule):
         """The same descents, options and levels, with no flight held out; not set up yet."""
         other = copy(self)
         other._grid = self.representation.decoder.levels_fl[[0, -1]].tolist()
-        other.test_fraction = other.validation_fraction = 0.0
+        other.split = replace(self.split, test_fraction=0.0, validation_fraction=0.0)
         other._evidence, other._representation, other._parts = {}, None, {}
         return other
 
@@ -212,7 +169,7 @@ class DescentDataModule(LightningDataModule):
     def evidence(self, part: Part) -> Evidence:
         """Evidence of a part's flights on their weights: what densities are fitted to and scored by."""
         if part not in self._evidence:
-            self._evidence[part] = evidence_of(self.representation.decoder, self.profiles(part), self.gaps)
+            self._evidence[part] = evidence_of(self.representation.decoder, self.profiles(part), self.components.gaps)
         return self._evidence[part]
 
     def contexts(self, part: Part) -> Tensor | None:
@@ -239,17 +196,18 @@ class DescentDataModule(LightningDataModule):
 
     def _loader(self, part: Part, *, shuffle: bool = False) -> DataLoader[Any]:
         evidence = self.evidence(part)
-        most = -(-len(evidence) // self.fewest_batches) if shuffle else self.batch_size
-        return flight_batches(evidence, self.contexts(part), min(self.batch_size, most), shuffle=shuffle)
+        size = self.batches.batch_size
+        most = -(-len(evidence) // self.batches.fewest_batches) if shuffle else size
+        return flight_batches(evidence, self.contexts(part), min(size, most), shuffle=shuffle)
 
     def _read(self, done: Stage) -> "_Read":
         """Ask the rows all that is wanted of them, then let them go: a gigabyte for forty thousand flights."""
         source = open_prepared(self.descents)
         frame = of_typecodes(source, self.typecodes, name_of(self.descents))
         done.say("inferring drag")
-        named = self.context or []
-        table = context_of(frame, named, self.context_table)
-        frame = without_missing(frame, table, self.missing_context, rank_zero_info)
+        asked = self.conditions
+        table = context_of(frame, asked.context or [], asked.context_table)
+        frame = without_missing(frame, table, asked.missing_context, rank_zero_info)
         own_type = aircraft_of(frame, self.aircraft, self.bada_dir)
         provenance = {
             "descents": name_of(self.descents),
@@ -290,7 +248,7 @@ class DescentDataModule(LightningDataModule):
         if table is None:
             return None
         train = table.filter(pl.col("flight_id").is_in(list(split.train)))
-        return ContextEncoder.fit(train, table.columns[1:], self.missing_context)
+        return ContextEncoder.fit(train, table.columns[1:], self.conditions.missing_context)
 
     def _fresh(self, frame: pl.DataFrame, source: Descents, own_type: PerformanceModel) -> tuple[Profiles, Split]:
         """Profiles up to the level that a quarter of the training flights reach, and the split made before."""
@@ -298,13 +256,13 @@ class DescentDataModule(LightningDataModule):
         owner = dict(first_rows(frame.select("flight_id", "icao24"), "flight_id").iter_rows())
 
         profiles = profiles_from_frame(frame, own_type, bottom, mass_kg=self.mass_kg)
-        groups = profiles.flight_ids if self.split_by == "flight" else [owner[f] for f in profiles.flight_ids]
+        groups = profiles.flight_ids if self.split.split_by == "flight" else [owner[f] for f in profiles.flight_ids]
         split = split_flights(
             profiles.flight_ids,
             groups,
-            test_fraction=self.test_fraction,
-            validation_fraction=self.validation_fraction,
-            seed=self.seed,
+            test_fraction=self.split.test_fraction,
+            validation_fraction=self.split.validation_fraction,
+            seed=self.split.seed,
         )
         top = max([top_level(profiles, places(profiles, split, "train")), *self._grid[1:]])
         profiles = profiles.between(bottom, top)
@@ -315,19 +273,13 @@ class DescentDataModule(LightningDataModule):
             one_part(read.profiles, read.split, "train"),
             read.own_type,
             read.split,
-            explained_variance=self.explained_variance,
-            cas_explained_variance=self.cas_explained_variance,
-            method=self.fpca,
-            margin=self.margin,
-            bounds=self.bounds,
-            residual=self.residual,
-            drag_scale=self.drag_scale,
+            self.components,
             mass_kg=self.mass_kg,
             provenance=read.provenance,
         )
         fitted.air, fitted.context = read.air, read.context
         fitted.reference, fitted.cleaning, fitted.seen = read.reference, read.cleaning, read.seen
-        fitted.gaps = self.gaps if has_noise_model(fitted.decoder) else "filled"
+        fitted.gaps = self.components.gaps if has_noise_model(fitted.decoder) else "filled"
         return fitted
 
 

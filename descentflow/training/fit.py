@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from copy import deepcopy
+from dataclasses import fields
 from inspect import signature
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -22,6 +23,7 @@ from descentflow.core.threads import one_thread_unless_told
 from descentflow.representation.read_checkpoint import read_checkpoint
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.training.callbacks.show_progress import ShowProgress
+from descentflow.training.data_settings import grouped, groups_of, with_groups
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.final_fit import fit_to_all
 from descentflow.training.models.latent_model import LatentModel
@@ -115,12 +117,15 @@ def fit(
 
 def _data_module(source: Any, settings: dict[str, Any], options: dict[str, Any]) -> DescentDataModule:
     """The DataModule that was passed, or one with the options of the call over those of the settings."""
-    known = {*signature(DescentDataModule).parameters} - {"descents"}
+    groups = groups_of(DescentDataModule).values()
+    known = {*signature(DescentDataModule).parameters, *(one.name for group in groups for one in fields(group))}
+    known -= {"descents"}
     for name in options:
         if name not in known:
             raise _no_option(name, known | OWN_OPTIONS)
     if not isinstance(source, DescentDataModule):
-        return DescentDataModule(source, **(settings | options))
+        usual = grouped(settings, DescentDataModule)
+        return DescentDataModule(source, **with_groups(usual | options, DescentDataModule))
     if options:
         raise ConfigError(
             f"a DataModule and {', '.join(options)}",

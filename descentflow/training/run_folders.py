@@ -1,5 +1,6 @@
 """Folders of the trainer's commands: `fit` writes into one of its own, the others into that of the run they score."""
 
+from dataclasses import fields, is_dataclass
 from inspect import signature
 from pathlib import Path
 from typing import Any
@@ -153,9 +154,9 @@ def write_settings(
     Example:
         >>> from descentflow.training.datamodule import DescentDataModule
         >>> from descentflow.training.models.gaussian_model import Gaussian
-        >>> write_settings(Path("."), 0, Gaussian(), DescentDataModule("descents.parquet", seed=3), {})
+        >>> write_settings(Path("."), 0, Gaussian(), DescentDataModule("descents.parquet", air="measured"), {})
         >>> Path("config.yaml").read_text().split("data:")[1].split()
-        ['descents:', 'descents.parquet', 'seed:', '3']
+        ['descents:', 'descents.parquet', 'air:', 'measured']
     """
     usual = {name: one.default for name, one in signature(type(data)).parameters.items()}
     options = {name: getattr(data, name) for name, default in usual.items() if getattr(data, name) != default}
@@ -174,6 +175,8 @@ def _as_yaml(value: Any) -> Any:
     """Value of an option in YAML: paths are text, and descents in memory are nothing."""
     if isinstance(value, list | tuple):
         return [_as_yaml(one) for one in value]
+    if is_dataclass(value):
+        return {one.name: _as_yaml(getattr(value, one.name)) for one in fields(value)}
     plain = int | float | str | bool
     return value if isinstance(value, plain) else str(value) if isinstance(value, Path) else None
 
@@ -203,13 +206,15 @@ def log_settings(trainer: Trainer, config: Any, score: float, monitor: str) -> N
 
 
 def _flat(section: str, options: Any) -> dict[str, Any]:
-    """Options by name; lists and paths as text, for TensorBoard shows numbers, flags and texts."""
+    """Options by name, those of groups too; lists and paths as text, for TensorBoard shows numbers, flags and texts."""
     plain = int | float | str | bool
-    return {
-        f"{section}/{name}": value if isinstance(value, plain) else str(value)
-        for name, value in dict(options).items()
-        if value is not None
-    }
+    found: dict[str, Any] = {}
+    for name, value in dict(options).items():
+        if hasattr(value, "items"):
+            found |= _flat(section, value)
+        elif value is not None:
+            found[f"{section}/{name}"] = value if isinstance(value, plain) else str(value)
+    return found
 
 
 def _logger_options(config: Any) -> Any:

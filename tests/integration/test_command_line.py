@@ -56,6 +56,20 @@ def test_a_fit_without_a_config_stops_by_itself_in_a_folder_named_after_its_mode
     assert read_checkpoint(checkpoint)["epoch"] == 0
 
 
+def test_a_setting_in_a_group_has_its_flat_name_in_files_and_words(tmp_path: Path, capsys) -> None:
+    (tmp_path / "mine.yaml").write_text(
+        "model: {class_path: descentflow.training.models.Gaussian}\n"
+        "data: {test_fraction: 0.3, split: {seed: 5, split_by: aircraft}, batch_size: 64}\n"
+    )
+    words = ["--config", str(tmp_path / "mine.yaml"), "--data.descents=d", "--data.seed", "7", "--data.gaps=filled"]
+    with pytest.raises(SystemExit):
+        main(["fit", *words, "--data.batches.fewest_batches=2", "--print_config"])
+    data = yaml.safe_load(capsys.readouterr().out)["data"]
+    split = {"test_fraction": 0.3, "validation_fraction": 0.1, "split_by": "aircraft", "seed": 7}
+    assert (data["split"], data["batches"]) == (split, {"batch_size": 64, "fewest_batches": 2})
+    assert data["components"]["gaps"] == "filled"
+
+
 def test_what_a_fit_leaves_behind(run: Path) -> None:
     assert {path.name for path in run.iterdir()} >= {"config.yaml", "checkpoints"}
     assert list(run.glob("events.out.tfevents*"))
@@ -213,7 +227,7 @@ def test_resuming_with_other_components_is_refused(run: Path, tmp_path: Path, ca
     [
         ("--model.init_args.n_flowz=3", "n_flowz"),
         ("--model.init_args.n_flows=-3", "n_flows"),
-        ("--data.test_fraction=1.5", "data.test_fraction"),
+        ("--data.test_fraction=1.5", "data.split.test_fraction"),
         ("--trainer.max_epoks=3", "--trainer.max_epoks"),
         ("--trainer.max_epochs=many", "many"),
     ],

@@ -14,6 +14,7 @@ from descentflow.core.errors import ConfigError
 from descentflow.densities.checkpoint import load_model
 from descentflow.densities.density import Density
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
+from descentflow.training.data_settings import SplitSettings
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models import GaussianMixture
 
@@ -121,7 +122,7 @@ def test_info_says_which_fit_it_is(final: Path, capsys: pytest.CaptureFixture[st
 
 
 def test_all_flights_train_where_none_are_held_out(descents: Path) -> None:
-    data = DescentDataModule(descents, test_fraction=0.0, validation_fraction=0.0)
+    data = DescentDataModule(descents, split=SplitSettings(test_fraction=0.0, validation_fraction=0.0))
     data.setup()
     assert len(data.profiles("train")) == 300
 

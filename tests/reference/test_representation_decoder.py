@@ -14,6 +14,7 @@ from descentflow.core.units import FL_M, KT_MPS
 from descentflow.physics.energy import descent_rate_mps
 from descentflow.physics.idle_state import idle_state
 from descentflow.representation.decoder.trajectories import Trajectories, integrate
+from descentflow.representation.fit_representation import RepresentationSettings
 from descentflow.representation.profiles import infer_drag_n
 
 LEVELS = torch.arange(150, 371, dtype=torch.float64)
@@ -147,9 +148,8 @@ def test_gradients_with_respect_to_weights() -> None:
 def test_encode_then_decode_returns_complete_flights() -> None:
     """With nearly all variance kept, complete flights come back within a small share of their spread."""
     train = toys.flights(400, gappy=False)
-    parts = toys.fit_representation(
-        train, toys.AIRCRAFT, toys.Split((), (), ()), explained_variance=0.999, cas_explained_variance=0.999
-    )
+    nearly_all = RepresentationSettings(explained_variance=0.999, cas_explained_variance=0.999)
+    parts = toys.fit_representation(train, toys.AIRCRAFT, toys.Split((), (), ()), nearly_all)
     drag, cas = parts.decoder.curves(parts.decoder.encode(train))
     for rebuilt, true in ((drag, train.drag_n), (cas, train.cas_mps)):
         lost = (rebuilt - true).square().sum() / (true - true.mean(0)).square().sum()
@@ -160,7 +160,7 @@ def test_encode_then_decode_returns_complete_flights() -> None:
 def test_components_of_cas_explain_95_percent_at_every_number_of_flights(n: int) -> None:
     def of_cas(**options: float) -> int:
         train = toys.flights(n, gappy=False)
-        parts = toys.fit_representation(train, toys.AIRCRAFT, toys.Split((), (), ()), **options)
+        parts = toys.fit_representation(train, toys.AIRCRAFT, toys.Split((), (), ()), RepresentationSettings(**options))
         return parts.decoder.cas_basis.n_components
 
     assert of_cas() == of_cas(cas_explained_variance=0.95) < of_cas(cas_explained_variance=0.999)

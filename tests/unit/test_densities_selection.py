@@ -18,6 +18,7 @@ from descentflow.densities.component_search import (
 )
 from descentflow.evaluation.metrics.proper import crps, crps_each, energy_score_each
 from descentflow.representation.evidence import Evidence
+from descentflow.training.data_settings import ContextSettings
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models import Gaussian, GaussianMixture, MaskedAffineFlow, SplineFlow
 from studies.forecast_scores import forecast_scores, skill
@@ -155,7 +156,7 @@ def test_forecasts_are_better_where_the_context_tells_something(tmp_path: Path) 
     speed.write_parquet(tmp_path / "t.parquet")
     scores = {}
     for name in ("speed", "nothing"):
-        data = DescentDataModule(descents, context=[name], context_table=tmp_path / "t.parquet")
+        data = DescentDataModule(descents, conditions=ContextSettings([name], tmp_path / "t.parquet"))
         data.setup()
         density = toys.fit(Gaussian(), data, 1).density
         part = data.profiles("test"), data.weights("test"), data.contexts("test")

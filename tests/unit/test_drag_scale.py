@@ -18,7 +18,7 @@ from descentflow.evaluation.figures.components import components_figure
 from descentflow.physics.airspeed import cas_to_mach, cas_to_tas_mps, mach_to_cas_mps
 from descentflow.representation.decoder.trajectories import integrate
 from descentflow.representation.drag_scale import LEAST_FORCE, DragScale, fit_drag_scale
-from descentflow.representation.fit_representation import fit_representation
+from descentflow.representation.fit_representation import RepresentationSettings, fit_representation
 from descentflow.representation.own_air import flown_in
 from descentflow.representation.profiles import Profiles, observed_profiles
 from descentflow.representation.representation import Representation, Split
@@ -35,7 +35,9 @@ SCALE = DragScale(
 
 
 def parts(flights: Profiles, **options: object) -> Representation:
-    return fit_representation(flights, toys.AIRCRAFT, Split(flights.flight_ids, (), ()), **options)  # type: ignore[arg-type]
+    return fit_representation(
+        flights, toys.AIRCRAFT, Split(flights.flight_ids, (), ()), RepresentationSettings(**options)
+    )  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("scale", [SCALE, replace(SCALE, logarithm=False)], ids=["log", "newton"])

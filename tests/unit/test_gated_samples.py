@@ -11,7 +11,12 @@ from descentflow.densities.entry_gate import EntryGate, learn_gate
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.generation.rejection import MAX_TRIES, sample_descents
-from descentflow.representation.fit_representation import fit_representation, residual_drag, residual_speed
+from descentflow.representation.fit_representation import (
+    RepresentationSettings,
+    fit_representation,
+    residual_drag,
+    residual_speed,
+)
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation, Split
 
@@ -103,7 +108,7 @@ def with_residual() -> tuple[Representation, Profiles]:
     extra = 600 * torch.randn(600, 1, generator=generator).double() * torch.sin(40 * x)
     faster = 4 * torch.randn(600, 1, generator=generator).double() * torch.sin(15 * x)
     flights = replace(flights, drag_n=flights.drag_n + extra, cas_mps=flights.cas_mps + faster)
-    parts = fit_representation(flights, toys.AIRCRAFT, Split(flights.flight_ids, (), ()), explained_variance=0.8)
+    parts = fit_representation(flights, toys.AIRCRAFT, Split(flights.flight_ids, (), ()))
     return parts, flights
 
 
@@ -140,7 +145,7 @@ def test_the_residual_travels_with_the_decoder_and_old_checkpoints_have_none() -
 def test_the_residual_is_an_option() -> None:
     flights = toys.flights(200)
     split = Split(flights.flight_ids, (), ())
-    bare = fit_representation(flights, toys.AIRCRAFT, split, residual=False).decoder
+    bare = fit_representation(flights, toys.AIRCRAFT, split, RepresentationSettings(residual=False)).decoder
     assert bare.n_white == 0
     whole = fit_representation(flights, toys.AIRCRAFT, split).decoder
     assert torch.equal(residual_drag(bare, flights), whole.residual)

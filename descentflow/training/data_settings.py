@@ -1,0 +1,122 @@
+"""Settings of the DataModule and of models in groups, each of which a flat name finds, too."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from inspect import signature
+from pathlib import Path
+from typing import Any
+
+from jsonargparse.typing import ClosedUnitInterval, PositiveInt
+
+from descentflow.core.arguments import NotNegativeInt, checked_settings
+from descentflow.representation.context import Missing
+from descentflow.training.splitting import SplitBy
+
+
+@checked_settings
+@dataclass(frozen=True)
+class SplitSettings:
+    """Flights that are held out, before anything is fitted.
+
+    Attributes:
+        test_fraction: Share of the flights held out for test; with zero, none are.
+        validation_fraction: Share of the other flights held out for validation; with zero, the training flights serve
+            for it.
+        split_by: What the split never tears apart: a flight, or an aircraft with all its flights.
+        seed: Of the split.
+
+    Example:
+        >>> SplitSettings(split_by="aircraft").test_fraction
+        0.2
+    """
+
+    test_fraction: ClosedUnitInterval = 0.2
+    validation_fraction: ClosedUnitInterval = 0.1
+    split_by: SplitBy = "flight"
+    seed: NotNegativeInt = 0
+
+
+@checked_settings
+@dataclass(frozen=True)
+class ContextSettings:
+    """Context on which the density is conditioned.
+
+    Attributes:
+        context: Columns, see :func:`~descentflow.representation.context_columns.flight_context`; those of the
+            checkpoint where one is given.
+        context_table: CSV or Parquet with `flight_id` and columns of context.
+        missing_context: What becomes of flights that lack a value: ``drop`` or ``indicator``.
+
+    Example:
+        >>> ContextSettings(context=["hour", "operator"]).missing_context
+        'drop'
+    """
+
+    context: list[str] | None = None
+    context_table: Path | None = None
+    missing_context: Missing = "drop"
+
+
+@checked_settings
+@dataclass(frozen=True)
+class BatchSettings:
+    """Batches of training flights.
+
+    Attributes:
+        batch_size: Flights in a training batch.
+        fewest_batches: Batches that an epoch has at least; with few flights they are smaller than ``batch_size``.
+
+    Example:
+        >>> BatchSettings(fewest_batches=8).batch_size
+        512
+    """
+
+    batch_size: PositiveInt = 512
+    fewest_batches: PositiveInt = 1
+
+
+def groups_of(kind: type) -> dict[str, type]:
+    """Arguments of a class that are groups of settings: name to dataclass.
+
+    Example:
+        >>> from descentflow.training.datamodule import DescentDataModule
+        >>> groups_of(DescentDataModule)["split"].__name__
+        'SplitSettings'
+    """
+    usual = {name: type(one.default) for name, one in signature(kind).parameters.items()}
+    return {name: group for name, group in usual.items() if is_dataclass(group)}
+
+
+def grouped(options: Mapping[str, Any], kind: type) -> dict[str, Any]:
+    """Options of a class with those in their groups that are given by a flat name.
+
+    Example:
+        >>> from descentflow.training.datamodule import DescentDataModule
+        >>> grouped({"seed": 3, "air": "measured", "split": {"split_by": "aircraft"}}, DescentDataModule)
+        {'air': 'measured', 'split': {'split_by': 'aircraft', 'seed': 3}}
+    """
+    group_of = {one.name: name for name, group in groups_of(kind).items() for one in fields(group)}
+    found = {name: value for name, value in options.items() if name not in group_of}
+    for name, value in options.items():
+        if name in group_of:
+            before = found.get(group_of[name]) or {}
+            found[group_of[name]] = {**(vars(before) if is_dataclass(before) else before), name: value}
+    return found
+
+
+def with_groups(options: Mapping[str, Any], kind: type) -> dict[str, Any]:
+    """Options as a class takes them: a dictionary becomes the group that it stands for.
+
+    Raises:
+        ConfigError: If a value is of another kind.
+
+    Example:
+        >>> from descentflow.training.datamodule import DescentDataModule
+        >>> with_groups({"batch_size": 64}, DescentDataModule)
+        {'batches': BatchSettings(batch_size=64, fewest_batches=1)}
+    """
+    groups = groups_of(kind)
+    return {
+        name: groups[name](**value) if name in groups and isinstance(value, Mapping) else value
+        for name, value in grouped(options, kind).items()
+    }

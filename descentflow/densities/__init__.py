@@ -5,7 +5,7 @@ Reading order: :mod:`~descentflow.densities.density` (what every density offers)
 :mod:`~descentflow.densities.entry_law`), :mod:`~descentflow.densities.gaussian`,
 :mod:`~descentflow.densities.mixture` (with :mod:`~descentflow.densities.entry_gate` and
 :mod:`~descentflow.densities.mixture_parameters`), :mod:`~descentflow.densities.em` (its fit; the steps are in
-:mod:`~descentflow.densities.gaussian_steps` and :mod:`~descentflow.densities.regression_steps`),
+:mod:`~descentflow.densities.em_steps` and :mod:`~descentflow.densities.regression_steps`),
 :mod:`~descentflow.densities.component_search` (how many mixture components), :mod:`~descentflow.densities.flow` (with
 :mod:`~descentflow.densities.layers`), :mod:`~descentflow.densities.checkpoint` (what it holds:
 :mod:`~descentflow.densities.checkpoint_summary`).

@@ -93,7 +93,7 @@ def select_mixture(
         tolerance: As in :func:`~descentflow.densities.em.fit_mixture`.
         extend: Go on beyond 15 flights per parameter where the criterion decides for the cap, see :func:`best_number`.
         criterion: ``bic``, as in the paper, or ``aic``.
-        prior_flights: Flights by which covariances are shrunk, see :mod:`descentflow.densities.shrunk_covariances`.
+        prior_flights: Flights by which covariances are shrunk, see :mod:`descentflow.densities.em_steps`.
         only: Number of components, taken whatever its criterion is.
         progress: Progress callback: called after each number of components with how many will be tried.
 

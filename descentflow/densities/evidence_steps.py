@@ -7,17 +7,13 @@ context the means are regressed on it, as in :mod:`descentflow.densities.regress
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Self
 
 import torch
 from torch import Tensor
 
-from descentflow.densities.crossed_clusters import CrossedClusters
-from descentflow.densities.em_steps import Steps, evenly
-from descentflow.densities.gaussian_steps import JITTER, GaussianSteps, cholesky_or_small
+from descentflow.densities.em_steps import JITTER, GaussianSteps, Steps, cholesky_or_small, evenly, shrunk
 from descentflow.densities.mixture_parameters import Mixture, block_posteriors
 from descentflow.densities.regression_steps import RIDGE, Gate, RegressionSteps
-from descentflow.densities.shrunk_covariances import shrunk
 from descentflow.representation.evidence import Evidence
 
 ONE_GAUSSIAN_STEPS, ONE_GAUSSIAN_TOLERANCE = 1000, 1e-9
@@ -88,15 +84,6 @@ class EvidenceSteps(Steps):
             before = likelihood
         return one
 
-    def crossed(self, clusters: CrossedClusters | None) -> Self:
-        """The steps of the same flights for mixtures whose components are pairs of clusters; free ones of None."""
-        if clusters is not None and self.context is not None:
-            raise ValueError("clusters that are crossed and a context, which components are regressed on")
-        _ = self.single  # of one component, which is none of these: known before, and by both
-        same = super().crossed(clusters)
-        same._last = same._some = None
-        return same
-
     def some(self, most: int) -> Steps:
         """The steps of at most so many of the flights, evenly chosen."""
         if len(self.evidence) <= most:
@@ -105,7 +92,7 @@ class EvidenceSteps(Steps):
             chosen = evenly(len(self.evidence), most).to(self.evidence.group.device)
             context = None if self.context is None else self.context[chosen]
             like = {"ridge": self.ridge, "jitter": self.jitter, "prior_flights": self.prior_flights}
-            fewer = EvidenceSteps(self.evidence.rows(chosen), context, **like).crossed(self.clusters)
+            fewer = EvidenceSteps(self.evidence.rows(chosen), context, **like)
             self._some = (most, fewer)
         return self._some[1]
 
@@ -122,7 +109,7 @@ class EvidenceSteps(Steps):
             factor = cholesky_or_small(found.covariances[0], 1e-12)
             drawn[block.index] = found.means[0] + white[block.index.cpu()].to(drawn) @ factor.mT
         if self.context is None:
-            return GaussianSteps(drawn, self.prior_flights).crossed(self.clusters)
+            return GaussianSteps(drawn, self.prior_flights)
         return RegressionSteps(drawn, self.context, self.prior_flights)
 
     def points_to_group(self, seed: int) -> Tensor:
@@ -195,8 +182,8 @@ class EvidenceSteps(Steps):
         mean_x, mean_w = moments.xx[:, 0] / count[:, None], moments.xw[:, 0] / count[:, None]
         second = moments.ww / count[:, None, None] - mean_w[:, :, None] * mean_w[:, None]
         if self.context is None or self._gate is None:
-            locs, own = self.tied(count, mean_w, (second + second.mT) / 2)
-            return Mixture(count / count.sum(), locs, cholesky_or_small(own, self.jitter))
+            own = shrunk((second + second.mT) / 2, count, self.prior_flights)
+            return Mixture(count / count.sum(), mean_w, cholesky_or_small(own, self.jitter))
         # Ridge regression of each component's posterior means on the context, from centred moments.
         inner = moments.xx[:, 1:, 1:] - count[:, None, None] * mean_x[:, 1:, None] * mean_x[:, None, 1:]
         across = moments.xw[:, 1:] - count[:, None, None] * mean_x[:, 1:, None] * mean_w[:, None]

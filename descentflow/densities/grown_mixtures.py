@@ -10,10 +10,9 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from descentflow.densities.em import STARTING_FLIGHTS, fit_steps
+from descentflow.densities.em import STARTING_FLIGHTS, fit_steps, white_halves
 from descentflow.densities.em_acceleration import converge_fast
 from descentflow.densities.em_steps import Steps
-from descentflow.densities.k_means import white_halves
 from descentflow.densities.mixture_parameters import Mixture
 
 ITERATIONS = 200

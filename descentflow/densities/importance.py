@@ -13,7 +13,7 @@ from math import log
 import torch
 from torch import Tensor
 
-from descentflow.densities.gaussian_steps import cholesky_or_small
+from descentflow.densities.em_steps import cholesky_or_small
 from descentflow.densities.mixture_parameters import Mixture, log_observed, posteriors
 from descentflow.representation.evidence import Evidence
 

@@ -1,6 +1,5 @@
 """Gaussian mixture over the weights, defined by a Pyro program (paper, section 2.3 and appendix C)."""
 
-from dataclasses import asdict
 from typing import Any
 
 import pyro
@@ -12,7 +11,6 @@ from pyro.nn import PyroModule, PyroParam
 from torch import Tensor
 from torch.distributions import constraints
 
-from descentflow.densities.crossed_clusters import CrossedClusters
 from descentflow.densities.density import Density
 from descentflow.densities.entry_gate import EntryGate
 from descentflow.densities.mixture_parameters import Mixture, log_proportions, posteriors
@@ -108,7 +106,7 @@ class GaussianMixtureDensity(Density):
         n_context: int = 0,
         entry_gate: dict[str, Any] | None = None,
         residual_law: dict[str, Any] | None = None,
-        clusters: dict[str, int] | None = None,
+        clusters: object = None,
     ) -> None:
         """Equal components at the origin.
 
@@ -118,15 +116,11 @@ class GaussianMixtureDensity(Density):
             n_context: Numbers of context c.
             entry_gate: State of an :class:`~descentflow.densities.entry_gate.EntryGate`; none if absent.
             residual_law: State of a :class:`~descentflow.densities.residual_law.ResidualLaw`; none if absent.
-            clusters: Fields of :class:`~descentflow.densities.crossed_clusters.CrossedClusters`, of which components
-                are pairs; free components if absent.
+            clusters: Ignored: earlier checkpoints kept by it how components were tied while fitting.
         """
         super().__init__(dimension, n_context)
         self.residual_law = None if residual_law is None else ResidualLaw.from_state(residual_law)
         self.entry_gate = None if entry_gate is None else EntryGate.from_state(entry_gate)
-        self.clusters = None if clusters is None else CrossedClusters(**clusters)
-        if self.clusters is not None:
-            self.clusters.check(n_clusters, dimension)
         if self.residual_law is not None:
             self.residual_law.check(n_clusters, dimension)
         if self.entry_gate is not None:
@@ -138,12 +132,11 @@ class GaussianMixtureDensity(Density):
         return MixtureDraw(self.mixture, self.entry_gate, self.residual_law)
 
     def settings(self) -> dict[str, Any]:
-        """Number of mixture components; numbers of context, gate, residual law and clusters if there are any."""
+        """Number of mixture components; numbers of context, gate and residual law if there are any."""
         context = {"n_context": self.n_context} if self.n_context else {}
         gate = {} if self.entry_gate is None else {"entry_gate": self.entry_gate.to_state()}
         law = {} if self.residual_law is None else {"residual_law": self.residual_law.to_state()}
-        pairs = {} if self.clusters is None else {"clusters": asdict(self.clusters)}
-        return {"n_clusters": len(self.program.probs), **context, **gate, **law, **pairs}
+        return {"n_clusters": len(self.program.probs), **context, **gate, **law}
 
     @property
     def mixture(self) -> Mixture:
@@ -158,7 +151,6 @@ class GaussianMixtureDensity(Density):
         # In the parameters that an optimizer holds, where shapes allow.
         if len(self.program.probs) != mixture.n_components:
             self.program = MixtureProgram(mixture.n_components, self.dimension, self.n_context).to(self.device)
-            self.clusters = None
         self.program.probs = mixture.probs
         self.program.locs, self.program.scale_trils = mixture.locs, mixture.scale_trils
         if self.n_context:

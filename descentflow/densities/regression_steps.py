@@ -2,16 +2,14 @@
 
 The conditional of a joint mixture over weights and context has the same components, but it spends them on the shape of
 the context, which is not generated, and has no density for a 0/1 column; here the likelihood of the weights alone
-decides. With no context at all, :mod:`descentflow.densities.gaussian_steps` takes these steps in one matrix product.
+decides. With no context at all, :mod:`descentflow.densities.em_steps` takes these steps in one matrix product.
 """
 
 import torch
 from torch import Tensor
 
-from descentflow.densities.em_steps import Steps, evenly
-from descentflow.densities.gaussian_steps import JITTER, cholesky_or_small
+from descentflow.densities.em_steps import JITTER, Steps, cholesky_or_small, evenly, shrunk
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.shrunk_covariances import shrunk
 
 RIDGE = 1.0
 """The prior of zero slopes counts as this many flights at one standard deviation of context: few, but enough for a

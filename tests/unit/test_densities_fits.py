@@ -68,7 +68,7 @@ def fitted(training: str) -> tuple[LatentModel, toys.WeightsModule]:
     """A mixture of as many components as BIC finds, and what it was fitted to."""
     module = data(mixture_truth())
     module.batch_size = 50
-    return toys.fit(GaussianMixture(training=training, crossed=False), module, 60), module
+    return toys.fit(GaussianMixture(training=training), module, 60), module
 
 
 @pytest.mark.parametrize("training", ["em", "svi"])

@@ -122,7 +122,7 @@ def test_criteria_are_two() -> None:
 
 def test_the_model_says_that_its_cap_decides(capsys: pytest.CaptureFixture[str]) -> None:
     weights = normal(400, D) * torch.where(normal(400, 1, seed=3) > 0, 3.0, 0.2) + 4 * normal(400, 1, seed=4).sign()
-    toys.fit(GaussianMixture(extend=False, n_restarts=2, crossed=False), toys.WeightsModule(weights, weights[:50]), 1)
+    toys.fit(GaussianMixture(extend=False, n_restarts=2), toys.WeightsModule(weights, weights[:50]), 1)
     assert "the cap of 15 flights per parameter decides" in capsys.readouterr().out
 
 

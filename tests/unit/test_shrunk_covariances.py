@@ -5,8 +5,8 @@ import torch
 from sklearn.mixture import GaussianMixture as SklearnMixture
 
 from descentflow.densities.em import fit_mixture, steps_of
+from descentflow.densities.em_steps import shrunk
 from descentflow.densities.mixture_parameters import log_observed
-from descentflow.densities.shrunk_covariances import shrunk
 from descentflow.representation.evidence import Evidence, as_evidence
 
 D = 5

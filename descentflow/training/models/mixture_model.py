@@ -13,9 +13,6 @@ from descentflow.core.arguments import checked_arguments
 from descentflow.core.progress import stage
 from descentflow.densities.checkpoint import UNFINISHED
 from descentflow.densities.component_search import FLIGHTS_PER_PARAMETER, Criterion, select_mixture
-from descentflow.densities.crossed_clusters import CrossedClusters
-from descentflow.densities.crossed_search import MOST_FLIGHTS as MOST_PAIRED
-from descentflow.densities.crossed_search import select_crossed
 from descentflow.densities.em import best_start, fit_mixture, steps_of
 from descentflow.densities.em_steps import Steps
 from descentflow.densities.entry_gate import learn_gate
@@ -23,7 +20,6 @@ from descentflow.densities.learn_residual_law import MOST_FLIGHTS, learn_residua
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.residual_law import ResidualLaw
-from descentflow.representation.evidence import Evidence
 from descentflow.representation.linear_curves import linear_curves, residual_profiles
 from descentflow.training.datamodule import data_of
 from descentflow.training.models.kept_checkpoints import complete_kept
@@ -38,10 +34,9 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
 
     Trained by expectation maximisation (``em``, the default: each epoch is one E and M step over the whole training
     part, by the likelihood of what was observed) or by stochastic variational inference with an enumerated ELBO
-    (``svi``). Of few flights, components are pairs of a cluster of speeds and one of drags. How many is chosen by an
-    information criterion, unless it is set: by Akaike's, which asks what is most probable of flights not seen yet. Of
-    few flights its mixtures are closer to held-out ones than those of the Bayesian criterion, the paper's, where
-    covariances are shrunk towards the one that components share.
+    (``svi``). The number of components is chosen by an information criterion, unless it is set: by Akaike's, which asks
+    what is most probable of flights not seen yet. Of few flights its mixtures are closer to held-out ones than those of
+    the Bayesian criterion, the paper's, where covariances are shrunk towards the one that components share.
 
     Example:
         >>> from descentflow.training.fit import fit
@@ -62,15 +57,13 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         by_entry: bool = True,
         criterion: Criterion = "aic",
         prior_flights: NonNegativeFloat = 5.0,
-        crossed: bool = True,
     ) -> None:
         """Set the hyperparameters.
 
         Args:
             n_clusters: Number of mixture components; chosen by ``criterion`` if absent.
             training: ``em`` or ``svi``.
-            n_restarts: k-means++ starts for each number of components; eight reach what fewer miss by 0.3 nats. A
-                quarter of them for pairs of clusters, which start from those of fewer clusters too.
+            n_restarts: k-means++ starts for each number of components; eight reach what fewer miss by 0.3 nats.
             tolerance: EM has converged when the mean log-likelihood gains less (nats per flight).
             learning_rate: Of Adam in ``svi``; larger steps throw narrow components off a good start.
             seed: Of the starts.
@@ -79,11 +72,8 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
             by_entry: Learn the components' proportions by bins of the entry level; not with a context.
             criterion: ``aic``, or ``bic`` as in the paper.
             prior_flights: Flights of the covariance that components share, added to each one's own
-                (:mod:`descentflow.densities.shrunk_covariances`); zero for maximum likelihood. ``svi`` has it in the
+                (:mod:`descentflow.densities.em_steps`); zero for maximum likelihood. ``svi`` has it in the
                 search for the number of components and in its start.
-            crossed: Components are pairs of a cluster of speeds and a cluster of drags
-                (:mod:`descentflow.densities.crossed_clusters`), as many of either as the criterion finds. Free ones
-                all the same with ``n_clusters``, ``svi``, a context, or more than 6,000 training flights.
         """
         super().__init__()
         self.save_hyperparameters()
@@ -93,14 +83,14 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         # A built-in float: the optimizer's state keeps it, and a checkpoint holds primitives only.
         self.learning_rate, self.seed, self.extend = float(learning_rate), seed, extend
         self.by_entry = by_entry
-        self.criterion, self.prior_flights, self.crossed = criterion, float(prior_flights), crossed
+        self.criterion, self.prior_flights = criterion, float(prior_flights)
         self._restored = self._unfinished = False
         self._steps: Steps | None = None
-        self._chosen: CrossedClusters | int | None = None
+        self._chosen: int | None = None
 
     def choose_as(self, fitted: LatentModel[GaussianMixtureDensity]) -> None:
-        """Take as many components, or clusters of speed and of drag, as the other fit."""
-        self._chosen = fitted.density.clusters or fitted.density.mixture.n_components
+        """Take as many components as the other fit."""
+        self._chosen = fitted.density.mixture.n_components
 
     def make(self, dimension: int, n_context: int = 0) -> GaussianMixtureDensity:
         """A mixture of the number of components that was set, or of one until the criterion has chosen."""
@@ -114,8 +104,6 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         chosen = self._chosen
         if self.n_clusters is not None:
             best = fit_mixture(flights, self.n_clusters, **options)[0]
-        elif isinstance(chosen, CrossedClusters) or (chosen is None and self._pairs(flights, context)):
-            return self._cross(flights, chosen)
         else:
             with self._progress("number of components") as show:
                 selection = select_mixture(
@@ -127,34 +115,6 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         if self.training_method == "svi":
             best = best_start(flights, best.n_components, **options)
         self.density.mixture = best
-        return None
-
-    def _pairs(self, flights: Evidence, context: Tensor | None) -> bool:
-        """True where components are pairs of clusters."""
-        few = len(flights) <= MOST_PAIRED and self.training_method == "em" and context is None
-        return self.crossed and few and self._n_drag < self.density.dimension
-
-    @property
-    def _n_drag(self) -> int:
-        return self.representation.decoder.drag_basis.n_components
-
-    def _cross(self, flights: Evidence, chosen: CrossedClusters | None) -> None:
-        """Choose the numbers of clusters of speed and of drag, unless they are."""
-        with self._progress("numbers of clusters") as show:
-            found = select_crossed(
-                flights,
-                self._n_drag,
-                seed=self.seed,
-                n_restarts=max(self.n_restarts // 4, 1),
-                criterion=self.criterion,
-                prior_flights=self.prior_flights,
-                only=chosen,
-                progress=show,
-            )
-        self.density.mixture, self.density.clusters = found.mixture, found.clusters
-        numbers = f"{found.clusters.n_speed} clusters of speed and {found.clusters.n_drag} of drag"
-        if chosen is None:
-            self.print(f"{self.criterion.upper()} chooses {numbers}, of {len(found.values)} pairs of numbers tried")
 
     @contextmanager
     def _progress(self, what: str) -> Iterator[Callable[[int], None]]:
@@ -187,7 +147,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
     @torch.no_grad()
     def _em_step(self) -> None:
         if self._steps is None:
-            self._steps = steps_of(*training_flights(self), self.prior_flights).crossed(self.density.clusters)
+            self._steps = steps_of(*training_flights(self), self.prior_flights)
         improved, before = self._steps.improve(self.density.mixture)
         self.density.mixture = improved
         after = float(self._steps.expectation(self.density.mixture)[1])

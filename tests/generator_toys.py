@@ -12,12 +12,8 @@ from torch import Tensor
 from descentflow.core.units import KT_MPS
 from descentflow.densities.density import Density
 from descentflow.densities.entry_gate import EntryGate
-from descentflow.densities.entry_law import EntryLaw
-from descentflow.densities.flow import MaskedAffineFlowDensity
-from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.transformed import TransformedDensity
 from descentflow.generation.rejection import sample_descents
 from descentflow.positions.placing import place
 from descentflow.representation.decoder.trajectories import Trajectories, concatenate
@@ -125,29 +121,3 @@ def p_values(one: Trajectories, other: Trajectories) -> dict[str, float]:
         first, second = of(one).round(decimals=6), of(other).round(decimals=6)
         found[name] = float(ks_2samp(first.numpy(), second.numpy(), method="asymp").pvalue)
     return found
-
-
-def by_entry(flow: bool) -> TransformedDensity:
-    """A Gaussian or a flow whose draws lie elsewhere, and are wider, where a flight enters low."""
-    d = parts().decoder.dimension
-    shift = torch.zeros(2, d, dtype=torch.float64)
-    shift[0], shift[1] = 0.8, -0.6
-    root = torch.tensor([1.1, 0.7]).double()[:, None, None] * torch.eye(d, dtype=torch.float64)
-    law = EntryLaw(torch.tensor([60]), torch.tensor([0.5, 0.5]).double(), shift, root).to_state()
-    if not flow:
-        found: TransformedDensity = GaussianDensity(d, entry_law=law)
-    else:
-        with torch.random.fork_rng():
-            torch.manual_seed(3)
-            found = MaskedAffineFlowDensity(d, n_flows=1, whitened=True, entry_law=law).eval()
-            for parameter in found.parameters():
-                parameter.data += 0.05 * torch.randn(parameter.shape)
-    found.attach(parts())
-    return found.requires_grad_(False)
-
-
-@cache
-def samples_by_entry(flow: bool, entry_fl: int | None) -> Trajectories:
-    """Samples as anyone draws them."""
-    entry, known = None if entry_fl is None else torch.tensor([index(entry_fl)]), parts()
-    return sample_descents(by_entry(flow), known, 20_000, 1, entry=entry).trajectories

@@ -8,12 +8,10 @@ from torch import Tensor
 
 from descentflow.densities.density import Density
 from descentflow.densities.entry_gate import EntryGate
-from descentflow.densities.entry_law import EntryLaw
 from descentflow.densities.flow import MaskedAffineFlowDensity
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.transformed import TransformedDensity
 from descentflow.exports.descent_graph import PROFILES
 from descentflow.generation.sample_tables import to_frame
 from descentflow.representation.representation import Representation
@@ -25,17 +23,7 @@ def factor(d: int, generator: torch.Generator) -> Tensor:
 
 
 def density(kind: str, parts: Representation, n_context: int = 0) -> Density:
-    """A Gaussian, a mixture with an entry gate (none with a context), or a flow, none of them at its start.
-
-    "gaussian by entry" and "whitened flow by entry" have a law of their normals by the level of entry.
-    """
-    if kind.endswith(" by entry"):
-        known: Any = density(kind.removesuffix(" by entry"), parts)
-        generator = torch.Generator().manual_seed(4)
-        shift = 0.3 * torch.randn(2, known.dimension, generator=generator).double()
-        root = 0.6 * torch.stack([factor(known.dimension, generator) for _ in range(2)])
-        known.entry_law = EntryLaw(torch.tensor([170]), torch.tensor([0.4, 0.6], dtype=torch.float64), shift, root)
-        return known
+    """A Gaussian, a mixture with an entry gate (none with a context), or a flow, none of them at its start."""
     d, generator = parts.decoder.dimension, torch.Generator().manual_seed(3)
 
     def normal(*shape: int) -> Tensor:
@@ -69,8 +57,8 @@ def weights_of(model: Density, noise_seed: int, n: int, component: Tensor | None
     """Standard normals (n, d) and the weights that the density itself draws with them."""
     d = model.dimension
     if component is not None:
-        dtype = model.white_dtype if isinstance(model, TransformedDensity) else torch.float64
-        noise = torch.randn(n, d, 1, generator=torch.Generator().manual_seed(noise_seed), dtype=dtype)[..., 0]
+        generator = torch.Generator().manual_seed(noise_seed)
+        noise = torch.randn(n, d, 1, generator=generator, dtype=torch.float64)[..., 0]
         return noise, model.sample_of(component, noise_seed)  # type: ignore[operator]
     if isinstance(model, MaskedAffineFlowDensity):
         noise = torch.randn(n, d, generator=torch.Generator().manual_seed(noise_seed), dtype=model.white_dtype)

@@ -121,9 +121,6 @@ class WeightsModule(LightningDataModule):
     def contexts(self, part: str) -> Tensor | None:
         return None
 
-    def entries(self, part: str) -> Tensor | None:
-        return None
-
     def train_dataloader(self) -> DataLoader:
         return flight_batches(self.evidence("train"), self.contexts("train"), self.batch_size, shuffle=True)
 

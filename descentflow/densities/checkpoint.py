@@ -2,6 +2,7 @@
 
 import warnings
 from hashlib import file_digest
+from inspect import signature
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -60,9 +61,8 @@ def load_model(path: str | Path) -> Density:
             density.file = {"checkpoint": Path(path).name, "checkpoint_sha256": file_digest(file, "sha256").hexdigest()}
     if content.get(UNFINISHED):
         warnings.warn(
-            f"{path} is of a fit that was going on or was cut short: how flights differ by their entry level, and what "
-            "a mixture's components leave out, is learnt when training ends; to mend it, let the fit end, or resume it "
-            "from its last.ckpt",
+            f"{path} is of a fit that was going on or was cut short: what a mixture's components leave out is learnt "
+            "when training ends; to mend it, let the fit end, or resume it from its last.ckpt",
             DescentflowWarning,
             stacklevel=2,
         )
@@ -186,6 +186,13 @@ def density_of(section: dict[str, Any]) -> Density:
             mend="name the Python file that defines it (--model FILE.py), or import its module before loading",
         )
     kind = Density.kinds[name] if name in Density.kinds else getattr(densities, name)
+    unknown = section["settings"].keys() - signature(kind).parameters.keys()
+    if unknown:
+        raise CheckpointError(
+            f"a {name} of another version, with {', '.join(sorted(unknown))}",
+            expected=f"settings among {', '.join(signature(kind).parameters)}",
+            mend="fit again, or use the descentflow version that wrote it",
+        )
     representation = Representation.from_state(section["representation"])
     # Networks draw their first parameters, which are overwritten, from torch's global generator. It is the caller's:
     # one at a time, for what another thread puts back would be a state of while this one drew.

@@ -89,8 +89,8 @@ class Density(nn.Module, ABC):
 
         Example:
             >>> from descentflow.densities.checkpoint import load_model
-            >>> type(load_model("best.ckpt").weight_draw(torch.float64)).__name__  # a Gaussian by the entry level
-            'DrawByEntry'
+            >>> type(load_model("best.ckpt").weight_draw(torch.float64)).__name__
+            'MixtureDraw'
         """
         if self.mixture is None:
             raise ConfigError(

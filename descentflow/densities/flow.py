@@ -50,16 +50,15 @@ class FlowDensity(TransformedDensity):
     correlation_tril: Tensor
     order: Tensor
 
-    def __init__(self, dimension: int, n_context: int, whitened: bool, entry_law: dict[str, Any] | None) -> None:
+    def __init__(self, dimension: int, n_context: int, whitened: bool) -> None:
         """Whiten with the standard normal until :meth:`whiten` is called.
 
         Args:
             dimension: Number of weights d.
             n_context: Numbers of context c.
             whitened: Whether the flow starts from the Gaussian of the weights.
-            entry_law: State of an :class:`~descentflow.densities.entry_law.EntryLaw`; none if absent.
         """
-        super().__init__(dimension, n_context, entry_law)
+        super().__init__(dimension, n_context)
         self.whitened = whitened
         if whitened:
             self.register_buffer("loc", torch.zeros(dimension, dtype=torch.float64))
@@ -202,7 +201,6 @@ class MaskedAffineFlowDensity(FlowDensity):
         whitened: bool = False,
         linear: bool = True,
         turned_round: bool = True,
-        entry_law: dict[str, Any] | None = None,
     ) -> None:
         """Flows that start close to the identity; at the identity where they are whitened.
 
@@ -215,9 +213,8 @@ class MaskedAffineFlowDensity(FlowDensity):
             linear: LU-decomposed maps between the flows; their order is reversed otherwise.
             turned_round: Whether one pass of the networks gives the density and sampling is sequential; as shipped,
                 normflows has it the other way about.
-            entry_law: State of an :class:`~descentflow.densities.entry_law.EntryLaw`; none if absent.
         """
-        super().__init__(dimension, n_context, whitened, entry_law)
+        super().__init__(dimension, n_context, whitened)
         self.n_flows, self.hidden_per_weight = n_flows, hidden_per_weight
         self.linear, self.turned_round = linear, turned_round
         hidden = hidden_per_weight * (dimension + n_context)
@@ -243,7 +240,7 @@ class MaskedAffineFlowDensity(FlowDensity):
     def _pass(self, z: Tensor, context: Tensor | None) -> tuple[Tensor, Tensor]:
         return super()._pass(z, context) if self._at_once is None else self._at_once(z, context)
 
-    def white_draw(self, dtype: torch.dtype) -> WeightDraw:
+    def weight_draw(self, dtype: torch.dtype) -> WeightDraw:
         """The flow as one expression, with arithmetic in a precision."""
         names = ("loc", "slope", "scale", "correlation_tril") if self.whitened else ()
         return FlowDraw(self.flow.flows, self.dimension, dtype, {name: getattr(self, name) for name in names})
@@ -280,7 +277,6 @@ class SplineFlowDensity(FlowDensity):
         n_bins: int = 8,
         n_context: int = 0,
         whitened: bool = False,
-        entry_law: dict[str, Any] | None = None,
     ) -> None:
         """Flows that start at the identity.
 
@@ -291,9 +287,8 @@ class SplineFlowDensity(FlowDensity):
             n_bins: Pieces of each spline.
             n_context: Numbers of context c.
             whitened: Start at the weights' Gaussian, see :class:`FlowDensity`.
-            entry_law: State of an :class:`~descentflow.densities.entry_law.EntryLaw`; none if absent.
         """
-        super().__init__(dimension, n_context, whitened, entry_law)
+        super().__init__(dimension, n_context, whitened)
         self.n_flows, self.hidden, self.n_bins = n_flows, hidden, n_bins
         flows: list[nf.flows.Flow] = []
         for _ in range(n_flows):

@@ -1,7 +1,5 @@
 """One Gaussian over the weights (paper, section 2.3 and appendix C), its mean linear in the context if there is one."""
 
-from typing import Any
-
 import torch
 from torch import Tensor, nn
 
@@ -14,50 +12,37 @@ from descentflow.densities.weight_draws import MixtureDraw, WeightDraw
 class GaussianDensity(TransformedDensity):
     """``w = loc + slope c + scale_tril u``, a standard normal until it is fitted.
 
-    With a law of u by bins of the entry level it is a Gaussian in each bin.
-
     Example:
         >>> density = GaussianDensity(dimension=2)
         >>> round(density.log_prob(torch.zeros(1, 2)).exp().item(), 4)  # 1 / (2 pi)
         0.1592
     """
 
-    def __init__(self, dimension: int, n_context: int = 0, entry_law: dict[str, Any] | None = None) -> None:
+    def __init__(self, dimension: int, n_context: int = 0) -> None:
         """A standard normal of d weights.
 
         Args:
             dimension: Number of weights d.
             n_context: Numbers of context c.
-            entry_law: State of an :class:`~descentflow.densities.entry_law.EntryLaw`; none if absent.
         """
-        super().__init__(dimension, n_context, entry_law)
+        super().__init__(dimension, n_context)
         self.loc = nn.Parameter(torch.zeros(dimension, dtype=torch.float64))
         self.scale_tril = nn.Parameter(torch.eye(dimension, dtype=torch.float64))
         if n_context:
             self.slope = nn.Parameter(torch.zeros(dimension, n_context, dtype=torch.float64))
 
     @property
-    def overall(self) -> Mixture:
-        """The Gaussian of all levels of entry, as a mixture of one."""
+    def mixture(self) -> Mixture:
+        """The density as a mixture of one."""
         one = self.loc.new_ones(1)
         if not self.n_context:
             return Mixture(one, self.loc[None], self.scale_tril[None])
         gate = self.loc.new_zeros(1, self.n_context)
         return Mixture(one, self.loc[None], self.scale_tril[None], self.slope[None], gate)
 
-    @property
-    def mixture(self) -> Mixture:
-        """The density as a mixture of one, or of as many as the entry level has bins."""
-        law = self.entry_law
-        if law is None:
-            return self.overall
-        shares, shift, root = (value.to(self.loc) for value in (law.shares, law.shift, law.root))
-        return Mixture(shares, self.loc + shift @ self.scale_tril.T, self.scale_tril @ root)
-
     @mixture.setter
     @torch.no_grad()
     def mixture(self, mixture: Mixture) -> None:
-        self.entry_law = None  # of another Gaussian
         self.loc.copy_(mixture.locs[0])
         self.scale_tril.copy_(mixture.scale_trils[0])
         if mixture.slopes is not None:
@@ -65,12 +50,12 @@ class GaussianDensity(TransformedDensity):
 
     @torch.no_grad()
     def wide_gaussian(self, context: Tensor | None = None) -> Mixture:
-        """The Gaussian of all levels of entry, widened."""
-        return widened(self.overall)
+        """The Gaussian, widened."""
+        return widened(self.mixture)
 
-    def white_draw(self, dtype: torch.dtype) -> WeightDraw:
+    def weight_draw(self, dtype: torch.dtype) -> WeightDraw:
         """The one Gaussian, in double precision whatever is asked for."""
-        return MixtureDraw(self.overall)
+        return MixtureDraw(self.mixture)
 
     @property
     def white_dtype(self) -> torch.dtype:

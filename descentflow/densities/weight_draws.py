@@ -4,7 +4,6 @@ import torch
 from torch import Tensor, nn
 
 from descentflow.densities.entry_gate import EntryGate
-from descentflow.densities.entry_law import EntryLaw
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.residual_law import ResidualLaw
 
@@ -132,38 +131,3 @@ class MixtureDraw(WeightDraw):
 def _constant(value: Tensor) -> Tensor:
     kept = value.detach().cpu().clone()
     return kept.double() if kept.is_floating_point() else kept
-
-
-class DrawByEntry(WeightDraw):
-    """Map of standard normals, with their law by bins of the entry level before it.
-
-    Example:
-        >>> from descentflow.densities.entry_law import EntryLaw
-        >>> shift, root = torch.tensor([[0.0], [90.0]]).double(), torch.ones(2, 1, 1).double()
-        >>> law = EntryLaw(torch.tensor([100]), torch.tensor([0.5, 0.5]).double(), shift, root)
-        >>> one = Mixture(torch.ones(1), torch.zeros(1, 1), torch.ones(1, 1, 1))
-        >>> DrawByEntry(MixtureDraw(one), law)(torch.zeros(2, 1), entry=torch.tensor([90, 110]))
-        tensor([[ 0.],
-                [90.]], dtype=torch.float64)
-    """
-
-    redraw = "noise, with the same entry_fl"
-    edges: Tensor
-    shift: Tensor
-    root: Tensor
-
-    def __init__(self, draw: WeightDraw, law: EntryLaw) -> None:
-        """Copy the law."""
-        super().__init__()
-        self.draw = draw
-        for name in ("edges", "shift", "root"):
-            self.register_buffer(name, _constant(getattr(law, name)))
-
-    def forward(
-        self, noise: Tensor, entry: Tensor, uniform: Tensor | None = None, context: Tensor | None = None
-    ) -> Tensor:
-        """Weights (n, d), float64, of standard normals (n, d) and entry levels (n,), indices of the grid."""
-        bins = (entry[:, None] > self.edges).sum(1)
-        normals = self.shift[bins] + (self.root[bins] @ noise.double()[:, :, None])[:, :, 0]
-        weights: Tensor = self.draw(normals, entry, uniform, context)
-        return weights

@@ -176,10 +176,6 @@ class DescentDataModule(LightningDataModule):
         """Encoded context (n, c) of a part, float64; None where the density is not conditioned on any."""
         return self.flights(part).context
 
-    def entries(self, part: Part) -> Tensor:
-        """Entry levels (n,) of a part, as indices of the grid."""
-        return self.profiles(part).entry_level
-
     def train_dataloader(self) -> DataLoader[Any]:
         """Training flights, shuffled by Lightning's seed."""
         return self._loader("train", shuffle=True)

@@ -11,7 +11,7 @@ from torch import Tensor
 from torch.export import ExportedProgram
 
 from descentflow.densities.density import Density
-from descentflow.densities.weight_draws import DrawByEntry, MixtureDraw
+from descentflow.densities.weight_draws import MixtureDraw
 from descentflow.exports.descent_graph import OFF_GRID, PROFILES, Precision, SamplerGraph
 from descentflow.exports.onnx_export import TRACED_WITH, to_onnx, trace
 from descentflow.representation.plausibility import RULES
@@ -24,7 +24,7 @@ N = 60
 N_SCALES = 2
 """Of the toy mixture's residual law."""
 OUTPUTS = ["level_fl", *PROFILES, "accepted", "broken", "weights"]
-KINDS = ("gaussian", "gaussian by entry", "mixture", "whitened flow", "whitened flow by entry")
+KINDS = ("gaussian", "mixture", "whitened flow")
 OURS = {"float64": 1e-9, "float32": 1e-4}
 """Largest difference of times, in seconds. In single precision a time below 2,048 s is rounded by up to 6e-5 s."""
 
@@ -43,9 +43,7 @@ def ours(model: Density, sampler: SamplerGraph, inputs: dict[str, Tensor]) -> tu
     """Inputs with noise of a seed, and our table and weights of the same numbers."""
     entry = sampler.descents.entry(inputs["entry_fl"])
     component, residual_noise = None, inputs["residual_noise"].double()
-    if isinstance(sampler.draw, DrawByEntry):
-        component = model.entry_law.bins(entry)  # type: ignore[union-attr, operator]
-    elif sampler.draw.picks:
+    if sampler.draw.picks:
         assert isinstance(sampler.draw, MixtureDraw)
         of_both = sampler.draw.component(entry, inputs["uniform"])
         component, scale = of_both // N_SCALES, of_both % N_SCALES
@@ -84,10 +82,7 @@ def compare(kind: str, precision: Precision) -> None:
 
 @pytest.mark.parametrize(
     "kind",
-    [
-        kind if kind in ("mixture", "whitened flow by entry") else pytest.param(kind, marks=pytest.mark.slow)
-        for kind in KINDS
-    ],
+    [kind if kind in ("mixture", "whitened flow") else pytest.param(kind, marks=pytest.mark.slow) for kind in KINDS],
 )
 def test_float64_gives_our_descents(kind: str) -> None:
     compare(kind, "float64")

@@ -176,6 +176,7 @@ def broken(kind: str, folder: Path) -> Path:
         "foreign": lambda c: c.pop("descentflow"),
         "format": lambda c: c["descentflow"].update(format=99),
         "model": lambda c: c["descentflow"].update(model="Diffusion"),
+        "entry law": lambda c: c["descentflow"]["settings"].update(entry_law={"edges": []}),
         "incomplete": lambda c: c["descentflow"]["representation"].pop("decoder"),
         "parameters": lambda c: c["state_dict"].pop("_density.loc"),
         "aircraft": lambda c: c["descentflow"]["representation"]["decoder"]["aircraft"].pop("ct1"),
@@ -205,6 +206,7 @@ def broken(kind: str, folder: Path) -> Path:
         ("foreign", "not a checkpoint of descentflow"),
         ("format", "format 99"),
         ("model", "Diffusion"),
+        ("entry law", "a GaussianDensity of another version, with entry_law; .* fit again"),
         ("incomplete", "decoder"),
         ("parameters", "state_dict"),
         ("aircraft", "ct1"),
@@ -271,6 +273,14 @@ def test_checkpoints_from_before_contexts_still_load(density: Density, settings:
     assert "context" not in content["descentflow"]["representation"]
     assert f"_density.{name}" in content["state_dict"]
     assert not any("slope" in key or "correlation" in key for key in content["state_dict"])
+
+
+def test_clusters_of_earlier_mixtures_are_passed_over(tmp_path: Path) -> None:
+    model, path = saved("mixture", tmp_path)
+    content = torch.load(path, weights_only=True)
+    content["descentflow"]["settings"]["clusters"] = {"n_speed": 3, "n_drag": 1, "n_drag_weights": 2}
+    torch.save(content, path)
+    assert torch.equal(load_model(path).sample(5, seed=1), model.sample(5, seed=1))
 
 
 def test_a_density_in_memory_becomes_a_checkpoint(tmp_path: Path) -> None:

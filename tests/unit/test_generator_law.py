@@ -118,17 +118,3 @@ def test_a_density_that_is_no_mixture() -> None:
     asked = found.next_batch(500, entry_fl=350, cas_kt={290: 290})
     assert min(p_values(asked.trajectories, brute).values()) > toy.RARE
     assert asked.proposals > 1
-
-
-@pytest.mark.parametrize("entry_fl", [320, 350, None])
-@pytest.mark.parametrize("flow", [False, True])
-def test_normals_known_by_the_level_of_entry(flow: bool, entry_fl: int | None) -> None:
-    """Of flights that enter low one draw in two or three is not plausible; their share is of flights that are."""
-    brute, generator = toy.samples_by_entry(flow, entry_fl), df.Generator(toy.by_entry(flow), seed=3)
-    free = generator.next_batch(N, entry_fl=entry_fl).trajectories
-    assert min(p_values(free, brute).values()) > toy.RARE
-    if entry_fl is None:  # a speed at FL290 is of those that enter above it
-        brute = brute.subset(brute.entry >= index(290))
-    brute = cut(brute, lambda t: (cas_kt(t, 290) > 284) & (cas_kt(t, 290) < 290))
-    asked = generator.next_batch(500, entry_fl=entry_fl, cas_kt={290: (284, 290)}).trajectories
-    assert min(p_values(asked, brute).values()) > toy.RARE

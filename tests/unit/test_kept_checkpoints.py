@@ -9,17 +9,13 @@ import torch
 import toys
 from lightning.pytorch import Callback, LightningModule, Trainer, seed_everything
 from lightning.pytorch.callbacks import ModelCheckpoint
-from torch import Tensor
 
 from descentflow.core.errors import DescentflowWarning
 from descentflow.densities.checkpoint import load_model
 from descentflow.densities.density import Density
-from descentflow.densities.entry_law import EntryLaw
-from descentflow.densities.flow import FlowDensity
-from descentflow.densities.learn_entry_law import learn_entry_law
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.training.datamodule import DescentDataModule
-from descentflow.training.models import GaussianMixture, MaskedAffineFlow
+from descentflow.training.models import GaussianMixture
 from descentflow.training.models.latent_model import LatentModel
 
 
@@ -61,37 +57,6 @@ def fitted(
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         return looks.found[0], [load_model(path) for path in files]
-
-
-def by_drag(data: DescentDataModule, part: str) -> Tensor:
-    """Entry levels in the order of the flights' first weight of drag."""
-    seen = data.evidence(part)
-    return (seen.points[:, 0] / seen.precisions[seen.group, 0, 0]).argsort().argsort()
-
-
-def law_of(flow: Density) -> EntryLaw:
-    assert isinstance(flow, FlowDensity)
-    assert flow.entry_law is not None
-    return flow.entry_law
-
-
-def test_each_epoch_of_a_flow_has_its_law(descents: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(DescentDataModule, "entries", by_drag)
-    data, model = DescentDataModule(descents), MaskedAffineFlow(n_flows=1, learning_rate=0.1, caution=0.0)
-    before, kept = fitted(model, data, tmp_path, "val/bound")
-    assert isinstance(before, FlowDensity)
-    assert before.entry_law is None
-    shifts = set()
-    for flow in kept:
-        law = law_of(flow)
-        assert isinstance(flow, FlowDensity)
-        flow.entry_law = None
-        expected = learn_entry_law(flow, data.evidence("train"), data.entries("train"))
-        assert expected is not None
-        torch.testing.assert_close(law.shift, expected.shift)
-        torch.testing.assert_close(law.root, expected.root)
-        shifts.add(float(law.shift.sum()))
-    assert len(shifts) > 1, "each epoch its own"
 
 
 def test_each_epoch_of_a_mixture_has_its_gate_and_residual_law(descents: Path, tmp_path: Path) -> None:

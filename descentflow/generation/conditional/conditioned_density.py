@@ -69,10 +69,7 @@ class FreeTarget:
         white = ndtri(uniform[:, 2:])
         rows = None if self.context is None else self.context.expand(len(uniform), -1)
         if isinstance(self.density, TransformedDensity):
-            normals, law = torch.from_numpy(white[:, :d].copy()), self.density.entry_law
-            if law is not None:
-                normals = law.of(normals, law.bins(torch.from_numpy(entry)))
-            weights = self.density.of_white(normals, rows)
+            weights = self.density.of_white(torch.from_numpy(white[:, :d].copy()), rows)
         else:
             # Of any other density a number can be drawn by a seed alone.
             seeds = (uniform[:, 0] * 2**53).astype(np.int64).tolist()
@@ -143,6 +140,6 @@ def _entries(request: Request, shares: EntryShares) -> np.ndarray:
 def _log_shares(request: Request, parts: LatentParts, shares: EntryShares, entry: int) -> Array:
     """Log shares (K,) of the components that enter at a level, up to a constant of the request."""
     own = None if request.flown is not None else shares.log_components(entry)
-    log_entry = 0.0 if request.entry is not None else shares.log_entries_of_draws[entry]
+    log_entry = 0.0 if request.entry is not None else shares.log_entries[entry]
     found: Array = (parts.log_probs if own is None else own) + log_entry
     return found

@@ -27,7 +27,7 @@ class EntryShares:
         >>> shares = EntryShares(model)
         >>> bool(np.isclose(np.exp(shares.log_entries).sum(), 1.0))
         True
-        >>> len(shares.log_components(10)) == model.mixture.n_components  # a Gaussian in each bin of the entry level
+        >>> shares.log_components(10) is None  # of a Gaussian
         True
     """
 
@@ -37,8 +37,6 @@ class EntryShares:
         counts = parts.plausibility.entry_counts.cpu().double().numpy()
         with np.errstate(divide="ignore"):
             self.log_entries: Array = np.log(counts / counts.sum())
-        self.log_entries_of_draws = self.log_entries
-        """The same among draws that are rejected whole, where that of components does not say it."""
         gate: EntryGate | None = getattr(density, "entry_gate", None)
         self._by_entry: Array | None = None
         if gate is not None and density.n_context == 0:
@@ -49,12 +47,7 @@ class EntryShares:
             kept = shares * (1 - (1 - plausible) ** MAX_TRIES)
             kept = kept / np.maximum(kept.sum(1, keepdims=True), 1e-300)
             with np.errstate(divide="ignore"):
-                by_entry = np.log(kept) - np.log(np.maximum(plausible, 0.5 / TRIED))
-            if density.mixture is None:
-                # Of a flow a level of entry has one component, its bin.
-                self.log_entries_of_draws = self.log_entries + by_entry.max(1)
-            else:
-                self._by_entry = by_entry
+                self._by_entry = np.log(kept) - np.log(np.maximum(plausible, 0.5 / TRIED))
 
     def log_components(self, entry: int) -> Array | None:
         """Log shares (K,) at a level of entry, up to rejection; None where they do not depend on it."""

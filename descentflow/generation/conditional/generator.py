@@ -296,7 +296,7 @@ class Generator:
 
     def _made(self, request: Request) -> ConditionedTarget | FreeTarget:
         if request.is_free and self.density.mixture is None:
-            shares = self._shares.log_entries_of_draws
+            shares = self._shares.log_entries
             if request.entry is not None:
                 shares = np.where(np.arange(len(shares)) == request.entry, 0.0, -np.inf)
             profiles = sample_profiles(self.decoder, self.grid)

@@ -160,7 +160,7 @@ class ConditionedTarget:
             u, flown, more = self.point.meet(cell, u, uniform[:, 1])
             u, log_weight = u + self.parts.means[component], log_weight + more
         if self.parts.prior is not None:
-            log_weight = log_weight + self.parts.log_ratio(u, self.entry[cell])
+            log_weight = log_weight + self.parts.log_ratio(u)
         return Drawn(u, self.entry[cell], flown, log_weight)
 
 

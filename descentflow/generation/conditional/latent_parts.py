@@ -13,7 +13,6 @@ from torch import Tensor
 
 from descentflow.densities.density import Density
 from descentflow.densities.residual_law import ResidualLaw
-from descentflow.densities.transformed import TransformedDensity
 from descentflow.generation.conditional.flown_profiles import Array, FlownProfiles
 from descentflow.generation.conditional.latent_profiles import LatentProfiles, LinearProfile
 from descentflow.generation.prediction.posterior import Prior, log_density, posterior_of, prior_of
@@ -33,7 +32,6 @@ class LatentParts:
         profiles: Of drag and speed.
         n_weights: How many of u are the density's weights: the first.
         prior: What proposes and what it stands for, where the density is no mixture; None where it is.
-        by_entry: What that is where it knows the level of entry, and nothing was flown yet.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
@@ -49,19 +47,14 @@ class LatentParts:
     profiles: LatentProfiles
     n_weights: int
     prior: Prior | None = None
-    by_entry: TransformedDensity | None = None
 
-    def log_ratio(self, u: Array, entry: Array) -> Array:
-        """Log of the density over what proposes (n,), at (n, D) and entries (n,); zero where both are the same."""
+    def log_ratio(self, u: Array) -> Array:
+        """Log of the density over what proposes (n,), at (n, D); zero where both are the same."""
         if self.prior is None:
             return np.zeros(len(u))
         weights = torch.from_numpy(u[:, : self.n_weights])
         with torch.no_grad():
-            if self.by_entry is None:
-                log_prob = self.prior.log_prob(weights)
-            else:
-                log_prob = self.by_entry.log_prob_entering(weights, torch.from_numpy(entry)).double()
-            ratio = log_prob - log_density(self.prior.mixture, weights)
+            ratio = self.prior.log_prob(weights) - log_density(self.prior.mixture, weights)
         return torch.where(ratio.isfinite(), ratio, -torch.inf).numpy()
 
 
@@ -93,8 +86,7 @@ def parts_of(density: Density, grid: FlownProfiles, context: Tensor | None, seed
     profiles, log_probs = sample_profiles(decoder, grid), _numbers(mixture.probs.log())
     if prior.exact is None:
         return LatentParts(log_probs, means, roots, profiles, n_weights)
-    by_entry = density if isinstance(density, TransformedDensity) and density.entry_law is not None else None
-    return LatentParts(log_probs, means, roots, profiles, n_weights, prior, by_entry)
+    return LatentParts(log_probs, means, roots, profiles, n_weights, prior)
 
 
 def parts_after(

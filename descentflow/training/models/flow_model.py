@@ -11,14 +11,12 @@ from torch import Tensor
 
 from descentflow.core.arguments import checked_arguments
 from descentflow.core.errors import ConfigError, DescentflowWarning
-from descentflow.densities.checkpoint import UNFINISHED
 from descentflow.densities.evidence_steps import EvidenceSteps
 from descentflow.densities.flow import FlowDensity, MaskedAffineFlowDensity, SplineFlowDensity
 from descentflow.densities.importance import estimate, propose, widened
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.regression_steps import regression
-from descentflow.training.models.kept_checkpoints import complete_kept
-from descentflow.training.models.latent_model import Batch, LatentModel, entry_law_of, training_flights
+from descentflow.training.models.latent_model import Batch, LatentModel, training_flights
 from descentflow.training.models.optimizers import adam_with_cosine
 
 F = TypeVar("F", bound=FlowDensity)
@@ -42,7 +40,6 @@ class _Flow(LatentModel[F], ABC):
     def __init__(self) -> None:
         super().__init__()
         self._restored = False
-        self._law_due = False
         self._by_flight: list[Tensor] = []
         self._wide: Mixture | None = None
         self._best: tuple[float, dict[str, Tensor]] | None = None
@@ -123,26 +120,13 @@ class _Flow(LatentModel[F], ABC):
             self._best = float(bound), {k: v.detach().clone() for k, v in self.density.state_dict().items()}
 
     def on_train_end(self) -> None:
-        """Learn how flights differ by their entry, in each checkpoint that is kept, and go back to the best epoch."""
-        if self._law_due:
-            complete_kept(self, self._learn_by_entry)
-            self._law_due = False
+        """Go back to the best epoch."""
         if self._best is not None:
             self.density.load_state_dict(self._best[1])
-        self._learn_by_entry()
-
-    def _learn_by_entry(self) -> None:
-        """With the flow held: it is trained as the density of all flights."""
-        self.density.entry_law = None
-        if self.hparams["by_entry"]:
-            self.density.entry_law = entry_law_of(self)
 
     def configure_optimizers(self) -> OptimizerLRSchedulerConfig:
         """AdamW with a cosine that ends with the last epoch; before it, the Gaussian of the training flights."""
         evidence, context = training_flights(self)
-        # Of a checkpoint from which training goes on: it is learnt with the flow held, when training ends.
-        self.density.entry_law = None
-        self._law_due = self.hparams["by_entry"] and context is None
         if self.density.whitened and not self._restored:
             if evidence.known:
                 given = evidence.points[:, :0] if context is None else context
@@ -173,9 +157,8 @@ class _Flow(LatentModel[F], ABC):
         )
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """As every model, with the best epoch so far for a fit that is resumed, and whether the law by entry is due."""
+        """As every model, with the best epoch so far for a fit that is resumed."""
         super().on_save_checkpoint(checkpoint)
-        checkpoint[UNFINISHED] = self._law_due
         if self._best is not None:
             checkpoint[BEST] = {"bound": self._best[0], "state_dict": self._best[1]}
 
@@ -209,7 +192,6 @@ class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
         turned_round: bool = True,
         caution: NonNegativeFloat = 1.0,
         n_draws: PositiveInt = 8,
-        by_entry: bool = True,
         max_steps: PositiveInt | None = 3000,
     ) -> None:
         """Set the hyperparameters.
@@ -226,8 +208,6 @@ class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
             turned_round: One pass of the networks for a density, not one a weight; see the density.
             caution: Standard errors by which an epoch must beat the Gaussian on the validation flights.
             n_draws: Weights drawn of each flight, given what it shows, in each epoch.
-            by_entry: Learn the law of the normals by bins of the entry level, where held-out halves of the training
-                flights are more probable so; not with a context.
             max_steps: Steps of the optimiser at most, so that many flights take fewer epochs: training ends with the
                 last whole epoch in them, if that comes before ``trainer.max_epochs``.
         """
@@ -262,7 +242,6 @@ class SplineFlow(_Flow[SplineFlowDensity]):
         whitened: bool = True,
         caution: NonNegativeFloat = 1.0,
         n_draws: PositiveInt = 8,
-        by_entry: bool = True,
         max_steps: PositiveInt | None = 2000,
     ) -> None:
         """Set the hyperparameters.
@@ -278,8 +257,6 @@ class SplineFlow(_Flow[SplineFlowDensity]):
             whitened: Start from the Gaussian of the training flights.
             caution: Standard errors by which an epoch must beat the Gaussian on the validation flights.
             n_draws: Weights drawn of each flight, given what it shows, in each epoch.
-            by_entry: Learn the law of the normals by bins of the entry level, where held-out halves of the training
-                flights are more probable so; not with a context.
             max_steps: Steps of the optimiser at most, so that many flights take fewer epochs: training ends with the
                 last whole epoch in them, if that comes before ``trainer.max_epochs``.
         """

@@ -8,7 +8,7 @@ from descentflow.densities.evidence_steps import EvidenceSteps
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.regression_steps import RIDGE, regression
-from descentflow.training.models.latent_model import Batch, LatentModel, entry_law_of, training_flights
+from descentflow.training.models.latent_model import Batch, LatentModel, training_flights
 from descentflow.training.models.optimizers import ClosedForm
 
 
@@ -28,21 +28,17 @@ class Gaussian(LatentModel[GaussianDensity]):
     """
 
     @checked_arguments
-    def __init__(
-        self, jitter: ClosedUnitInterval = 1e-6, ridge: NonNegativeFloat = RIDGE, by_entry: bool = True
-    ) -> None:
+    def __init__(self, jitter: ClosedUnitInterval = 1e-6, ridge: NonNegativeFloat = RIDGE) -> None:
         """Set the options.
 
         Args:
             jitter: Added to the variances of the standardised weights; scikit-learn's ``reg_covar``.
             ridge: Number of flights at one standard deviation of context that the prior of zero slopes counts as.
-            by_entry: Let flights of each bin of the entry level have a Gaussian of their own, where held-out halves of
-                the training flights are more probable so; not with a context.
         """
         super().__init__()
         self.save_hyperparameters()
         self.automatic_optimization = False
-        self.jitter, self.ridge, self.by_entry = float(jitter), float(ridge), by_entry
+        self.jitter, self.ridge = float(jitter), float(ridge)
 
     def make(self, dimension: int, n_context: int = 0) -> GaussianDensity:
         """A standard normal of the dimension."""
@@ -68,8 +64,6 @@ class Gaussian(LatentModel[GaussianDensity]):
             )
         else:
             self.density.mixture = EvidenceSteps(evidence, context, ridge=self.ridge, jitter=self.jitter).single
-        if self.by_entry:
-            self.density.entry_law = entry_law_of(self)
         train = self.log_observed(evidence) if context is None else self.log_observed(evidence, context)
         self.log("train/nll", -train.mean(), on_epoch=True, on_step=False, sync_dist=True, batch_size=len(evidence))
 

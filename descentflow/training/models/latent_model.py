@@ -19,8 +19,6 @@ from descentflow.core.errors import CheckpointError, ConfigError, DescentflowWar
 from descentflow.core.files import whole_file
 from descentflow.densities.checkpoint import OUTCOME, content_of, density_in, density_of, outcome_of, section_of
 from descentflow.densities.density import Density
-from descentflow.densities.entry_law import EntryLaw
-from descentflow.densities.learn_entry_law import learn_entry_law
 from descentflow.reporting.in_notebook import InNotebook
 from descentflow.representation.evidence import Evidence
 from descentflow.representation.read_checkpoint import HELD_OUT, SECTION
@@ -369,20 +367,6 @@ def training_flights(model: LatentModel[Any]) -> tuple[Evidence, Tensor | None]:
     evidence = data.evidence("train").to(model.device)
     context = data.contexts("train") if model.density.n_context else None
     return evidence, None if context is None else context.to(evidence.points)
-
-
-def entry_law_of(model: LatentModel[Any]) -> EntryLaw | None:
-    """The law of the normals behind a Gaussian or a flow, with the density as it is; None with a context.
-
-    Example:
-        >>> from descentflow.training.fit import fit
-        >>> law = fit("descents.parquet", "gaussian").density.entry_law
-        >>> law is None or len(law.shares) > 1
-        True
-    """
-    evidence, context = training_flights(model)
-    entry = data_of(model.trainer).entries("train")
-    return None if context is not None or entry is None else learn_entry_law(model.density, evidence, entry)
 
 
 def _primitive(value: Any) -> Any:

@@ -2,27 +2,28 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, Literal
 
 import torch
 from jsonargparse.typing import NonNegativeFloat, PositiveFloat, PositiveInt
+from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.utilities.types import OptimizerLRSchedulerConfig
 from torch import Tensor
 
 from descentflow.core.arguments import checked_arguments
+from descentflow.core.files import whole_file
 from descentflow.core.progress import stage
-from descentflow.densities.checkpoint import UNFINISHED
+from descentflow.densities.checkpoint import UNFINISHED, section_of
 from descentflow.densities.component_search import FLIGHTS_PER_PARAMETER, Criterion, select_mixture
 from descentflow.densities.em import best_start, fit_mixture, steps_of
-from descentflow.densities.em_steps import Steps
+from descentflow.densities.em_steps import Steps, evenly
 from descentflow.densities.entry_gate import learn_gate
 from descentflow.densities.learn_residual_law import MOST_FLIGHTS, learn_residual_law
 from descentflow.densities.mixture import GaussianMixtureDensity
-from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.residual_law import ResidualLaw
 from descentflow.representation.linear_curves import linear_curves, residual_profiles
+from descentflow.representation.read_checkpoint import SECTION, read_checkpoint
 from descentflow.training.datamodule import data_of
-from descentflow.training.models.kept_checkpoints import complete_kept
 from descentflow.training.models.latent_model import Batch, LatentModel, training_flights
 from descentflow.training.models.optimizers import ClosedForm, adam_with_cosine
 
@@ -69,7 +70,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
             seed: Of the starts.
             extend: Try more components than 15 flights per parameter allow where the criterion decides for that cap,
                 down to two flights per parameter, of many flights to 32 components; the paper stops at the cap.
-            by_entry: Learn the components' proportions by bins of the entry level; not with a context.
+            by_entry: Learn the components' proportions by bins of the entry level; not with a context or filled gaps.
             criterion: ``aic``, or ``bic`` as in the paper.
             prior_flights: Flights of the covariance that components share, added to each one's own
                 (:mod:`descentflow.densities.em_steps`); zero for maximum likelihood. ``svi`` has it in the
@@ -157,12 +158,24 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
             self.trainer.should_stop = True
 
     def on_train_end(self) -> None:
-        """Learn what goes with the components, in each checkpoint that is kept too, and let the training flights go."""
-        last = {name: value.clone() for name, value in self.density.state_dict().items()}
-        complete_kept(self, self._learn_with_components_held)
-        kept = self.density.state_dict()
-        if self.density.residual_law is None or any(not torch.equal(kept[name], last[name]) for name in last):
-            self.density.load_state_dict(last)
+        """Learn what goes with the components, in each checkpoint that is kept too, and let the training flights go.
+
+        It takes as long as an epoch, so that it is done once; checkpoints of a fit that is going on say they lack it.
+        """
+        last = {name: value.clone() for name, value in self.state_dict().items()}
+        read = {}
+        kept = [one for one in self.trainer.checkpoint_callbacks if isinstance(one, ModelCheckpoint)]
+        names = {name for one in kept for name in (*one.best_k_models, one.best_model_path, one.last_model_path)}
+        paths = [Path(name) for name in sorted(names) if name and Path(name).is_file()]
+        for path in paths if self.trainer.is_global_zero else ():
+            content = read_checkpoint(path)
+            self.load_state_dict(read := content["state_dict"])
+            self._learn_with_components_held()
+            content |= {SECTION: section_of(self.density), UNFINISHED: False}
+            with whole_file(path) as temporary:
+                torch.save(content, temporary)
+        if not read or any(not torch.equal(read[name], last[name]) for name in last):
+            self.load_state_dict(last)
             self._learn_with_components_held()
         self._unfinished, self._steps = False, None
 
@@ -170,28 +183,28 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
     def _learn_with_components_held(self) -> None:
         """Learn what lies beyond the components of drag and speed, and, without a context, the gate of entry levels."""
         flights, context = training_flights(self)
-        density, mixture = self.density, self.density.mixture
+        density, mixture, data = self.density, self.density.mixture, data_of(self.trainer)
         density.entry_gate = density.residual_law = None
-        entry = data_of(self.trainer).entries("train")
-        if entry is None:
+        if flights.known:
             return
         steps = self._steps if self._steps is not None else steps_of(flights, context)
         joint = steps.log_joint(mixture).to(mixture.probs)
-        if self.by_entry and not density.n_context:
-            told = joint - mixture.probs.log()
-            density.entry_gate = learn_gate(entry, told, mixture.probs)
-            joint = told + density.entry_gate.of(entry).to(told).log()
-        if not flights.known and self.representation.decoder.n_white:
-            some = torch.arange(0, len(flights), -(-len(flights) // MOST_FLIGHTS))
-            density.residual_law = self._residual_law(some, mixture.cpu(), joint[some].softmax(1).cpu(), context)
-
-    def _residual_law(self, some: Tensor, mixture: Mixture, shares: Tensor, context: Tensor | None) -> ResidualLaw:
-        """Of some flights (m,)."""
-        data = data_of(self.trainer)
-        decoder, flights = data.representation.decoder, data.profiles("train").subset(some)
-        seen = linear_curves(decoder).information(decoder.drag_scale.observed(flights))
-        of_some = None if context is None else context.cpu()[some]
-        return learn_residual_law(seen, residual_profiles(decoder), mixture, shares, of_some)
+        if self.by_entry and context is None:
+            joint = joint - mixture.probs.log()
+            entry = data.profiles("train").entry_level
+            density.entry_gate = learn_gate(entry, joint, mixture.probs)
+            joint = joint + density.entry_gate.of(entry).to(joint).log()
+        if not self.representation.decoder.n_white:
+            return
+        some = evenly(len(flights), MOST_FLIGHTS)
+        decoder, shown = data.representation.decoder, data.profiles("train").subset(some)
+        density.residual_law = learn_residual_law(
+            linear_curves(decoder).information(decoder.drag_scale.observed(shown)),
+            residual_profiles(decoder),
+            mixture.cpu(),
+            joint[some].softmax(1).cpu(),
+            None if context is None else context.cpu()[some],
+        )
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """As every model, and whether gate and residual law are still to be learnt."""

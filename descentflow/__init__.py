@@ -30,7 +30,7 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from descentflow.core import waiting_threads  # noqa: F401 (before anything loads torch)
+from descentflow.core import threads  # noqa: F401 (before anything loads torch)
 from descentflow.core.errors import DescentflowError
 from descentflow.core.version import __version__
 from descentflow.densities.kinds import KINDS

@@ -15,7 +15,6 @@ from descentflow.simulation.world import World, simulate
 from descentflow.simulation.world_config import WorldConfig
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.prepare import prepare
-from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.fit import fit
 from studies.forecast_scores import forecast_scores
 
@@ -43,7 +42,7 @@ def flights(n: int, seed: int) -> tuple[Descents, pl.DataFrame]:
 def scores_of(train: tuple[Descents, pl.DataFrame], test: tuple[Descents, pl.DataFrame], **way: object) -> pl.DataFrame:
     """Scores of every held-out flight, by name."""
     table = {"context_table": train[1]} if "context" in way else {}
-    density = as_density(fit(DescentDataModule(train[0], **way, **table), "mixture", final=False))
+    density = as_density(fit(train[0], "mixture", final=False, **way, **table))
     known = density.representation
     found = encode_flights(test[0].frame, known, test[1] if table else None)["test"]
     scores: dict[str, Tensor] = forecast_scores(density, found.profiles, found.weights, found.context)

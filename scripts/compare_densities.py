@@ -25,9 +25,10 @@ from descentflow.core.files import check_output, whole_file
 from descentflow.densities.density import Density
 from descentflow.simulation.world import simulate
 from descentflow.simulation.world_config import WorldConfig
-from descentflow.training.data_settings import ContextSettings, SplitSettings
+from descentflow.training.data_settings import ContextSettings
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.fit import fit
+from descentflow.training.splitting import SplitSettings
 from descentflow.training.training_settings import training_settings
 from studies.forecast_scores import Skill, forecast_scores, skill
 

@@ -11,9 +11,8 @@ from descentflow.core.arguments import Count, Output, checked_arguments
 from descentflow.core.workers import engine_of
 from descentflow.surveillance.cleaning.thresholds import Cleaning, cleaning_of
 from descentflow.surveillance.descents.prepared_descents import Descents
-from descentflow.surveillance.out_of_core.held_rows import clean_held
 from descentflow.surveillance.out_of_core.intake import take_in
-from descentflow.surveillance.out_of_core.resumable_run import prepare_to
+from descentflow.surveillance.out_of_core.resumable_run import clean_held, prepare_to
 from descentflow.surveillance.out_of_core.spill import Memory, Spill
 from descentflow.surveillance.read_rows import read_table, source_of
 from descentflow.surveillance.request import Request, description

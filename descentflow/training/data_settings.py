@@ -6,34 +6,10 @@ from inspect import signature
 from pathlib import Path
 from typing import Any
 
-from jsonargparse.typing import ClosedUnitInterval, PositiveInt
+from jsonargparse.typing import PositiveInt
 
-from descentflow.core.arguments import NotNegativeInt, checked_settings
+from descentflow.core.arguments import checked_settings
 from descentflow.representation.context import Missing
-from descentflow.training.splitting import SplitBy
-
-
-@checked_settings
-@dataclass(frozen=True)
-class SplitSettings:
-    """Flights that are held out, before anything is fitted.
-
-    Attributes:
-        test_fraction: Share of the flights held out for test; with zero, none are.
-        validation_fraction: Share of the other flights held out for validation; with zero, the training flights serve
-            for it.
-        split_by: What the split never tears apart: a flight, or an aircraft with all its flights.
-        seed: Of the split.
-
-    Example:
-        >>> SplitSettings(split_by="aircraft").test_fraction
-        0.2
-    """
-
-    test_fraction: ClosedUnitInterval = 0.2
-    validation_fraction: ClosedUnitInterval = 0.1
-    split_by: SplitBy = "flight"
-    seed: NotNegativeInt = 0
 
 
 @checked_settings

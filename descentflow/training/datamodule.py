@@ -44,9 +44,9 @@ from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.open_descents import open_prepared
 from descentflow.training.chosen_descents import aircraft_of, at_mass, bottom_of, cleaning_told, name_of, of_typecodes
-from descentflow.training.data_settings import BatchSettings, ContextSettings, SplitSettings
+from descentflow.training.data_settings import BatchSettings, ContextSettings
 from descentflow.training.flight_batches import flight_batches
-from descentflow.training.splitting import split_flights
+from descentflow.training.splitting import SplitSettings, split_flights
 
 
 class DescentDataModule(LightningDataModule):
@@ -253,13 +253,7 @@ class DescentDataModule(LightningDataModule):
 
         profiles = profiles_from_frame(frame, own_type, bottom, mass_kg=self.mass_kg)
         groups = profiles.flight_ids if self.split.split_by == "flight" else [owner[f] for f in profiles.flight_ids]
-        split = split_flights(
-            profiles.flight_ids,
-            groups,
-            test_fraction=self.split.test_fraction,
-            validation_fraction=self.split.validation_fraction,
-            seed=self.split.seed,
-        )
+        split = split_flights(profiles.flight_ids, groups, self.split)
         top = max([top_level(profiles, places(profiles, split, "train")), *self._grid[1:]])
         profiles = profiles.between(bottom, top)
         return with_levels(profiles, rank_zero_info), split

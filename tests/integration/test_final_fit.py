@@ -14,9 +14,9 @@ from descentflow.core.errors import ConfigError
 from descentflow.densities.checkpoint import load_model
 from descentflow.densities.density import Density
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
-from descentflow.training.data_settings import SplitSettings
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models import GaussianMixture
+from descentflow.training.splitting import SplitSettings
 
 pytestmark = pytest.mark.usefixtures("components_once", "plain_figures")
 

@@ -14,9 +14,10 @@ from lightning.pytorch.loggers import CSVLogger
 import descentflow as df
 from descentflow.core.errors import ConfigError, DescentflowWarning
 from descentflow.training.callbacks.score_callback import ScoreCallback
-from descentflow.training.data_settings import BatchSettings, SplitSettings
+from descentflow.training.data_settings import BatchSettings
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
+from descentflow.training.splitting import SplitSettings
 
 pytestmark = pytest.mark.usefixtures("components_once", "plain_figures")
 ENERGY = "val/score/cas_profile/energy"

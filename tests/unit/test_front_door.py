@@ -12,7 +12,7 @@ import torch
 from test_import_boundaries import heavy_modules
 
 import descentflow
-from descentflow.core import waiting_threads
+from descentflow.core import threads
 from descentflow.core.threads import one_thread_where_they_spin
 from descentflow.core.version import __version__
 
@@ -47,14 +47,14 @@ def test_waiting_threads_leave_the_processor_to_others_unless_told(told: str | N
 def test_threads_are_known_to_spin_where_torch_came_first(first: str, told: dict[str, str], spin: str) -> None:
     names = ("OMP_WAIT_POLICY", "OMP_NUM_THREADS")
     environment = {name: value for name, value in os.environ.items() if name not in names} | told
-    asked = f"import {first}; from descentflow.core.waiting_threads import SPIN; print(SPIN)"
+    asked = f"import {first}; from descentflow.core.threads import SPIN; print(SPIN)"
     done = subprocess.run([sys.executable, "-c", asked], env=environment, capture_output=True, text=True)
     assert done.stdout.split() == [spin]
 
 
 @pytest.mark.parametrize("spin", [True, False])
 def test_small_arrays_keep_to_one_thread_where_threads_spin(spin: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(waiting_threads, "SPIN", spin)
+    monkeypatch.setattr(threads, "SPIN", spin)
     before = torch.get_num_threads()
     torch.set_num_threads(2)
     try:

@@ -15,9 +15,9 @@ from descentflow.densities.flow import MaskedAffineFlowDensity
 from descentflow.representation.fit_representation import RepresentationSettings
 from descentflow.representation.fpca.gappy import GappyFPCA
 from descentflow.representation.fpca.iterative import MAX_ITERATIONS, iterate
-from descentflow.training.data_settings import SplitSettings
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.fit import fit
+from descentflow.training.splitting import SplitSettings
 from descentflow.training.training_settings import training_settings
 from studies.paper.study_plan import RECIPES, StudyPlan
 

@@ -11,8 +11,9 @@ from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.representation.flight_parts import rest_is_test, top_level
 from descentflow.representation.plausibility import level_bounds
 from descentflow.representation.representation import Split
+from descentflow.training.data_settings import with_groups
 from descentflow.training.datamodule import DescentDataModule
-from descentflow.training.splitting import split_flights
+from descentflow.training.splitting import SplitSettings, split_flights
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +22,7 @@ def descents(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def module(descents: Path, **settings: object) -> DescentDataModule:
-    data = DescentDataModule(descents, **settings)
+    data = DescentDataModule(descents, **with_groups(settings, DescentDataModule))
     data.setup()
     return data
 
@@ -44,10 +45,10 @@ def test_parts_are_80_to_20_and_share_no_flight(descents: Path) -> None:
 
 def test_the_split_repeats_and_does_not_depend_on_the_order_of_flights() -> None:
     ids = [f"f{i}" for i in range(50)]
-    options = {"test_fraction": 0.2, "validation_fraction": 0.1, "seed": 3}
-    first = split_flights(ids, ids, **options)
-    assert first == split_flights(ids[::-1], ids[::-1], **options)
-    assert first != split_flights(ids, ids, **{**options, "seed": 4})
+    settings = SplitSettings(seed=3)
+    first = split_flights(ids, ids, settings)
+    assert first == split_flights(ids[::-1], ids[::-1], settings)
+    assert first != split_flights(ids, ids, SplitSettings(seed=4))
 
 
 def test_flights_of_one_aircraft_stay_together(descents: Path) -> None:

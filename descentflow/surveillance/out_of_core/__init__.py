@@ -2,7 +2,6 @@
 
 Reading order: :mod:`~descentflow.surveillance.out_of_core.resumable_run` (the way from files to a written result),
 :mod:`~descentflow.surveillance.out_of_core.intake` (reading, group by group),
-:mod:`~descentflow.surveillance.out_of_core.held_rows` (rows that fit in memory after all),
 :mod:`~descentflow.surveillance.out_of_core.spill` and :mod:`~descentflow.surveillance.out_of_core.partitions` (rows
 that do not), :mod:`~descentflow.surveillance.out_of_core.job` (the folder of work, and how a run is resumed).
 """

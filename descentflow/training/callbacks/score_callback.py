@@ -1,5 +1,6 @@
 """Rejection sampling and scores while a model trains, and in full when it is tested."""
 
+import re
 from io import BytesIO
 from typing import Any
 
@@ -13,9 +14,10 @@ from descentflow.core.errors import SamplingError
 from descentflow.core.progress import stage
 from descentflow.evaluation.evaluate import N_SPLITS, evaluate_profiles
 from descentflow.evaluation.evaluation_report import Evaluation
+from descentflow.evaluation.metrics.score_registry import rows
+from descentflow.evaluation.metrics.score_table import ScoreTable
 from descentflow.evaluation.metrics.scores import n_comparisons
 from descentflow.representation.flight_parts import Part
-from descentflow.training.callbacks.score_charts import score_charts
 from descentflow.training.datamodule import data_of
 from descentflow.training.models.latent_model import LatentModel
 from descentflow.training.run_folders import folder_of
@@ -143,3 +145,28 @@ def _values(found: Evaluation, kind: str) -> dict[str, float]:
         f"{kind}/acceptance": found.rejections.acceptance,
         **{f"{kind}/rejected/{rule}": count / drawn for rule, count in found.rejections.broken.items()},
     }
+
+
+def score_charts(stage: str, table: ScoreTable) -> dict[str, Any]:
+    """A layout for TensorBoard's ``add_custom_scalars``: a chart for each score that has a noise floor.
+
+    Args:
+        stage: ``val`` or ``test``, with which the names of the scalars begin.
+        table: The scores that are logged.
+
+    Example:
+        >>> from descentflow.evaluation.metrics.score_table import Score
+        >>> floor = Score("cas_below_transition", "wasserstein", "kt", equal_size=2.6, floor=2.4)
+        >>> score_charts("val", ScoreTable((floor,)))["val: scores beside noise floors"]
+        {'CAS below, Wasserstein (kt)': ['Multiline', ['^val/score/cas_below_transition/wasserstein_equal_size$', ...]]}
+    """
+    labels = {(part.name, one.name): f"{part.short}, {one.short}" for part, one in rows(costly=True)}
+    charts = {}
+    for row in table:
+        if row.equal_size == row.equal_size and row.floor == row.floor:
+            name = f"{stage}/score/{row.quantity}/{row.statistic}"
+            # TensorBoard takes them for regular expressions.
+            both = [f"^{re.escape(f'{name}_{kind}')}$" for kind in ("equal_size", "floor")]
+            label = labels.get((row.quantity, row.statistic), name)
+            charts[f"{label} ({row.unit})"] = ["Multiline", both]
+    return {f"{stage}: scores beside noise floors": charts}

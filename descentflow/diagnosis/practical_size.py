@@ -20,7 +20,7 @@ from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
 from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans
 from descentflow.diagnosis.findings.gap_found import BelowRounding, GapCell
 from descentflow.diagnosis.inference.two_sides import Compared, Entry
-from descentflow.diagnosis.inference.where import ALL, FALSE_CELLS
+from descentflow.diagnosis.inference.where import ALL
 from descentflow.measurements.quantity_registry import NOISE_CHANNELS, QUANTITIES
 from descentflow.physics.airspeed import mach_to_cas_mps
 
@@ -125,7 +125,8 @@ def below_rounding(
         least = float(rounding[_entries_of(compared, cell)].mean())
         is_count = QUANTITIES[cell.quantity].is_count
         excess = max(cell.distance - cell.floor, 0.0)
-        if max(excess, 0.0 if is_count else cell.floor) >= least and (not is_count or cell.p_value <= FALSE_CELLS):
+        surely = not is_count or cell.p_value <= compared.assumed.false_cells
+        if max(excess, 0.0 if is_count else cell.floor) >= least and surely:
             return []
         row = BelowRounding(cell.quantity, cell.level_low_fl, cell.level_high_fl, excess, least)
         if not is_count and (cell.quantity not in rows or row.share > rows[cell.quantity].share):

@@ -18,7 +18,7 @@ from descentflow.diagnosis.correction.recipe import levels_compared, recipe_of
 from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.findings.cause_found import Alternative, Cause, ClosedShare, Closure
 from descentflow.diagnosis.findings.costs_found import Cost
-from descentflow.diagnosis.findings.findings import SIGNIFICANT, Details, Discrepancy, SingleEffect, Verdict
+from descentflow.diagnosis.findings.findings import Details, Discrepancy, SingleEffect, Verdict
 from descentflow.diagnosis.findings.gap_found import BelowRounding, GapCell
 from descentflow.diagnosis.findings.selection_found import Subset
 from descentflow.diagnosis.inference.explain import Explainer, Explanation, detection_limits
@@ -212,7 +212,7 @@ class Diagnosis:
     def _verdict(self, found: Explanation, cells: list[GapCell], p_value: float) -> tuple[Verdict, list[BelowRounding]]:
         """Verdict by the weights, unless chance or the rounding of one report explains it."""
         compared = self.compared
-        if p_value > SIGNIFICANT:
+        if p_value > compared.assumed.false_gap:
             return "none", []
         small = below_rounding(compared, cells, costs_of(compared, None, self.settings.seed), profile_of(compared))
         return ("none" if small else found.verdict), small

@@ -6,7 +6,7 @@ import gap_toys
 import pytest
 import torch
 
-from descentflow.diagnosis.inference.two_sides import NEGLIGIBLE
+from descentflow.diagnosis.inference.assumptions import NEGLIGIBLE
 from descentflow.effects import EFFECTS
 from descentflow.effects.windowed_effect import WindowedEffect
 from descentflow.measurements.quantity_registry import QUANTITIES

@@ -6,9 +6,8 @@ import pytest
 import torch
 from scipy.optimize import minimize
 
+from descentflow.diagnosis.inference.assumptions import ASSUMED
 from descentflow.diagnosis.inference.reference_coefficients import (
-    EQUATION_SPREAD,
-    PRIOR_SPREAD,
     ReferenceCoefficients,
     _spread,
     reference_coefficients,
@@ -42,8 +41,8 @@ def test_the_optimum_is_that_of_a_general_optimiser(flown: tuple[FlightState, to
     state, seen = flown
     alone = torch.arange(100)
     precision = torch.linalg.inv(torch.from_numpy(_spread(seen - log_rate(state))))
-    missed = torch.linalg.inv(0.5 * EQUATION_SPREAD**2 * (torch.eye(11, dtype=torch.float64) + 1.0))
-    prior = torch.tensor(PRIOR_SPREAD, dtype=torch.float64)
+    missed = torch.linalg.inv(0.5 * ASSUMED.equation_spread**2 * (torch.eye(11, dtype=torch.float64) + 1.0))
+    prior = torch.tensor(ASSUMED.coefficient_spread, dtype=torch.float64)
 
     def minus_log_posterior(both: torch.Tensor) -> torch.Tensor:
         rest = seen - log_rate(scaled(state, both[:4])) - both[4:]
@@ -68,7 +67,7 @@ def test_what_flew_is_within_what_is_claimed(flown: tuple[FlightState, torch.Ten
     off = found.ln_factors - TRUE
     # Chi-squared of four: beyond 18.5 once in a thousand.
     assert float(off @ torch.linalg.solve(found.covariance, off)) < 18.5
-    assert float(found.covariance[1, 1]) < 0.5 * PRIOR_SPREAD[1] ** 2
+    assert float(found.covariance[1, 1]) < 0.5 * ASSUMED.coefficient_spread[1] ** 2
 
 
 def test_the_common_scale_stays_as_open_as_before(flown: tuple[FlightState, torch.Tensor]) -> None:
@@ -77,7 +76,7 @@ def test_the_common_scale_stays_as_open_as_before(flown: tuple[FlightState, torc
     found = reference_coefficients(state, seen, torch.arange(100))
     gauge = torch.tensor([1.0, 1.0, -1.0, 1.0], dtype=torch.float64)
     torch.testing.assert_close(log_rate(scaled(state, gauge * 0.2)), log_rate(state))
-    prior = torch.diag(torch.tensor(PRIOR_SPREAD, dtype=torch.float64) ** -2)
+    prior = torch.diag(torch.tensor(ASSUMED.coefficient_spread, dtype=torch.float64) ** -2)
     known = gauge @ torch.linalg.inv(found.covariance) @ gauge
     assert float(known) == pytest.approx(float(gauge @ prior @ gauge), rel=1e-3)
 

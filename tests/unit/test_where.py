@@ -8,9 +8,10 @@ from gaussian_toys import FlightLaw
 from scipy.stats import binom, ttest_ind
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.diagnosis.inference.assumptions import ASSUMED
 from descentflow.diagnosis.inference.labellings import AT_ONCE, labellings, labellings_of, noise_floor, step_down
 from descentflow.diagnosis.inference.two_sides import Compared, compare
-from descentflow.diagnosis.inference.where import FALSE_CELLS, cell_scores, cells, squared_t, where
+from descentflow.diagnosis.inference.where import cell_scores, cells, squared_t, where
 from descentflow.measurements.quantities import Quantities
 
 TRANSITION_FL = 318.0
@@ -76,8 +77,8 @@ def test_cells_are_called_by_chance_as_often_as_is_said(compared: Compared) -> N
     for seed in range(100):
         null = law.draw([1] * 40 + [3] * 20, [1] * 40 + [3] * 20, seed)
         scores = cell_scores(null.y, labellings_of(null, 199, seed), known)
-        called += float(step_down(scores).min()) <= FALSE_CELLS
-    assert called <= binom.isf(0.005, 100, FALSE_CELLS)
+        called += float(step_down(scores).min()) <= ASSUMED.false_cells
+    assert called <= binom.isf(0.005, 100, ASSUMED.false_cells)
 
 
 def test_a_gap_in_two_cells_is_found_and_not_diluted(compared: Compared) -> None:

@@ -24,9 +24,6 @@ Verdict = Literal["none", "effect", "partial", "unknown"]
 """``none``: no gap, or none that matters; ``effect``: a gap with named causes; ``partial``: the named causes are real,
 and what they leave is still a gap, of no named cause; ``unknown``: a gap of no named cause."""
 
-SIGNIFICANT = 0.02
-"""A gap is called up to this global p-value, so in 2 of 100 comparisons without one; five would be too many."""
-
 
 @dataclass(frozen=True)
 class Discrepancy:

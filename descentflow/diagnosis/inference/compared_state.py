@@ -14,16 +14,15 @@ import torch
 from torch import Tensor
 
 from descentflow.core.units import FL_M, FPM_MPS
+from descentflow.diagnosis.inference.assumptions import ASSUMED, Assumptions
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.measurements.quantities import Quantities
 from descentflow.physics.performance_model import PerformanceModel
 
-EDGE_NOISE = 0.7
-"""Variance of the change of a rate over a band by its noise, in squares of the short-scale noise: means of a few
-reports at either edge, each of which serves several levels."""
 
-
-def state_of(flights: Quantities, aircraft: PerformanceModel, mass_kg: float) -> FlightState:
+def state_of(
+    flights: Quantities, aircraft: PerformanceModel, mass_kg: float, assumed: Assumptions = ASSUMED
+) -> FlightState:
     """State for effects; bands without a report have the column's mean speed, and no mask.
 
     Example:
@@ -47,7 +46,7 @@ def state_of(flights: Quantities, aircraft: PerformanceModel, mass_kg: float) ->
         physics["tailwind_mps"],
         physics["log_rate"].isfinite(),
         physics["depth_m"],
-        rate_change_per_s=_calibrated_change(flights),
+        rate_change_per_s=_calibrated_change(flights, assumed.edge_noise),
     )
 
 
@@ -81,7 +80,7 @@ def report_delay_s(state: FlightState, lag: Tensor) -> float:
     return max(float(x @ y) / size, 0.0) if size > 0 else 0.0
 
 
-def _calibrated_change(flights: Quantities) -> Tensor:
+def _calibrated_change(flights: Quantities, edge_noise: float) -> Tensor:
     """Changes of the reported rate (n, K) drawn towards each band's mean by as much as their noise scatters them.
 
     The seconds in a band are those of its own altitude over time. A lag is the slope of a regression on the changes,
@@ -96,7 +95,7 @@ def _calibrated_change(flights: Quantities) -> Tensor:
         # Sampled flights have none, and so nothing is known of it where they are one of the sides.
         return change
     noise_mps = flights.values["noise_rate"].exp()[:, None] * FPM_MPS
-    noise = (EDGE_NOISE * (noise_mps / (flights.band_fl * FL_M)) ** 2).expand_as(change)
+    noise = (edge_noise * (noise_mps / (flights.band_fl * FL_M)) ** 2).expand_as(change)
     mean = change.nanmean(0)
     spread = ((change - mean) ** 2).nanmean(0)
     true = (spread - noise.where(change.isfinite(), torch.nan).nanmean(0)).clamp(min=0.0)

@@ -11,7 +11,6 @@ from torch import Tensor
 from descentflow.diagnosis.findings.findings import Verdict
 from descentflow.diagnosis.findings.gap_found import Lack
 from descentflow.diagnosis.findings.selection_found import DetectionLimit
-from descentflow.diagnosis.inference.assumptions import Assumptions
 from descentflow.diagnosis.inference.candidates import Candidate, FlightsEffect, MeanEffect
 from descentflow.diagnosis.inference.flight_effects import FlightShapes, differing
 from descentflow.diagnosis.inference.linear_gaussian import posterior
@@ -65,15 +64,14 @@ class Explainer:
         ('temperature',)
     """
 
-    def __init__(self, compared: Compared, catalogue: Mapping[str, Effect], assumed: Assumptions | None = None) -> None:
+    def __init__(self, compared: Compared, catalogue: Mapping[str, Effect]) -> None:
         """Take the moments and the shapes of single flights.
 
         Args:
             compared: Flights of both sides.
             catalogue: Effects that may be named.
-            assumed: Constants; the usual ones if absent.
         """
-        self.assumed = assumed or Assumptions()
+        self.assumed = compared.assumed
         apart = set_apart(compared)
         self._aside, self.within = (compared.only(torch.nonzero(part)[:, 0]) for part in (apart, ~apart))
         self.known, self.catalogue = moments(self.within, self.assumed), catalogue
@@ -121,13 +119,12 @@ class Explainer:
         return [*(one for one in means if one.shows()), *shapes]
 
 
-def explain(compared: Compared, catalogue: Mapping[str, Effect], assumed: Assumptions | None = None) -> Explanation:
+def explain(compared: Compared, catalogue: Mapping[str, Effect]) -> Explanation:
     """Explain how the real flights differ from the simulator's.
 
     Args:
         compared: Flights of both sides.
         catalogue: Effects that may be named.
-        assumed: Constants; the usual ones if absent.
 
     Example:
         >>> from descentflow.diagnosis.inference.example_sides import example_sides
@@ -135,7 +132,7 @@ def explain(compared: Compared, catalogue: Mapping[str, Effect], assumed: Assump
         >>> explain(example_sides(), EFFECTS).verdict
         'none'
     """
-    return Explainer(compared, catalogue, assumed).explanation()
+    return Explainer(compared, catalogue).explanation()
 
 
 POWER_80 = 0.8416

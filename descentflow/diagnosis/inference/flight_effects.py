@@ -32,8 +32,6 @@ FEWEST_FLIGHTS = 10
 """Real flights whose shapes can tell anything."""
 FEWEST_BANDS = 4
 """Bands of a flight whose shape is looked at."""
-LEAST_SHARE = 0.05
-"""Share of the flights, beyond the simulator's, from which an effect is one."""
 SHORT_ROUNDS, ROUNDS = 8, 25
 """Rounds of EM while the spread of normal flights is sought, and after it."""
 PARAMETERS = 3.0
@@ -159,7 +157,7 @@ class FlightShapes:
 
     def _mixture(self, side: Side, ways: Sequence[WaysOfFlights], sizes: tuple[float, ...], rounds: int) -> MixtureFit:
         odd = [size**2 * shape for shape in self.spread.shapes[2:] for size in self.assumed.odd]
-        return fit_mixture(side.values, side.seen, self.spread.at(sizes), odd, ways, rounds)
+        return fit_mixture(side.values, side.seen, self.spread.at(sizes), odd, ways, rounds, self.assumed.law_flights)
 
     def _gain(self, names: tuple[str, ...]) -> float:
         """Nats that the shapes gain by effects."""
@@ -176,7 +174,7 @@ class FlightShapes:
     def _is_shared(self, names: tuple[str, ...], name: str) -> bool:
         """Test for a sufficient excess of real flights that have it."""
         real, simulated = (self.fit(side, names).shares[name] for side in (self.real, self.simulated))
-        return real - simulated > LEAST_SHARE
+        return real - simulated > self.assumed.least_share
 
     def _is_plausible(self, names: tuple[str, ...], name: str) -> bool:
         """Test for a law that the effect can have, and that is none of another effect."""

@@ -16,6 +16,7 @@ import numpy as np
 import torch
 from scipy.special import log_ndtr
 
+from descentflow.diagnosis.inference.assumptions import ASSUMED
 from descentflow.diagnosis.inference.linear_gaussian import Array, Precisions
 from descentflow.effects.flight_law import DiffersByFlight, Learnt
 from descentflow.effects.flight_state import FlightState
@@ -29,8 +30,6 @@ STEP = 0.01
 """Of a factor, for derivatives."""
 GRID_ERROR_FL = 2.9
 """Standard error of a window's end by a grid of ten levels: its step over the root of 12."""
-BEFORE = 2.0
-"""Flights' worth of the law from which EM starts, in each step of it."""
 
 
 @dataclass(frozen=True)
@@ -206,6 +205,7 @@ def fit_mixture(
     odd: Sequence[Array],
     effects: Sequence[WaysOfFlights],
     rounds: int,
+    law_flights: float = ASSUMED.law_flights,
 ) -> MixtureFit:
     """Fit the shares, laws and offsets by EM.
 
@@ -216,6 +216,7 @@ def fit_mixture(
         odd: (m, m) further covariance of each kind of odd flights.
         effects: That some may have.
         rounds: Of EM.
+        law_flights: Flights' worth of the law from which EM starts.
 
     Example:
         >>> rng = np.random.default_rng(0)
@@ -225,7 +226,7 @@ def fit_mixture(
     """
     plain = Precisions(spread, seen)
     others = [Precisions(spread + more, seen) for more in odd]
-    models = [_Ways(one, plain) for one in effects]
+    models = [_Ways(one, plain, law_flights) for one in effects]
     share = np.array([1.0 - FIRST_ODD * len(odd) - FIRST_SHARE * len(models), *[FIRST_ODD] * len(odd)])
     share = np.concatenate([share, np.full(len(models), FIRST_SHARE)])
     whole = np.zeros(len(values))
@@ -253,8 +254,9 @@ def fit_mixture(
 class _Ways:
     """One effect of the mixture: its E-step over windows and sizes, and its M-step."""
 
-    def __init__(self, ways: WaysOfFlights, plain: Precisions) -> None:
+    def __init__(self, ways: WaysOfFlights, plain: Precisions, law_flights: float) -> None:
         self.ways, self.plain, self.law, self.name = ways, plain, ways.start, ways.effect.name
+        self._law_flights = law_flights
         self.coarse = ways.effect.coarser(ways.start)
         # (n, W, m) shapes are not kept: only their products with the precision, of which there are W a flight.
         self._square = np.empty(ways.open.shape)
@@ -300,12 +302,12 @@ class _Ways:
         often = np.exp(self.coarse.log_prior(self.ways.state, self.law).numpy())
         could = self.ways.open @ (often / often.sum())
         _, mean, sd = self.coarse.size(self.ways.start)
-        before = BEFORE * often / often.sum()
+        before = self._law_flights * often / often.sum()
         self.learnt = Learnt(
             torch.from_numpy(self.taken.sum(0) + before),
             torch.from_numpy((self.taken * self.size).sum(0) + before * mean),
             torch.from_numpy((self.taken * (self.size**2 + self._variance)).sum(0) + before * (mean**2 + sd**2)),
-            max(round(float(could.sum() + BEFORE)), 1),
+            max(round(float(could.sum() + self._law_flights)), 1),
         )
         self.law = self.coarse.learn(self.ways.state, self.law, self.learnt)
         self.share = float(self.taken.sum() / max(could.sum(), 1.0))

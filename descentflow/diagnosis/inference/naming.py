@@ -21,9 +21,6 @@ from descentflow.diagnosis.inference.sets import Names, SetFit, SetFits
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.measurements.quantity_registry import QUANTITIES
 
-LEAST_SHOWN = 0.02
-"""Probability below which an effect is not looked at."""
-
 
 @dataclass(frozen=True)
 class Named:
@@ -73,7 +70,7 @@ def name_effects(sets: Sequence[SetFit], assumed: Assumptions, alike: Sequence[S
     probability = {name: held(name) for name in sorted(every, key=lambda name: -held(name))}
     groups: dict[str, Names] = {}
     for name, alone in probability.items():
-        if alone < LEAST_SHOWN or any(name in group for group in groups.values()):
+        if alone < assumed.least_shown or any(name in group for group in groups.values()):
             continue
         group = [name]
         others = [other for other in probability if other not in groups and other != name]
@@ -81,7 +78,7 @@ def name_effects(sets: Sequence[SetFit], assumed: Assumptions, alike: Sequence[S
             if held(*group) >= assumed.named:
                 break
             together = sum(w for w, one in zip(weights, sets, strict=True) if name in one.names and other in one.names)
-            if together < 1.0 - assumed.named and held(*group, other) > held(*group) + LEAST_SHOWN:
+            if together < 1.0 - assumed.named and held(*group, other) > held(*group) + assumed.least_shown:
                 group.append(other)
         if held(*group) < assumed.named or alone < 1.0 / (len(group) + 1):
             continue
@@ -125,8 +122,6 @@ def verdict_of(named: Named, best: SetFit, known: Moments, fits: SetFits) -> Ver
 OF_LEVEL_OFFS = ("level", "level_gaps")
 RAISED_BY_CAUSES = ("noise_rate", "noise_altitude", "noise_groundspeed")
 """Noise that edges of windows, paths, turns and late reports change as well."""
-USUAL = 15.0
-"""Prior size of a lack of level-offs, in negligible shifts."""
 
 
 def set_apart(compared: Compared) -> Tensor:
@@ -176,7 +171,7 @@ def lacks(compared: Compared, assumed: Assumptions, *, raised: bool) -> list[Lac
         by_product = assumed.noise_matters if raised and name in RAISED_BY_CAUSES else 0.0
         error = variance + by_product**2
         # Noise that is missing altogether is less by a factor of three or five: about one, as a logarithm.
-        usual = (1.0 if noise else USUAL * unit) ** 2
+        usual = (1.0 if noise else assumed.usual_level_offs * unit) ** 2
         odds = 0.5 * (size**2 / error - size**2 / (error + usual) - math.log1p(usual / error)) + prior_odds
         if odds > needed and (not noise or abs(size) > assumed.noise_matters / 3.0):
             found.append(Lack(name, size, math.sqrt(error)))

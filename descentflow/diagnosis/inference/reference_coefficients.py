@@ -17,21 +17,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from descentflow.diagnosis.inference.assumptions import ASSUMED, Assumptions
 from descentflow.diagnosis.inference.linear_gaussian import Array, Precisions, shrunk
 from descentflow.effects.flight_state import FlightState, log_rate
 
-PRIOR_SPREAD = (0.12, 0.23, 0.10, 0.80)
-"""Prior standard deviations of ln mass, ln CD0, ln CD2 and ln idle thrust.
-
-Mass: between the operating empty and the maximum landing mass of a jet (A320: 41 to 65 t about 55 t), even odds. CD0:
-root mean square difference of OpenAP's and Poll-Schumann's of six jets (3 % for the A320, a factor of two for the
-B772), over the root of two. CD2: the same (4 to 9 %), with winglets or without. Idle: 2 % of climb thrust, between none
-and OpenAP's 7 %."""
-EQUATION_SPREAD = 0.10
-"""Prior standard deviation of what the equations miss of ln rate in every flight alike, half of it alike in all bands.
-
-Measured: six-degree-of-freedom flights of four types against open coefficients of another type leave 0.06 to 0.12 root
-mean square over their bands; flights of these equations 0.01."""
 STEPS = 4
 """Gauss-Newton steps: ln rate is close to linear in these logarithms."""
 LEAST_SPREAD = 0.003
@@ -54,9 +43,9 @@ class ReferenceCoefficients:
     covariance: Tensor
 
     @classmethod
-    def unknown(cls) -> "ReferenceCoefficients":
+    def unknown(cls, assumed: Assumptions = ASSUMED) -> "ReferenceCoefficients":
         """Before any flight was seen."""
-        prior = torch.tensor(PRIOR_SPREAD, dtype=torch.float64)
+        prior = torch.tensor(assumed.coefficient_spread, dtype=torch.float64)
         return cls(torch.zeros(4, dtype=torch.float64), torch.diag(prior**2))
 
     def directions(self) -> Tensor:
@@ -97,13 +86,16 @@ def scaled(state: FlightState, ln_factors: Tensor) -> FlightState:
     return replace(state, aircraft=aircraft, mass_kg=state.mass_kg * mass)
 
 
-def reference_coefficients(state: FlightState, log_rate_seen: Tensor, airframe: Tensor) -> ReferenceCoefficients:
+def reference_coefficients(
+    state: FlightState, log_rate_seen: Tensor, airframe: Tensor, assumed: Assumptions = ASSUMED
+) -> ReferenceCoefficients:
     """Coefficients that a simulator's own flights show: the most probable ones, and the covariance about them.
 
     Args:
         state: The flights (n, K), with the reference aircraft's coefficients and mass.
         log_rate_seen: (n, K) ln of the rate, m/s; NaN where not seen.
         airframe: (n,) aircraft: what its flights share counts once.
+        assumed: Constants.
 
     Example:
         >>> from descentflow.effects.example_flights import example_flights
@@ -115,7 +107,7 @@ def reference_coefficients(state: FlightState, log_rate_seen: Tensor, airframe: 
         >>> [round(x, 2) for x in apart]  # of ln rate, before and after: the equations may be off as well
         [0.07, -0.02]
     """
-    known = ReferenceCoefficients.unknown()
+    known = ReferenceCoefficients.unknown(assumed)
     bands = torch.nonzero(log_rate_seen.isfinite().sum(0) >= 2)[:, 0]
     if not len(bands):
         return known
@@ -123,7 +115,7 @@ def reference_coefficients(state: FlightState, log_rate_seen: Tensor, airframe: 
     there = rest.isfinite()
     weights = Precisions(_spread(rest), there.numpy())
     precision = torch.from_numpy(weights.precision)
-    half = 0.5 * EQUATION_SPREAD**2
+    half = 0.5 * assumed.equation_spread**2
     missed = half * (torch.eye(len(bands), dtype=torch.float64) + 1.0)
     common = precision.sum(0) + torch.linalg.inv(missed)
     prior = torch.linalg.inv(known.covariance)

@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 from descentflow.core.units import FL_M
+from descentflow.diagnosis.inference.assumptions import ASSUMED, Assumptions
 from descentflow.diagnosis.inference.compared_state import by_own_turns, report_delay_s, state_of, turned_more
 from descentflow.diagnosis.inference.reference_coefficients import ReferenceCoefficients, reference_coefficients
 from descentflow.effects.flight_state import FlightState, log_rate
@@ -19,29 +20,9 @@ CLAIMED_ZERO = ("rate", "lag", "mismatch", "tas", "wind", "height")
 MIN_FLIGHTS = 10
 MIN_SHARE = 0.1
 """An entry is compared if so many, and this share, of the flights of either side show it."""
-NEGLIGIBLE = {
-    "rate": 0.002,
-    "lag": 0.002,
-    "cas": 0.5,
-    "mismatch": 0.1,
-    "tas": 0.0005,
-    "wind": 0.1,
-    "height": 1.0,
-    "noise": 0.03,
-    "level": 2.0,
-    "level_gaps": 0.03,
-    "slow": 2.0,
-    "missing": 0.005,
-}
-"""Shifts of a mean that mean nothing in practice, in each quantity's unit: what equations leave out, and no more."""
-SETTLED_M = 300.0
-"""Rates are compared from so far below the highest level seen: above it, they are of how a descent begins, and how
-late a report is shows as much as how steep the descent is."""
 FEWEST_APART = 7
 """Aircraft that differ from what most flights show, for a quantity that most show alike (time level, least noise) to be
 compared. All of m are on one side by chance in one of 2^(m - 1), and 2 % is asked."""
-EXTREME = 6.0
-"""Values are drawn in to this many robust standard deviations: one misread flight must not decide."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +68,8 @@ class Compared:
     """Of the aircraft that the simulator flies, as far as known; ``state`` is taken with them."""
     names: tuple[str, ...] = ()
     """Identifiers of the real flights, in their order; empty where they are not known."""
+    assumed: Assumptions = ASSUMED
+    """Constants of the diagnosis."""
 
     @property
     def has_reference(self) -> bool:
@@ -99,8 +82,7 @@ class Compared:
 
     def negligible(self) -> Tensor:
         """Negligible shift (p,) of each entry."""
-        kinds = ["noise" if QUANTITIES[e.quantity].is_noise else e.quantity for e in self.entries]
-        return torch.tensor([NEGLIGIBLE[kind] for kind in kinds], dtype=torch.float64)
+        return torch.tensor([self.assumed.negligible_shift(e.quantity) for e in self.entries], dtype=torch.float64)
 
     def of_flight(self) -> Tensor:
         """Entries (p,) that are one number of a whole flight: noise, and gaps."""
@@ -167,13 +149,16 @@ class Compared:
         return float(levels[e.band] - self.band_fl / 2), float(levels[e.band] + self.band_fl / 2)
 
 
-def compare(reference: Quantities | None, real: Quantities, aircraft: PerformanceModel) -> Compared:
+def compare(
+    reference: Quantities | None, real: Quantities, aircraft: PerformanceModel, assumed: Assumptions = ASSUMED
+) -> Compared:
     """Join both sides.
 
     Args:
         reference: The simulator's flights; None for a simulator that claims the polar's rate at the reference mass.
         real: Real flights, on the same bands.
         aircraft: Coefficients of the simulator.
+        assumed: Constants.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
@@ -186,14 +171,14 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Performanc
     """
     both = real if reference is None else _joined(reference, real)
     n_before = 0 if reference is None else len(reference)
-    state = state_of(both, aircraft, float(aircraft.mass_reference_kg))
+    state = state_of(both, aircraft, float(aircraft.mass_reference_kg), assumed)
     is_real = torch.arange(len(both)) >= n_before
-    settled = both.physics["depth_m"] >= SETTLED_M
-    coefficients = ReferenceCoefficients.unknown()
+    settled = both.physics["depth_m"] >= assumed.settled_m
+    coefficients = ReferenceCoefficients.unknown(assumed)
     if reference is not None:
-        own = state_of(reference, aircraft, state.mass_kg)
+        own = state_of(reference, aircraft, state.mass_kg, assumed)
         seen = torch.where(settled[:n_before], reference.physics["log_rate"], torch.nan)
-        coefficients = reference_coefficients(own, seen, reference.airframe)
+        coefficients = reference_coefficients(own, seen, reference.airframe, assumed)
     state = coefficients.applied(state)
     values = dict(both.values)
     expected = log_rate(state)
@@ -232,7 +217,7 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Performanc
                 continue
             entries.append(Entry(name, band if name in BY_BAND else -1))
             sides = [column[is_real], column[~is_real]] if anchored else [column[is_real]]
-            shown, *known = _drawn_in(sides, NEGLIGIBLE["noise" if QUANTITIES[name].is_noise else name])
+            shown, *known = _drawn_in(sides, assumed.extreme, assumed.negligible_shift(name))
             normal = known[0] if anchored else (shown - shown.nanmean())[stand_in]
             columns.append(torch.cat([normal, shown]))
     y = torch.stack(columns, 1)
@@ -248,6 +233,7 @@ def compare(reference: Quantities | None, real: Quantities, aircraft: Performanc
         real.band_fl,
         coefficients,
         real.names,
+        assumed,
     )
 
 
@@ -263,7 +249,7 @@ def _enough(column: Tensor) -> bool:
     return count >= MIN_FLIGHTS and count >= MIN_SHARE * len(column)
 
 
-def _drawn_in(sides: Sequence[Tensor], least: float) -> list[Tensor]:
+def _drawn_in(sides: Sequence[Tensor], extreme: float, least: float) -> list[Tensor]:
     """Values of sides without the extremes of each, by the spread of the wider one, which is at least so much.
 
     One spread for both, for nothing but their values may tell them apart where there is no gap; and at least what is
@@ -274,7 +260,7 @@ def _drawn_in(sides: Sequence[Tensor], least: float) -> list[Tensor]:
     spread = 1.4826 * max(float(one.nan_to_num(0.0)) for one in away)
     if spread < 1e-9:
         return list(sides)
-    most = EXTREME * max(spread, least)
+    most = extreme * max(spread, least)
     return [
         torch.where(column.isfinite(), column.clamp(float(middle) - most, float(middle) + most), column)
         for column, middle in zip(sides, middles, strict=True)

@@ -15,8 +15,6 @@ PERMUTATIONS = 1999
 """Behind the p-value of each cell, which is at least one in 2,000: 5 % is known to half a percent."""
 FLOORS = 10
 """Permutations behind the noise floor of each cell."""
-FALSE_CELLS = 0.05
-"""Chance that any cell is called where there is no gap."""
 MATTERS = 0.5
 """An excess over the floor below this many negligible shifts is not counted as a gap, however significant."""
 
@@ -200,7 +198,7 @@ def where(compared: Compared, transition_fl: float, seed: int) -> tuple[list[Gap
     counted = []
     for (row, cell, _), p_value in zip(measured, p_values, strict=True):
         large = row.distance - row.floor > MATTERS * float(negligible[cell.at].mean())
-        counted.append(row.slice == ALL and p_value <= FALSE_CELLS and large)
+        counted.append(row.slice == ALL and p_value <= compared.assumed.false_cells and large)
         if counted[-1]:
             affected[cell.at] = True
     total = sum(excess for (_, _, excess), counts in zip(measured, counted, strict=True) if counts)

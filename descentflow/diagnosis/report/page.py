@@ -6,10 +6,11 @@ from shlex import quote
 from typing import Any
 
 from descentflow.diagnosis.findings.costs_found import Measured
-from descentflow.diagnosis.findings.findings import SEEN, SIGNIFICANT, Curve, Findings
+from descentflow.diagnosis.findings.findings import SEEN, Curve, Findings
 from descentflow.diagnosis.findings.inputs_found import InputUsed
 from descentflow.diagnosis.findings.plain_values import percent
 from descentflow.diagnosis.findings.selection_found import DetectionLimit
+from descentflow.diagnosis.inference.assumptions import ASSUMED
 from descentflow.diagnosis.report.page_tables import (
     by_level_table,
     cost_table,
@@ -185,7 +186,7 @@ def _shared(found: Findings) -> dict[str, Any]:
         "flights": f"{'' if counted is None else f'{counted:,} '}real {types} flights",
         "whole_range": f"FL{whole[0].high_fl:.0f} down to FL{whole[0].low_fl:.0f}" if whole else "",
         "p": f"{found.p_value:.2g}",
-        "significant": SIGNIFICANT,
+        "significant": ASSUMED.false_gap,
         "same": prints[0] is not None and prints[0] == prints[1],
         "known_flights": found.dropped.get(SEEN, 0),
         "standing": _standing(found),

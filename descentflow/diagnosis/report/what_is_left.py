@@ -11,7 +11,6 @@ from descentflow.diagnosis.findings.costs_found import LevelMeans
 from descentflow.diagnosis.findings.findings import Curve
 from descentflow.diagnosis.findings.gap_found import LargestDifference, Remaining, WouldSplit
 from descentflow.diagnosis.findings.inputs_found import FlightWorthALook, LeftOutChannel
-from descentflow.diagnosis.inference.assumptions import Assumptions
 from descentflow.diagnosis.inference.moments import moments
 from descentflow.diagnosis.inference.naming import set_apart
 from descentflow.diagnosis.inference.two_sides import Compared
@@ -73,7 +72,7 @@ def curves(compared: Compared, left: Tensor) -> dict[str, Curve]:
     levels, found = compared.middles_fl(), {}
     before, after = compared.difference(compared.y), compared.difference(left)
     # By whole aircraft and days: their flights are alike.
-    error = moments(compared, Assumptions()).covariance.diagonal() ** 0.5
+    error = moments(compared, compared.assumed).covariance.diagonal() ** 0.5
     for quantity in compared.quantities():
         at = compared.columns(quantity)
         bands = [compared.entries[i].band for i in at.tolist()]

@@ -91,11 +91,6 @@ class DragScale:
         force = scaled / self.unit_n
         return self.thrust_n.to(scaled) + self.typical_n(cas_mps) * (force.exp() if self.logarithm else force)
 
-    def slope(self, scaled: Tensor, cas_mps: Tensor) -> Tensor:
-        """Change of the drag in N with values (n, L) on the scale."""
-        force = self.typical_n(cas_mps) / self.unit_n
-        return force * (scaled / self.unit_n).exp() if self.logarithm else force.expand_as(scaled)
-
     def observed(self, flights: Profiles) -> Observed:
         """Profiles of flights as weights explain them."""
         return Observed((self.scaled(flights.drag_n, flights.cas_mps), flights.cas_mps), flights.mask)

@@ -1,6 +1,7 @@
-"""Density conditioned on a request, from which its descents are drawn."""
+"""Density given a request, from which its descents are drawn."""
 
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 import torch
@@ -8,17 +9,43 @@ from scipy.special import ndtri
 from torch import Tensor
 
 from descentflow.densities.density import Density
+from descentflow.densities.entry_gate import EntryGate
 from descentflow.densities.transformed import TransformedDensity
-from descentflow.generation.conditional.entry_shares import EntryShares
-from descentflow.generation.conditional.flown_profiles import Array, FlownProfiles
-from descentflow.generation.conditional.latent_draws import ConditionedTarget, Drawn
-from descentflow.generation.conditional.latent_parts import LatentParts
-from descentflow.generation.conditional.latent_profiles import LatentProfiles
-from descentflow.generation.conditional.point_condition import Flown, PointCondition
-from descentflow.generation.conditional.requests import Request
-from descentflow.generation.conditional.speed_cells import NothingPlausible, speed_cells
-from descentflow.generation.conditional.speed_conditions import LEAST_TAIL, conditions
+from descentflow.generation.conditional.constraints import Request, SpeedAsked
+from descentflow.generation.conditional.draws import Drawn
+from descentflow.generation.conditional.latent_density import Array, LatentDensity
+from descentflow.generation.conditional.point_condition import PointCondition
+from descentflow.generation.conditional.speed_conditions import (
+    LEAST_TAIL,
+    Conditions,
+    Rows,
+    conditions,
+    log_total,
+)
+from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.plausibility import Plausibility
+
+NEVER = 1e6
+"""CAS (m/s) that no descent has, which leaves a level of entry without probability."""
+PROPOSALS, PROPOSALS_OF_A_STAND_IN = 16, 256
+"""Proposals for one weighted draw; more where Gaussians stand in for a density that is no mixture."""
+
+
+class NothingPlausible(Exception):
+    """A request that the model knows no flight for; ``culprit`` is what cannot be met: a speed, or None for a point.
+
+    Example:
+        >>> try:
+        ...     raise NothingPlausible(SpeedAsked("cas_kt", 50, 500.0, 500.0))
+        ... except NothingPlausible as error:
+        ...     error.culprit.text(200.0)
+        'cas_kt 500 at FL200'
+    """
+
+    def __init__(self, culprit: SpeedAsked | None) -> None:
+        """Say what cannot be met."""
+        super().__init__(culprit)
+        self.culprit = culprit
 
 
 class FreeTarget:
@@ -26,70 +53,97 @@ class FreeTarget:
 
     Args:
         density: What the weights are drawn from.
-        grid: Of its decoder.
-        profiles: Of samples, see :func:`~descentflow.generation.conditional.latent_parts.sample_profiles`.
         log_entries: (L,) log shares of the levels of entry.
         context: (1, c) of the density; None if it takes none.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
-        >>> from descentflow.generation.conditional.latent_parts import sample_profiles
         >>> model = load_model("best.ckpt")
-        >>> decoder = model.representation.decoder
-        >>> grid = FlownProfiles(decoder)
-        >>> log_entries = np.where(np.arange(grid.n_levels) == grid.nearest(330), 0.0, -np.inf)
-        >>> target = FreeTarget(model, grid, sample_profiles(decoder, grid), log_entries, None)
+        >>> levels_fl = model.representation.decoder.levels_fl
+        >>> target = FreeTarget(model, torch.where(levels_fl == 330, 0.0, -torch.inf).numpy(), None)
         >>> drawn = target.draw(np.full((1, target.width), 0.5))
-        >>> bool(grid.levels_fl[drawn.entry[0]] == 330)
-        True
-        >>> drawn.u.shape == (1, target.width - 2), np.allclose(drawn.u[:, model.dimension :], 0.0)
+        >>> bool(levels_fl[drawn.flown.entry[0]] == 330), drawn.u.shape[1] == target.width - 2
         (True, True)
     """
 
-    def __init__(
-        self,
-        density: Density,
-        grid: FlownProfiles,
-        profiles: LatentProfiles,
-        log_entries: Array,
-        context: Tensor | None,
-    ) -> None:
-        """Hold what is drawn of."""
-        self.density, self.grid, self.profiles, self.context = density, grid, profiles, context
-        self.up_to = np.exp(log_entries).cumsum()
-        self.width = 2 + len(profiles.drag.loadings)
+    proposals = 1
 
-    in_closed_form = True
+    def __init__(self, density: Density, log_entries: Array, context: Tensor | None) -> None:
+        """Hold what is drawn of."""
+        self.density, self.context, self.decoder = density, context, density.representation.decoder
+        self.up_to = np.exp(log_entries).cumsum()
+        self.width = 2 + self.decoder.dimension + self.decoder.n_white
 
     @torch.no_grad()
     def draw(self, uniform: Array) -> Drawn:
         """One draw for each row."""
-        d = self.density.dimension
-        entry = np.searchsorted(self.up_to, uniform[:, 1] * self.up_to[-1], side="right")
-        white = ndtri(uniform[:, 2:])
-        rows = None if self.context is None else self.context.expand(len(uniform), -1)
-        if isinstance(self.density, TransformedDensity):
-            weights = self.density.of_white(torch.from_numpy(white[:, :d].copy()), rows)
+        d, density = self.density.dimension, self.density
+        index = np.searchsorted(self.up_to, uniform[:, 0] * self.up_to[-1], side="right")
+        entry = torch.from_numpy(np.minimum(index, len(self.up_to) - 1))
+        white = torch.from_numpy(ndtri(uniform[:, 2:]))
+        if isinstance(density, TransformedDensity):
+            rows = None if self.context is None else self.context.expand(len(uniform), -1)
+            weights = density.of_white(white[:, :d].contiguous(), rows).double()
         else:
             # Of any other density a number can be drawn by a seed alone.
-            seeds = (uniform[:, 0] * 2**53).astype(np.int64).tolist()
-            weights = torch.cat([self.density.sample(1, seed, self.context) for seed in seeds])
-        u = np.concatenate([weights.double().numpy(), white[:, d:]], 1)
-        flown = Flown.of(self.grid, self.profiles.of(u))
-        return Drawn(u, np.minimum(entry, self.grid.n_levels - 1), flown, np.zeros(len(u)))
+            seeds = (uniform[:, 1] * 2**53).astype(np.int64).tolist()
+            weights = torch.cat([density.sample(1, seed, self.context) for seed in seeds]).double()
+        flown = self.decoder.fly(self.decoder.profiles(weights, white[:, d:]), entry)
+        return Drawn(torch.cat([weights, white[:, d:]], 1), flown, np.zeros(len(uniform)))
 
 
-def conditioned_target(
-    request: Request, parts: LatentParts, grid: FlownProfiles, shares: EntryShares, bounds: Plausibility
-) -> ConditionedTarget:
+class ConditionedTarget:
+    """Gaussians given speeds and perhaps a point.
+
+    Args:
+        latent: The density as C Gaussians.
+        entry: (C,) index of the level of entry of each.
+        speeds: The C Gaussians given the speeds.
+        point: The same given a time or a distance; None if none is asked.
+        decoder: Flies them.
+    """
+
+    def __init__(
+        self,
+        latent: LatentDensity,
+        entry: Array,
+        speeds: Conditions,
+        point: PointCondition | None,
+        decoder: DescentDecoder,
+    ) -> None:
+        """Hold what was conditioned."""
+        self.latent, self.entry, self.speeds = latent, entry, speeds
+        self.point, self.decoder = point, decoder
+        self.width = 2 + latent.means.shape[1] + speeds.rows.n_rows
+        shares = speeds.log_probs if point is None else point.log_probs
+        self.up_to = np.exp(shares - log_total(shares)).cumsum()
+        equal = speeds.in_closed_form and point is None
+        self.proposals = PROPOSALS_OF_A_STAND_IN if latent.prior is not None else 1 if equal else PROPOSALS
+
+    @torch.no_grad()
+    def draw(self, uniform: Array) -> Drawn:
+        """One draw for each row."""
+        cell = np.minimum(np.searchsorted(self.up_to, uniform[:, 0], side="right"), len(self.up_to) - 1)
+        size = self.latent.means.shape[1]
+        u = (self.latent.roots[cell] @ ndtri(uniform[:, 2 : 2 + size])[:, :, None])[:, :, 0]
+        u, log_weight = self.speeds.meet(cell, u, uniform[:, 2 + size :])
+        entry = torch.from_numpy(self.entry[cell])
+        if self.point is None:
+            whole = torch.from_numpy(u + self.latent.means[cell])
+            flown = self.decoder.fly(self.latent.curves.profiles(whole), entry)
+        else:
+            whole, flown, more = self.point.meet(cell, u, uniform[:, 1])
+            log_weight = log_weight + more
+        return Drawn(whole, flown, log_weight + self.latent.log_ratio(whole))
+
+
+def conditioned_target(request: Request, latent: LatentDensity, density: Density) -> ConditionedTarget:
     """The density's Gaussians given a request.
 
     Args:
         request: As checked by :meth:`Request.check`.
-        parts: The density, before or after what was flown.
-        grid: Of its decoder.
-        shares: Of levels of entry and of components.
-        bounds: Of the training flights, to which bands are cut unless something was flown.
+        latent: The density, before or after what was flown.
+        density: Itself; bands are cut to the bounds of its training flights unless something was flown.
 
     Raises:
         NothingPlausible: If a speed is beyond the bounds of the training flights, or as rare as no flight.
@@ -97,49 +151,100 @@ def conditioned_target(
     Example:
         >>> from descentflow.core.units import KT_MPS
         >>> from descentflow.densities.checkpoint import load_model
-        >>> from descentflow.generation.conditional.constraints import SpeedAsked
-        >>> from descentflow.generation.conditional.latent_parts import parts_of
+        >>> from descentflow.generation.conditional.latent_density import latent_density
         >>> model = load_model("best.ckpt")
-        >>> grid, bounds = FlownProfiles(model.representation.decoder), model.representation.plausibility
-        >>> level = grid.nearest(200)
-        >>> request = Request(grid.nearest(330), (SpeedAsked("cas_kt", level, 280.0, 280.0),))
-        >>> target = conditioned_target(request, parts_of(model, grid, None), grid, EntryShares(model), bounds)
+        >>> request = Request(180, (SpeedAsked("cas_kt", 50, 280.0, 280.0),))
+        >>> target = conditioned_target(request, latent_density(model, None), model)
         >>> drawn = target.draw(np.full((1, target.width), 0.4))
-        >>> round(float(drawn.flown.cas[0, level]) / KT_MPS, 6)  # kt
+        >>> round(float(drawn.flown.cas_mps[0, 50]) / KT_MPS, 6)  # kt
         280.0
     """
-    entries = _entries(request, shares)
+    parts = density.representation
+    decoder, levels_fl = parts.decoder, parts.decoder.levels_fl.numpy()
+    log_entries = entry_shares(parts.plausibility)
+    entries = _entries(request, log_entries)
     if not len(entries):
         raise NothingPlausible(max(request.speeds, key=lambda speed: speed.level))
-    n_components = len(parts.means)
-    component, entry = np.tile(np.arange(n_components), len(entries)), np.repeat(entries, n_components)
-    log_probs = np.concatenate([_log_shares(request, parts, shares, int(e)) for e in entries])
-    bounds_asked = None if request.flown is not None else bounds
-    cells = speed_cells(request.speeds, parts, grid, component, entry, log_probs, bounds_asked)
-    own = replace(parts, means=parts.means[cells.component], roots=parts.roots[cells.component])
-    speeds = conditions(cells.log_probs, own.means, own.roots, cells.rows)
-    for speed, tail in zip(cells.asked, speeds.tails, strict=True):
+    n = len(latent.means)
+    component, entry = np.tile(np.arange(n), len(entries)), np.repeat(entries, n)
+    own = np.tile(latent.log_probs, len(entries))
+    if request.flown is None and (gate := _gate(density)) is not None:
+        own = _log_gated(density, gate, entries).ravel()
+    shares = own if request.entry is not None else own + log_entries[entry]
+    # Values before bands.
+    asked = tuple(sorted(request.speeds, key=lambda speed: speed.low < speed.high))
+    level, low, high = _asked(asked, levels_fl, entry, parts.plausibility if request.flown is None else None)
+    cells = replace(latent, means=latent.means[component], roots=latent.roots[component])
+    offset, loadings = latent.cas
+    matrix = loadings.T[level]
+    rows = Rows(matrix, offset[level] + (matrix @ cells.means[:, :, None])[:, :, 0], low, high)
+    speeds = conditions(shares, cells.means, cells.roots, rows)
+    for speed, tail in zip(asked, speeds.tails, strict=True):
         if not tail >= LEAST_TAIL:
             raise NothingPlausible(speed)
+
     point = None
     if request.point is not None:
-        point = PointCondition(request.point, own, grid, int(entries[0]), speeds)
+        point = PointCondition(cells, decoder, request, speeds)
         if not point.tail >= LEAST_TAIL:
             raise NothingPlausible(None)
-    return ConditionedTarget(parts, grid, cells.component, cells.entry, speeds, point)
+    return ConditionedTarget(cells, entry, speeds, point, decoder)
 
 
-def _entries(request: Request, shares: EntryShares) -> np.ndarray:
+def entry_shares(bounds: Plausibility) -> Array:
+    """Log shares (L,) of the levels of entry of training flights.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> bool(np.isclose(np.exp(entry_shares(load_model("best.ckpt").representation.plausibility)).sum(), 1.0))
+        True
+    """
+    counts = bounds.entry_counts.cpu().double().numpy()
+    with np.errstate(divide="ignore"):
+        found: Array = np.log(counts / counts.sum())
+    return found
+
+
+def _entries(request: Request, log_entries: Array) -> np.ndarray:
     """Levels of entry that the request leaves open."""
     if request.entry is not None:
         return np.array([request.entry])
     lowest = max((speed.level for speed in request.speeds), default=-1)
-    return np.flatnonzero(np.isfinite(shares.log_entries) & (np.arange(len(shares.log_entries)) >= lowest))
+    return np.flatnonzero(np.isfinite(log_entries) & (np.arange(len(log_entries)) >= lowest))
 
 
-def _log_shares(request: Request, parts: LatentParts, shares: EntryShares, entry: int) -> Array:
-    """Log shares (K,) of the components that enter at a level, up to a constant of the request."""
-    own = None if request.flown is not None else shares.log_components(entry)
-    log_entry = 0.0 if request.entry is not None else shares.log_entries[entry]
-    found: Array = (parts.log_probs if own is None else own) + log_entry
+def _gate(density: Density) -> EntryGate | None:
+    """Shares of components by level of entry, of a mixture that knows them."""
+    return None if density.mixture is None or density.n_context else getattr(density, "entry_gate", None)
+
+
+def _log_gated(density: Density, gate: EntryGate, entries: np.ndarray) -> Array:
+    """Log shares (E, K) of the components at levels of entry, each of which strays at one scale."""
+    shares, law = gate.of(torch.from_numpy(entries)), density.residual_law
+    if law is not None:
+        shares = (shares[:, :, None] * law.scale_probs / law.scale_probs.sum()).flatten(1)
+    with np.errstate(divide="ignore"):
+        found: Array = np.log(shares.numpy())
     return found
+
+
+def _asked(
+    order: tuple[SpeedAsked, ...], levels_fl: Array, entry: np.ndarray, bounds: Plausibility | None
+) -> tuple[np.ndarray, Array, Array]:
+    """Level, lowest and highest CAS (m/s) of each speed for each cell (C, J)."""
+    level = np.zeros((len(entry), len(order)), dtype=int)
+    low, high = (np.zeros(level.shape) for _ in range(2))
+    for j, speed in enumerate(order):
+        level[:, j] = speed.level if speed.level >= 0 else entry
+        for k in np.unique(level[:, j]):
+            lowest, highest = speed.cas_mps(float(levels_fl[k]))
+            least, most = (-inf, inf) if bounds is None else (float(bounds.cas_low[k]), float(bounds.cas_high[k]))
+            if lowest < highest:
+                lowest, highest = max(lowest, least), min(highest, most)
+            if lowest > highest or not least <= lowest <= highest <= most:
+                if len(np.unique(level[:, j])) == 1:
+                    raise NothingPlausible(speed)
+                lowest, highest = NEVER, NEVER  # no descent of this level of entry
+            at = level[:, j] == k
+            low[at, j], high[at, j] = lowest, highest
+    return level, low, high

@@ -1,10 +1,9 @@
 """Descents for a running simulator, one or many at a time, that meet what a controller asks: ``df.Generator``."""
 
 import threading
-from collections import OrderedDict
 from collections.abc import Mapping
 from copy import deepcopy
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, TypedDict, Unpack
 
 import numpy as np
@@ -12,35 +11,38 @@ import polars as pl
 import torch
 
 from descentflow.core.arguments import Count, Numbered, Within, checked_arguments
+from descentflow.core.counter_random import DrawNumbers
 from descentflow.core.errors import ConfigError
 from descentflow.core.threads import one_thread_where_they_spin
 from descentflow.densities.checkpoint import as_density
 from descentflow.densities.density import Density
-from descentflow.generation.conditional.accepted import Accepted, NoneLeft, chosen_by_weight, first_plausible
-from descentflow.generation.conditional.conditioned_density import FreeTarget, conditioned_target
-from descentflow.generation.conditional.constraints import Band, BySpeed, point_asked, speeds_asked
-from descentflow.generation.conditional.entry_shares import EntryShares
-from descentflow.generation.conditional.flown_profiles import FlownProfiles
+from descentflow.generation.conditional.conditioned_density import (
+    PROPOSALS,
+    ConditionedTarget,
+    FreeTarget,
+    NothingPlausible,
+    conditioned_target,
+    entry_shares,
+)
+from descentflow.generation.conditional.constraints import Band, BySpeed, Request, point_asked, speeds_asked
+from descentflow.generation.conditional.draws import Accepted, Judge, NoneLeft, accepted
 from descentflow.generation.conditional.flown_so_far import FlownSoFar, flown_so_far
-from descentflow.generation.conditional.generated import GeneratedSamples
-from descentflow.generation.conditional.judged_draws import DrawnDescents
-from descentflow.generation.conditional.latent_draws import ConditionedTarget, Drawn, Numbers
-from descentflow.generation.conditional.latent_parts import LatentParts, parts_after, parts_of, sample_profiles
+from descentflow.generation.conditional.latent_density import LatentDensity, latent_density, latent_density_after
 from descentflow.generation.conditional.nearest_plausible import implausible
-from descentflow.generation.conditional.requests import Request
-from descentflow.generation.conditional.speed_cells import NothingPlausible
 from descentflow.generation.given_temperature import given_deviation_k, in_given_air
 from descentflow.generation.origin import origin_of
-from descentflow.generation.prediction.posterior import prior_of
 from descentflow.generation.sample_contexts import context_rows, entry_levels
-from descentflow.generation.samples import RejectionReport
-from descentflow.representation.linear_curves import linear_curves
+from descentflow.generation.samples import Samples
+from descentflow.representation.decoder.trajectories import Trajectories, concatenate
 from descentflow.representation.own_air import check_standard_air
+from descentflow.representation.plausibility import RULES
 
 NoiseMultiple = Annotated[float, Within(1e-4, 1e4)]
 """Of a variance: a hundredth of the noise, to a hundred times it."""
 KEPT_REQUESTS = 256
 """Requests whose conditioned density is kept: what several flights are asked alike is conditioned once."""
+_NUMBERING = threading.Lock()
+"""Held while a generator takes its next numbers."""
 
 
 class Asked(TypedDict, total=False):
@@ -61,6 +63,46 @@ class Asked(TypedDict, total=False):
     context: Mapping[str, Any] | pl.DataFrame | None
     flown: FlownSoFar | None
     number: int | None
+
+
+@dataclass(frozen=True, repr=False)
+class GeneratedSamples(Samples):
+    """n descents that meet what was asked; all that :class:`~descentflow.generation.samples.Samples` does.
+
+    Attributes:
+        asked: What they meet, in words, with the level of every speed.
+        first: Number of the first; the others follow.
+        effective: (n,) effective proposals that each was chosen among, 1 for all where they are drawn in closed form.
+        proposals: Proposals that each was chosen among, at least; 1 in closed form.
+
+    Example:
+        >>> import descentflow as df
+        >>> one = df.Generator("best.ckpt", seed=1).next(entry_fl=330, cas_kt=(275, 285))
+        >>> one.asked, one.proposals
+        (('entry at FL330', 'cas_kt 275 to 285 at FL234'), 1)
+    """
+
+    asked: tuple[str, ...] = ()
+    first: int = 0
+    effective: np.ndarray = field(default_factory=lambda: np.ones(0))
+    proposals: int = 1
+
+    def __str__(self) -> str:
+        """The samples, what was asked, and the effective proposals."""
+        lines = [super().__str__(), "asked: " + ("; ".join(self.asked) or "nothing")]
+        if self.proposals > 1:
+            least, middle = float(self.effective.min()), float(np.median(self.effective))
+            lines.append(
+                f"each chosen among {self.proposals} proposals or more, {middle:.0f} of them effective (median; "
+                f"{least:.0f} at least)"
+                + "; under a Gaussian or a mixture clearances take 16 or one"
+                * (self.proposals > PROPOSALS)
+            )
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        """As printed."""
+        return str(self)
 
 
 class Generator:
@@ -105,15 +147,13 @@ class Generator:
         self.representation = density.representation
         self.seed, self.noise_multiple = seed, noise_multiple
         self.decoder, self.bounds = self.representation.decoder, self.representation.plausibility
-        self.grid = FlownProfiles(self.decoder)
         self.levels_fl: list[float] = self.decoder.levels_fl.cpu().tolist()
-        self.transition_fl = self.decoder.transition_fl
-        self._descents = DrawnDescents(self.representation, self.grid, self.seed)
-        self._shares = EntryShares(density)
         self._next = first
-        self._parts: dict[tuple[tuple[str, str], ...], LatentParts] = {}
-        self._targets: OrderedDict[tuple[Any, ...], ConditionedTarget | FreeTarget] = OrderedDict()
-        self._lock = threading.RLock()
+        self.transition_fl = self.decoder.transition_fl
+        self._latent: dict[tuple[tuple[str, str], ...], LatentDensity] = {}
+        if density.n_context == 0 and density.mixture is not None:
+            self._latent[()] = latent_density(density, None)
+        self._targets: dict[tuple[Any, ...], ConditionedTarget | FreeTarget] = {}
 
     def __repr__(self) -> str:
         """Of what it draws, and which descent is next."""
@@ -140,7 +180,7 @@ class Generator:
         flown: FlownSoFar | None = None,
         number: Numbered | None = None,
     ) -> GeneratedSamples:
-        """``n`` descents of the same constraints: those of n calls of :meth:`next`, to the bit but for flows.
+        """``n`` descents of the same constraints: those of n calls of :meth:`next`, to the last digits.
 
         Every value may be a pair of the least and the greatest allowed, None for an open side.
 
@@ -169,7 +209,7 @@ class Generator:
         Example:
             >>> alone, together = Generator("best.ckpt", seed=1), Generator("best.ckpt", seed=1)
             >>> apart = [alone.next(entry_fl=300, mach=0.76).trajectories.time_s for _ in range(3)]
-            >>> torch.equal(torch.cat(apart), together.next_batch(3, entry_fl=300, mach=0.76).trajectories.time_s)
+            >>> torch.allclose(torch.cat(apart), together.next_batch(3, entry_fl=300, mach=0.76).trajectories.time_s)
             True
         """
         request, contexts = self._request(entry_fl, context, flown)
@@ -194,16 +234,16 @@ class Generator:
                 expected="an entry level and a context alone",
                 mend="draw more and keep those that meet the constraints, or take the checkpoint before correction",
             )
-        with self._lock:
+        with _NUMBERING:
             first = self._next if number is None else number
             self._next += n if number is None else 0
-        found = self._accepted(request, n, Numbers(self.seed, first))
-        descents = self._descents.of(found.drawn, first + np.arange(n))
-        report = RejectionReport(found.tried, n, found.rejected, found.tried - n - found.rejected, found.broken)
+        numbers = np.arange(first, first + n)
+        found = self._accepted(request, numbers)
+        descents = self._corrected(found.drawn.flown, numbers)
         return GeneratedSamples(
-            torch.from_numpy(found.drawn.u[:, : self.decoder.dimension].copy()),
+            found.drawn.u[:, : self.decoder.dimension].clone(),
             in_given_air(descents, torch.full((n,), request.deviation_k)) if request.deviation_k else descents,
-            report,
+            found.report,
             contexts,
             origin=origin_of(self.density, self.seed),
             asked=request.words(self.levels_fl),
@@ -247,17 +287,13 @@ class Generator:
     def _cas_level(self, entry: int | None) -> int:
         """Half way down the part flown at constant CAS."""
         top = self.levels_fl[-1 if entry is None else entry]
-        return self.grid.nearest((self.levels_fl[0] + min(top, self.transition_fl)) / 2)
+        middle = (self.levels_fl[0] + min(top, self.transition_fl)) / 2
+        return int((self.decoder.levels_fl - middle).abs().argmin())
 
-    def _accepted(self, request: Request, n: int, numbers: Numbers) -> Accepted:
+    def _accepted(self, request: Request, numbers: np.ndarray) -> Accepted:
         culprit = request.speeds[-1] if request.speeds else None
-        judge = self._descents.broken if request.flown is None else self._descents.broken_after(request.flown)
         try:
-            target = self._target(request)
-            if target.in_closed_form:
-                return first_plausible(target, numbers, n, judge)
-            stand_in = isinstance(target, ConditionedTarget) and target.parts.prior is not None
-            return chosen_by_weight(target, numbers, n, judge, stand_in)
+            return accepted(self._target(request), self.seed, numbers, self._judge(request))
         except NothingPlausible as error:
             culprit = error.culprit
         except NoneLeft:
@@ -269,51 +305,57 @@ class Generator:
                 mend="choose one like those of the training flights",
             )
 
-        def draws(request: Request, n: int) -> Drawn:
-            return self._accepted(request, n, Numbers(self.seed, 0)).drawn
+        def draws(request: Request, n: int) -> Trajectories:
+            return self._accepted(request, np.arange(n)).drawn.flown
 
-        raise implausible(request, culprit, draws, self.levels_fl, self.grid.in_air(request.deviation_k).metres)
+        raise implausible(request, culprit, draws, self.levels_fl)
+
+    def _judge(self, request: Request) -> Judge:
+        """The bounds; after a part was flown only whether descents go on to descend, as prediction asks."""
+
+        def broken(flown: Trajectories, numbers: np.ndarray) -> np.ndarray:
+            found: np.ndarray = self.bounds.broken_rules(self._corrected(flown, numbers)).numpy()
+            return found
+
+        def rises(flown: Trajectories, numbers: np.ndarray) -> np.ndarray:
+            rules = np.zeros((len(flown), len(RULES)), dtype=bool)
+            rules[:, RULES.index("descends_too_slowly")] = (~(flown.rate_mps < 0) & flown.mask).any(1).numpy()
+            return rules
+
+        return broken if request.flown is None else rises
+
+    def _corrected(self, flown: Trajectories, numbers: np.ndarray) -> Trajectories:
+        """Descents with the effects of a correction, of which each has its part by its number."""
+        correction = self.representation.correction
+        if correction is None:
+            return flown
+        aircraft = self.decoder.aircraft
+        each = (flown.subset(torch.tensor([i])) for i in range(len(flown)))
+        numbered = (DrawNumbers(self.seed, int(number)) for number in numbers)
+        return concatenate([correction.apply(aircraft, *both) for both in zip(each, numbered, strict=True)])
 
     def _target(self, request: Request) -> ConditionedTarget | FreeTarget:
         """The density given a request, kept for the next call that asks the same."""
         if request.flown is not None:
-            prior = prior_of(self.density, self.seed, request.context)
-            curves = linear_curves(self.decoder)
-            after = parts_after(self.decoder, curves, prior, self.grid, request.flown, self.noise_multiple)
-            return conditioned_target(request, after, self.grid.in_air(request.deviation_k), self._shares, self.bounds)
+            after = latent_density_after(self.density, request.context, self.seed, request.flown, self.noise_multiple)
+            return conditioned_target(request, after, self.density)
         key = (request.entry, request.speeds, request.point, request.key)
-        with self._lock:
-            found = self._targets.get(key)
-            if found is not None:
-                self._targets.move_to_end(key)
-                return found
-        made = self._made(request)
-        with self._lock:
-            self._targets[key] = made
-            while len(self._targets) > KEPT_REQUESTS:
-                self._targets.popitem(last=False)
-        return made
+        if (found := self._targets.get(key)) is None:
+            if len(self._targets) >= KEPT_REQUESTS:
+                self._targets.clear()
+            found = self._targets[key] = self._made(request)
+        return found
 
     def _made(self, request: Request) -> ConditionedTarget | FreeTarget:
         if request.is_free and self.density.mixture is None:
-            shares = self._shares.log_entries
+            shares = entry_shares(self.bounds)
             if request.entry is not None:
                 shares = np.where(np.arange(len(shares)) == request.entry, 0.0, -np.inf)
-            profiles = sample_profiles(self.decoder, self.grid)
-            return FreeTarget(self.density, self.grid, profiles, shares, request.context)
-        with self._lock:
-            if request.key not in self._parts:
-                self._parts[request.key] = parts_of(self.density, self.grid, request.context, self.seed)
-            parts = self._parts[request.key]
-        return conditioned_target(request, parts, self.grid.in_air(request.deviation_k), self._shares, self.bounds)
+            return FreeTarget(self.density, shares, request.context)
+        if (latent := self._latent.get(request.key)) is None:
+            latent = self._latent[request.key] = latent_density(self.density, request.context, self.seed)
+        return conditioned_target(request, latent, self.density)
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but the lock and what can be computed again."""
-        state = self.__dict__.copy()
-        del state["_lock"]
-        return {**state, "_parts": {}, "_targets": OrderedDict()}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """With a lock of its own."""
-        self.__dict__.update(state)
-        self._lock = threading.RLock()
+        """All but the densities that were conditioned."""
+        return {**self.__dict__, "_targets": {}}

@@ -1,40 +1,32 @@
 """Message where no descent meets a request: the nearest value among draws that meet the rest of it."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from math import ceil, floor
-from typing import Protocol
 
 import numpy as np
 
 from descentflow.core.errors import ImplausibleError
-from descentflow.generation.conditional.constraints import PointAsked, SpeedAsked, of_cas_mps
-from descentflow.generation.conditional.flown_profiles import Array
-from descentflow.generation.conditional.latent_draws import Drawn
-from descentflow.generation.conditional.requests import Request
+from descentflow.generation.conditional.constraints import PointAsked, Request, SpeedAsked, of_cas_mps
+from descentflow.generation.conditional.latent_density import Array
+from descentflow.generation.conditional.point_condition import since_entry
+from descentflow.representation.decoder.trajectories import Trajectories
 
 LOOKED_AT = 1000
 """Descents among which the nearest value is sought: the ends of their range are those of one in a thousand."""
 DIGITS = {"cas_kt": 1, "mach": 4, "time_s": 1, "distance_nm": 2}
 
 
-class Draws(Protocol):
-    """Draws n descents of a request."""
-
-    def __call__(self, request: Request, n: int) -> Drawn:
-        """Draw."""
-
-
 def implausible(
-    request: Request, culprit: SpeedAsked | None, draws: Draws, levels_fl: list[float], metres: "Metres"
+    request: Request, culprit: SpeedAsked | None, draws: Callable[[Request, int], Trajectories], levels_fl: list[float]
 ) -> ImplausibleError:
     """The error for a request, of which ``culprit`` (None for the point) cannot be met.
 
     Args:
         request: As asked.
         culprit: Which speed; None for the time or the distance.
-        draws: Of requests.
+        draws: Draws n descents of a request.
         levels_fl: Of the grid.
-        metres: Distance (n, L) of descents, in the way of :meth:`FlownProfiles.metres`.
 
     Returns:
         The error, with the name of what cannot be met and the nearest value of :data:`LOOKED_AT` draws, in its own
@@ -42,25 +34,25 @@ def implausible(
 
     Example:
         >>> from descentflow.core.units import KT_MPS
-        >>> from descentflow.generation.conditional.point_condition import Flown
         >>> def draws(request, n):  # three descents, with 250, 270 and 280 kt at the lowest of two levels
-        ...     cas = KT_MPS * np.array([[250.0, 260.0], [270.0, 260.0], [280.0, 260.0]])
-        ...     return Drawn(np.zeros((3, 1)), np.ones(3, int), Flown(cas, cas, cas, cas, cas, cas), np.zeros(3))
+        ...     cas = KT_MPS * torch.tensor([[250.0, 260.0], [270.0, 260.0], [280.0, 260.0]]).double()
+        ...     entry = torch.ones(3, dtype=int)
+        ...     return Trajectories(torch.tensor([200.0, 330.0]), entry, cas, cas, cas, cas, cas, cas)
         >>> speed = SpeedAsked("cas_kt", 0, 300.0, 310.0)
-        >>> error = implausible(Request(1, (speed,)), speed, draws, [200.0, 330.0], lambda tas, rate, seconds: seconds)
+        >>> error = implausible(Request(1, (speed,)), speed, draws, [200.0, 330.0])
         >>> error.constraint, round(error.nearest, 6), error.got
         ('cas_kt', 280.0, 'cas_kt 300 to 310 at FL200, which no descent of the model has with entry at FL330')
     """
     rest = replace(request, speeds=tuple(one for one in request.speeds if one is not culprit))
     if culprit is None:
         rest = replace(rest, point=None)
-    drawn = draws(rest, LOOKED_AT)
+    flown = draws(rest, LOOKED_AT)
     if culprit is not None:
-        values, name, low, high = _speeds(culprit, drawn, levels_fl), culprit.name, culprit.low, culprit.high
-        text = culprit.text(levels_fl[int(drawn.entry[0]) if culprit.level < 0 else culprit.level])
+        values, name, low, high = _speeds(culprit, flown, levels_fl), culprit.name, culprit.low, culprit.high
+        text = culprit.text(levels_fl[int(flown.entry[0]) if culprit.level < 0 else culprit.level])
     else:
         assert request.point is not None
-        values, name = _at_point(request.point, drawn, levels_fl, metres), request.point.name
+        values, name = _at_point(request.point, flown, levels_fl, request.deviation_k), request.point.name
         low, high, text = request.point.low, request.point.high, request.point.text
     off = np.maximum(np.maximum(low - values, values - high), 0.0)
     nearest, digits = float(values[off.argmin()]), DIGITS[name]
@@ -87,23 +79,15 @@ def implausible(
     )
 
 
-class Metres(Protocol):
-    """Distances of descents."""
-
-    def __call__(self, tas_mps: Array, rate_mps: Array, seconds: Array) -> Array:
-        """(n, L)."""
-
-
-def _speeds(asked: SpeedAsked, drawn: Drawn, levels_fl: list[float]) -> Array:
-    level = drawn.entry if asked.level < 0 else np.full(len(drawn.entry), asked.level)
-    cas_mps = drawn.flown.cas[np.arange(len(level)), level]
+def _speeds(asked: SpeedAsked, flown: Trajectories, levels_fl: list[float]) -> Array:
+    entry = flown.entry.numpy()
+    level = entry if asked.level < 0 else np.full(len(entry), asked.level)
+    cas_mps = flown.cas_mps.numpy()[np.arange(len(level)), level]
     return np.array([of_cas_mps(asked.name, float(v), levels_fl[k]) for v, k in zip(cas_mps, level, strict=True)])
 
 
-def _at_point(asked: PointAsked, drawn: Drawn, levels_fl: list[float], metres: Metres) -> Array:
-    flown = drawn.flown
-    since = flown.seconds if asked.name == "time_s" else metres(flown.tas, flown.rate, flown.seconds)
-    since = since - since[np.arange(len(since)), drawn.entry][:, None]
+def _at_point(asked: PointAsked, flown: Trajectories, levels_fl: list[float], deviation_k: float) -> Array:
+    since = since_entry(flown, asked.name, deviation_k).numpy()
     lowest, highest = np.interp(asked.levels, levels_fl, np.arange(len(levels_fl)))
     # Of a band of levels, the time at whichever of them is nearest.
     later, sooner = since[:, round(float(lowest))], since[:, round(float(highest))]

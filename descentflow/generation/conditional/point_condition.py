@@ -1,8 +1,7 @@
 r"""A time or a distance at a level: not linear in the latent numbers, so met along a line and weighted.
 
-Time is a sum of reciprocals of rates, so that its own reciprocal, a mean rate, is nearly linear in drag in newtons, and
-minus its logarithm in drag on its logarithmic scale: that, T, is what is met.
-With the slope g of T at a Gaussian's mean and the covariance $\Sigma$ that is left by the rows of
+Minus its logarithm, T, is nearly linear in drag on its scale: that is what is met. With the slope g of T at the mean of
+a Gaussian and the covariance $\Sigma$ that is left by the rows of
 :mod:`~descentflow.generation.conditional.speed_conditions`, the direction $v = \Sigma g$ leaves the rows as they are,
 and the coordinate s along it is independent of the rest, with variance $1 / g^T v$. A draw keeps its rest; its s is
 solved for the value t that is asked. The density of such draws given that the quantity T is t is that of the rest times
@@ -11,20 +10,19 @@ normal that the slope implies, cut to the band; of a band of levels, the level i
 change of T by level.
 """
 
-from dataclasses import dataclass
 from math import log, pi
 
 import numpy as np
+import torch
+from torch import Tensor
 
-from descentflow.generation.conditional.constraints import PointAsked
-from descentflow.generation.conditional.flown_profiles import Array, FlownProfiles
-from descentflow.generation.conditional.latent_parts import LatentParts
-from descentflow.generation.conditional.latent_profiles import Curves
-from descentflow.generation.conditional.point_measure import Measure
+from descentflow.generation.conditional.constraints import Request
+from descentflow.generation.conditional.latent_density import Array, LatentDensity
 from descentflow.generation.conditional.speed_conditions import Conditions, cut_normal, log_between, log_total
+from descentflow.generation.given_temperature import in_given_air
+from descentflow.representation.decoder.descent_decoder import DescentDecoder
+from descentflow.representation.decoder.trajectories import Trajectories
 
-STEP_N, STEP_MPS = 50.0, 0.1
-"""Steps of drag and CAS over which slopes are taken; they steer proposals alone."""
 STEP_SD = 0.05
 """Step along the line, in standard deviations, over which the slope of the weight is taken."""
 TOLERANCE = {"time_s": 1e-3, "distance_nm": 1.0}
@@ -35,40 +33,27 @@ LEAST_SPREAD = 1e-6
 """Standard deviation, as a share of the value, that keeps the arithmetic finite where speeds leave nothing open."""
 
 
-@dataclass(frozen=True)
-class Flown:
-    """n descents in the W columns of the grid, and their time at its L levels.
+def since_entry(flown: Trajectories, name: str, deviation_k: float = 0.0) -> Tensor:
+    """Seconds (``time_s``) or metres through the air (``distance_nm``) since entry, (n, L), growing downwards.
 
-    Attributes:
-        drag: (n, W) N.
-        cas: (n, W) m/s.
-        mach: (n, W).
-        tas: (n, W) m/s.
-        rate: (n, W) m/s, negative in descent.
-        seconds: (n, L) of :meth:`FlownProfiles.seconds`: zero at the lowest level.
+    Air of another temperature changes distances alone: the same Mach number sets the rate.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
-        >>> decoder = load_model("best.ckpt").representation.decoder
-        >>> grid, mean = FlownProfiles(decoder), torch.zeros(1, decoder.dimension).double()
-        >>> flown = Flown.of(grid, Curves(*(grid.columns(values.numpy()) for values in decoder.profiles(mean))))
-        >>> np.allclose(flown.mach[:, : grid.n_levels], decoder(mean).mach.numpy(), rtol=1e-12)
+        >>> model = load_model("best.ckpt")
+        >>> flown = model.representation.decoder(model.sample(3, seed=0))
+        >>> bool((since_entry(flown, "distance_nm")[:, 0] > 100 * since_entry(flown, "time_s")[:, 0]).all())  # m/s
         True
     """
-
-    drag: Array
-    cas: Array
-    mach: Array
-    tas: Array
-    rate: Array
-    seconds: Array
-
-    @classmethod
-    def of(cls, grid: FlownProfiles, curves: Curves) -> "Flown":
-        """Fly profiles (n, W)."""
-        drag = grid.drag_n(curves.drag, curves.cas)
-        mach, tas, rate, slowness = grid.fly(drag, curves.cas)
-        return cls(drag, curves.cas, mach, tas, rate, grid.seconds(slowness))
+    if name == "time_s":
+        return flown.time_s
+    if deviation_k:
+        flown = in_given_air(flown, torch.full((len(flown),), deviation_k))
+    speed = (flown.tas_mps.square() - flown.rate_mps.square()).clamp(min=0).sqrt()
+    # Horizontal speed is taken as linear in time.
+    legs = 0.5 * (speed[:, 1:] + speed[:, :-1]) * flown.time_s.diff(dim=1)
+    total = torch.nn.functional.pad(legs.cumsum(1), (1, 0))
+    return total - total.gather(1, flown.entry[:, None])
 
 
 class PointCondition:
@@ -78,64 +63,62 @@ class PointCondition:
     ``tail`` is how probable what is asked is then.
 
     Args:
-        asked: The time or the distance.
-        parts: The C Gaussians.
-        grid: Of the decoder.
-        entry: Index of the level where the descents start.
-        speeds: What else is asked.
+        latent: The C Gaussians.
+        decoder: Flies them.
+        request: What is asked, with the level where descents start.
+        speeds: The speeds among it.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
-        >>> from descentflow.generation.conditional.latent_parts import parts_of
+        >>> from descentflow.generation.conditional.constraints import PointAsked
+        >>> from descentflow.generation.conditional.latent_density import latent_density
         >>> from descentflow.generation.conditional.speed_conditions import Rows, conditions
         >>> model = load_model("best.ckpt")
-        >>> grid = FlownProfiles(model.representation.decoder)
-        >>> parts, entry, level = parts_of(model, grid, None), grid.nearest(330), grid.nearest(100)
-        >>> u = np.zeros_like(parts.means)
-        >>> free = conditions(parts.log_probs, parts.means, parts.roots, Rows(u[:, None][:, :0], *[u[:, :0]] * 3))
-        >>> point = PointCondition(PointAsked("time_s", 600.0, 600.0, (100.0, 100.0)), parts, grid, entry, free)
+        >>> decoder, latent = model.representation.decoder, latent_density(model, None)
+        >>> u = np.zeros_like(latent.means)
+        >>> free = conditions(latent.log_probs, latent.means, latent.roots, Rows(u[:, None][:, :0], *[u[:, :0]] * 3))
+        >>> request = Request(180, point=PointAsked("time_s", 400.0, 400.0, (160.0, 160.0)))
+        >>> point = PointCondition(latent, decoder, request, free)
         >>> _, flown, log_weight = point.meet(np.array([0]), u[:1], np.array([0.5]))
-        >>> round(float(flown.seconds[0, level] - flown.seconds[0, entry]), 2), bool(np.isfinite(log_weight[0]))  # s
-        (600.0, True)
+        >>> round(float(flown.time_s[0, 10]), 2), bool(np.isfinite(log_weight[0]))  # s
+        (400.0, True)
     """
 
-    def __init__(
-        self, asked: PointAsked, parts: LatentParts, grid: FlownProfiles, entry: int, speeds: Conditions
-    ) -> None:
+    def __init__(self, latent: LatentDensity, decoder: DescentDecoder, request: Request, speeds: Conditions) -> None:
         """Take slopes at the Gaussians' means given the speeds."""
-        self.asked, self.parts, self.grid, self.entry, self.speeds = asked, parts, grid, entry, speeds
-        self.measure = Measure(logarithm=grid.drag_scale.logarithm)
-        self.low = float(self.measure.of(np.array(asked.high * asked.unit)))
-        self.high = float(self.measure.of(np.array(asked.low * asked.unit))) if asked.low > 0 else np.inf
-        self.levels = np.interp(asked.levels, grid.levels_fl, np.arange(grid.n_levels))
-        n_cells = len(parts.means)
+        assert request.point is not None
+        self.asked = asked = request.point
+        self.latent, self.decoder, self.request, self.speeds = latent, decoder, request, speeds
+        self.low = -log(asked.high * asked.unit)
+        self.high = -log(asked.low * asked.unit) if asked.low > 0 else np.inf
+        levels_fl = decoder.levels_fl.numpy()
+        self.levels = np.interp(asked.levels, levels_fl, np.arange(len(levels_fl)))
+        n_cells = len(latent.means)
         middle, _ = speeds.values(np.arange(n_cells), np.full((n_cells, speeds.rows.n_rows), 0.5))
-        self.moved = (speeds.gain * (middle - speeds.rows.centre)[:, None]).sum(2)
-        mean = parts.means + self.moved
-        curves = parts.profiles.of(mean)
-        self.profile = self._since_entry(Flown.of(grid, curves))
-        self.slope = self._slope(curves)
-        spread = parts.roots @ (parts.roots.mT @ self.slope[:, :, None])
-        direction = (spread - speeds.gain @ (speeds.rows.matrix @ spread))[:, :, 0]
+        self.moved = (speeds.gain @ (middle - speeds.rows.centre)[:, :, None])[:, :, 0]
+        mean = torch.from_numpy(latent.means + self.moved).requires_grad_()
         middle_level = np.full(n_cells, self.levels.mean())
-        least = LEAST_SPREAD * self.measure.share(self._measured(self.profile, middle_level))
-        self.variance = np.maximum((self.slope * direction).sum(1), least**2)
-        self.direction = direction
-        self.by_s = parts.profiles.change(direction)
-        levels = (
-            np.linspace(self.levels[0], self.levels[1], LEVELS_OF_A_BAND) if self.is_level_band else self.levels[:1]
-        )
+        flown = self._flown(mean)
+        (slope,) = torch.autograd.grad(self._measured(flown, middle_level).sum(), mean)
+        self.slope = slope.numpy()
+        self.profile = self._since(flown).detach()
+        spread = latent.roots @ (latent.roots.mT @ self.slope[:, :, None])
+        self.direction = (spread - speeds.gain @ (speeds.rows.matrix @ spread))[:, :, 0]
+        self.variance = np.maximum((self.slope * self.direction).sum(1), LEAST_SPREAD**2)
+        levels = self.levels[:1]
+        if self.is_level_band:
+            levels = np.linspace(self.levels[0], self.levels[1], LEVELS_OF_A_BAND)
         self.own = log_total(np.stack([self._log_share(level) for level in levels])) - log(len(levels))
         total = speeds.log_probs + self.own
         self.log_probs = total - log_total(total) if np.isfinite(total).any() else speeds.log_probs
-        self.tail = self._tail(levels)
+        self.tail = max(self._tail(level) for level in levels)
 
     @property
     def is_level_band(self) -> bool:
         """True where a value is asked within a band of levels."""
         return bool(self.levels[0] < self.levels[1])
 
-    def meet(self, cell: np.ndarray, u: Array, uniform: Array) -> tuple[Array, Flown, Array]:
+    def meet(self, cell: np.ndarray, u: Array, uniform: Array) -> tuple[Tensor, Trajectories, Array]:
         """Draws (n, D) of the Gaussians minus their means that meet the speeds, moved to meet the point as well.
 
         Args:
@@ -144,25 +127,38 @@ class PointCondition:
             uniform: (n,) in (0, 1).
 
         Returns:
-            The draws, what they fly, and their log weights (n,): minus infinity where the line does not meet the point.
+            The draws with their means, what they fly, and their log weights (n,): minus infinity where the line does
+            not meet the point.
         """
-        parts, variance = self.parts, self.variance[cell]
-        seen = (self.speeds.rows.matrix[cell] * u[:, None]).sum(2)
-        given = (self.speeds.gain[cell] * seen[:, None]).sum(2)
-        slope, direction = self.slope[cell], self.direction[cell]
+        variance, slope, direction = self.variance[cell], self.slope[cell], self.direction[cell]
+        seen = (self.speeds.rows.matrix[cell] @ u[:, :, None])[:, :, 0]
+        given = (self.speeds.gain[cell] @ seen[:, :, None])[:, :, 0]
         u = u - direction * ((slope * (u - given)).sum(1) / variance)[:, None]
         level = self.levels[0] + (self.levels[1] - self.levels[0]) * uniform
-        expected = self._measured(self.profile[cell], level) + (slope * (given - self.moved[cell])).sum(1)
+        expected = -_at_level(self.profile[cell], level).log().numpy() + (slope * (given - self.moved[cell])).sum(1)
         target, log_weight = self._target(expected, np.sqrt(variance), uniform)
-        whole = parts.means[cell] + u
-        line = parts.profiles.of(whole), self.by_s.rows(cell)
-        s, flown, slope_s, off = self._solve(*line, (target - expected) / variance, target, level, variance)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        start, line = torch.from_numpy(self.latent.means[cell] + u), torch.from_numpy(direction)
+
+        def at(s: Array) -> tuple[Tensor, Trajectories, Array]:
+            whole = start + torch.from_numpy(s)[:, None] * line
+            flown = self._flown(whole)
+            return whole, flown, self._measured(flown, level).numpy()
+
+        with torch.no_grad(), np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            # A step by the slope at the mean, and one of Newton.
+            s = (target - expected) / variance
+            s = s + (target - at(s)[2]) / variance
+            ahead, value = STEP_SD / np.sqrt(variance), at(s)[2]
+            slope_s = (at(s + ahead)[2] - value) / ahead
+            s = s + (target - value) / slope_s
+            whole, flown, value = at(s)
             log_weight += 0.5 * np.log(variance / (2 * pi)) - 0.5 * variance * s**2 - np.log(slope_s) - self.own[cell]
             if self.is_level_band:
-                log_weight += np.log(np.abs(_by_level(self._since_entry(flown), level)) * self.measure.slope(target))
+                by_level = _by_level(self._since(flown), level).abs().log().numpy()
+                log_weight += by_level + target
+            off = np.exp(-value) - np.exp(-target)
         met = np.isfinite(log_weight) & (np.abs(off) <= TOLERANCE[self.asked.name])
-        return u + s[:, None] * direction, flown, np.where(met, log_weight, -np.inf)
+        return whole, flown, np.where(met, log_weight, -np.inf)
 
     def _target(self, expected: Array, sd: Array, uniform: Array) -> tuple[Array, Array]:
         """The value that each draw shall have, and minus the log density of having drawn it."""
@@ -172,91 +168,47 @@ class PointCondition:
         white = cut_normal(low, high, uniform)
         return expected + sd * white, 0.5 * white**2 + 0.5 * np.log(2 * pi * sd**2) + log_between(low, high)
 
-    def _solve(
-        self, curves: Curves, by_s: Curves, s: Array, target: Array, level: Array, variance: Array
-    ) -> tuple[Array, Flown, Array, Array]:
-        """A step by the slope at the mean, and one of Newton; the slope there, and how far off the result is."""
+    def _flown(self, u: Tensor) -> Trajectories:
+        assert self.request.entry is not None
+        return self.decoder.fly(self.latent.curves.profiles(u), torch.full((len(u),), self.request.entry))
 
-        def at(s: Array) -> tuple[Flown, Array]:
-            flown = Flown.of(self.grid, curves.moved(s[:, None], by_s))
-            return flown, self._measured(self._since_entry(flown), level)
+    def _since(self, flown: Trajectories) -> Tensor:
+        return since_entry(flown, self.asked.name, self.request.deviation_k)
 
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            found, ahead = s + (target - at(s)[1]) / variance, STEP_SD / np.sqrt(variance)
-            value = at(found)[1]
-            slope = (at(found + ahead)[1] - value) / ahead
-            found = found + (target - value) / slope
-            flown, value = at(found)
-            return found, flown, slope, self.measure.back(value) - self.measure.back(target)
+    def _measured(self, flown: Trajectories, level: Array) -> Tensor:
+        """T (n,) at levels (n,) that are indices with fractions."""
+        return -_at_level(self._since(flown), level).log()
 
-    def _since_entry(self, flown: Flown) -> Array:
-        """Seconds or metres (n, L) since entry, growing downwards."""
-        since = flown.seconds
-        if self.asked.name == "distance_nm":
-            since = self.grid.metres(flown.tas, flown.rate, flown.seconds)
-        return since - since[:, self.entry : self.entry + 1]
-
-    def _slope(self, curves: Curves) -> Array:
-        """Slopes (C, D) of T at the middle of the levels, from those of its integrand column by column."""
-        middle = round(float(self.levels.mean()))
-        columns = self.grid.seconds(np.eye(self.grid.width))
-        weights = columns[:, middle] - columns[:, self.entry]
-        drag, more = self.grid.drag_n(curves.drag, curves.cas), curves.cas + STEP_MPS
-        here, heavier, faster = (
-            self._integrand(*profiles)
-            for profiles in (
-                (drag, curves.cas),
-                (drag + STEP_N, curves.cas),
-                (self.grid.drag_n(curves.drag, more), more),
-            )
-        )
-        by_newton = weights * (heavier - here) / STEP_N
-        by_drag = by_newton * self.grid.drag_slope(curves.drag, curves.cas) @ self.parts.profiles.drag.loadings.T
-        by_cas = weights * (faster - here) / STEP_MPS @ self.parts.profiles.cas.loadings.T
-        value = self._measured(self.profile, np.full(len(here), self.levels.mean()))
-        found: Array = -(by_drag + by_cas) * self.measure.slope(value)[:, None]
-        return found
-
-    def _measured(self, values: Array, level: Array) -> Array:
-        """T of times or distances (n, L) at levels (n,) that are indices with fractions."""
-        return self.measure.of(_at_level(values, level))
-
-    def _integrand(self, drag: Array, cas: Array) -> Array:
-        _, tas, _, slowness = self.grid.fly(drag, cas)
-        return slowness * tas * self.grid.airspeed_ratio if self.asked.name == "distance_nm" else slowness
+    def _off(self, level: float) -> tuple[Array, Array, Array]:
+        """Bounds (C,) of T at a level (an index) in standard deviations from its mean, by the slopes; these."""
+        sd = np.sqrt(self.variance)
+        expected = -_at_level(self.profile, np.full(len(sd), level)).log().numpy()
+        return (self.low - expected) / sd, (self.high - expected) / sd, sd
 
     def _log_share(self, level: float) -> Array:
-        """Log probability (C,) of what is asked at a level (an index), by the slopes."""
-        sd = np.sqrt(self.variance)
-        expected = self._measured(self.profile, np.full(len(sd), level))
-        low, high = (self.low - expected) / sd, (self.high - expected) / sd
+        """Log probability (C,) of what is asked at a level."""
+        low, high, sd = self._off(level)
         return log_between(low, high) if self.low < self.high else -0.5 * low**2 - np.log(sd) - 0.5 * log(2 * pi)
 
-    def _tail(self, levels: Array) -> float:
-        """Probability of the band, or of what is at least as far out as the value, on its side; at the best level."""
-        shares, sd = np.exp(self.speeds.log_probs), np.sqrt(self.variance)
-        found = []
-        for level in levels:
-            expected = self._measured(self.profile, np.full(len(sd), level))
-            low, high = (self.low - expected) / sd, (self.high - expected) / sd
-            if self.low < self.high:
-                found.append(float(shares @ np.exp(log_between(low, high))))
-            else:
-                infinite = np.full_like(low, np.inf)
-                sides = log_between(-infinite, low), log_between(low, infinite)
-                found.append(2 * min(float(shares @ np.exp(side)) for side in sides))
-        return max(found)
+    def _tail(self, level: float) -> float:
+        """Probability of the band, or of what is at least as far out as the value, on its side; at a level."""
+        low, high, _ = self._off(level)
+        shares, infinite = np.exp(self.speeds.log_probs), np.full_like(low, np.inf)
+        if self.low < self.high:
+            return float(shares @ np.exp(log_between(low, high)))
+        sides = log_between(-infinite, low), log_between(low, infinite)
+        return 2 * min(float(shares @ np.exp(side)) for side in sides)
 
 
-def _at_level(values: Array, level: Array) -> Array:
+def _at_level(values: Tensor, level: Array) -> Tensor:
     """Values (n, L) at levels (n,) that are indices with fractions."""
-    rows, below = np.arange(len(values)), np.minimum(level.astype(int), values.shape[1] - 2)
-    found: Array = values[rows, below] + (level - below) * (values[rows, below + 1] - values[rows, below])
-    return found
+    below = np.minimum(level.astype(int), values.shape[1] - 2)
+    return values[torch.arange(len(values)), torch.from_numpy(below)] + torch.from_numpy(level - below) * _by_level(
+        values, level
+    )
 
 
-def _by_level(values: Array, level: Array) -> Array:
+def _by_level(values: Tensor, level: Array) -> Tensor:
     """Change of values (n, L) from a level to the next, at levels (n,)."""
-    rows, below = np.arange(len(values)), np.minimum(level.astype(int), values.shape[1] - 2)
-    found: Array = values[rows, below + 1] - values[rows, below]
-    return found
+    rows, below = torch.arange(len(values)), torch.from_numpy(np.minimum(level.astype(int), values.shape[1] - 2))
+    return values[rows, below + 1] - values[rows, below]

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import log_ndtr, ndtr, ndtri_exp
 
-from descentflow.generation.conditional.flown_profiles import Array
+from descentflow.generation.conditional.latent_density import Array
 
 LEAST_SD = 1e-3
 """Standard deviation (m/s) below which a row is determined by those before: it must then have the value asked for."""

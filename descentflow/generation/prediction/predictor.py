@@ -9,12 +9,11 @@ from torch import Tensor
 
 from descentflow.core.counter_random import seed_for_name
 from descentflow.core.errors import DataError, SamplingError
-from descentflow.core.units import FL_M
 from descentflow.densities.density import Density
 from descentflow.generation.given_temperature import given_deviation_k, in_given_air
 from descentflow.generation.prediction.posterior import Prior, posterior_of, prior_of
 from descentflow.generation.prediction.time_calibration import Control, TimeCalibration
-from descentflow.representation.decoder.trajectories import Trajectories, integrate
+from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.representation.encode_flights import EncodedFlights
 from descentflow.representation.linear_curves import LinearCurves, linear_curves
 from descentflow.representation.own_air import check_standard_air
@@ -197,11 +196,7 @@ class DescentPredictor:
         return mask
 
     def _fly(self, drawn: Tensor, entry: int) -> Trajectories:
-        decoder = self.representation.decoder
-        drag_n, cas_mps = decoder.flown(*self.curves.profiles(drawn))
-        start = torch.full((len(drawn),), entry)
-        altitude_m, grid = decoder.levels_fl * FL_M, decoder.grid(drag_n)
-        return integrate(decoder.aircraft, decoder.levels_fl, altitude_m, drag_n, cas_mps, start, grid=grid)
+        return self.representation.decoder.fly(self.curves.profiles(drawn), torch.full((len(drawn),), entry))
 
 
 def _whole_below(flights: Profiles, last: int) -> list[int]:

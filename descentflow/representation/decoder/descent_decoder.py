@@ -166,6 +166,12 @@ class DescentDecoder(nn.Module):
         """Drag in N and CAS, each (n, L), of profiles that are linear in weights."""
         return self.drag_scale.drag_n(drag_on_scale, cas_mps), cas_mps
 
+    def fly(self, profiles: tuple[Tensor, ...], entry: Tensor) -> Trajectories:
+        """Fly profiles (n, L) that are linear in weights, see :meth:`profiles`, at the own mass in standard air."""
+        drag_n, cas_mps = self.flown(*profiles)
+        grid = self.grid(drag_n)
+        return integrate(self.aircraft, self.levels_fl, grid.altitude_m, drag_n, cas_mps, entry, grid=grid)
+
     def forward(
         self,
         weights: Tensor,

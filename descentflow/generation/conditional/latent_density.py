@@ -1,0 +1,145 @@
+"""A density as Gaussians over latent numbers u, of which profiles are linear: before and after a part was flown.
+
+Before, u holds the weights and the standard normals of what samples have beyond the components. After, it holds what
+:class:`~descentflow.generation.prediction.predictor.DescentPredictor` conditions: weights and the residual components
+of each profile.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from descentflow.densities.density import Density
+from descentflow.densities.residual_law import ResidualLaw
+from descentflow.generation.prediction.posterior import Prior, log_density, posterior_of, prior_of
+from descentflow.representation.decoder.descent_decoder import DescentDecoder
+from descentflow.representation.linear_curves import LinearCurves, linear_curves
+from descentflow.representation.profiles import Profiles
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LatentDensity:
+    """K Gaussians over D latent numbers, and the profiles that they make.
+
+    Attributes:
+        log_probs: (K,) log of their shares.
+        means: (K, D).
+        roots: (K, D, D) whose products with their transposes are the covariances.
+        curves: Drag on the decoder's scale and CAS (m/s) as functions of u, whose first numbers are the weights.
+        prior: What proposes and what it stands for, where the density is no mixture; None where it is.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> latent = latent_density(load_model("best.ckpt"), None)
+        >>> offset, loadings = latent.cas
+        >>> u = torch.randn(3, latent.means.shape[1]).double()
+        >>> np.allclose(offset + u.numpy() @ loadings, latent.curves.profiles(u)[1])
+        True
+    """
+
+    log_probs: Array
+    means: Array
+    roots: Array
+    curves: LinearCurves
+    prior: Prior | None = None
+
+    @cached_property
+    def cas(self) -> tuple[Array, Array]:
+        """Offset (L,) and loadings (D, L) of CAS."""
+        offset, loadings = (_numbers(values.chunk(2)[1]) for values in (self.curves.offset, self.curves.loadings))
+        return offset, loadings.T
+
+    def log_ratio(self, u: Tensor) -> Array:
+        """Log of the density over what proposes (n,), at (n, D); zero where both are the same."""
+        if self.prior is None:
+            return np.zeros(len(u))
+        weights = u[:, : self.curves.n_weights]
+        with torch.no_grad():
+            ratio = self.prior.log_prob(weights) - log_density(self.prior.mixture, weights)
+        return torch.where(ratio.isfinite(), ratio, -torch.inf).numpy()
+
+
+def latent_density(density: Density, context: Tensor | None, seed: int = 0) -> LatentDensity:
+    """The density before anything was flown.
+
+    Args:
+        density: A mixture, or one that Gaussians stand in for.
+        context: (1, c) if it takes one.
+        seed: Of the draws to which Gaussians are fitted that stand in for a density that is no mixture.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> model = load_model("best.ckpt")
+        >>> decoder, latent = model.representation.decoder, latent_density(model, None)
+        >>> d = decoder.dimension
+        >>> root = model.mixture.scale_trils[0].detach().numpy()  # of the weights
+        >>> bool((latent.roots[0, :d, :d] == root).all()), latent.means.shape[1] == d + decoder.n_white
+        (True, True)
+    """
+    decoder, prior = density.representation.decoder, prior_of(density, seed, context)
+    d, n_white, mixture = decoder.dimension, decoder.n_white, prior.mixture
+    known = prior.residual_law or ResidualLaw.standard(mixture.n_components, n_white, d)
+    law = known.first(n_white)
+    return LatentDensity(
+        _numbers(mixture.probs.log()),
+        _numbers(law.joint_means(mixture.locs)),
+        _numbers(law.joint_roots(mixture.scale_trils)),
+        _sample_curves(decoder),
+        None if prior.exact is None else prior,
+    )
+
+
+def latent_density_after(
+    density: Density, context: Tensor | None, seed: int, flown: Profiles, noise: float
+) -> LatentDensity:
+    """The density after one flight has flown some levels.
+
+    Args:
+        density: As before.
+        context: (1, c) if it takes one.
+        seed: As before.
+        flown: One flight; its mask is true at the levels flown.
+        noise: Multiple of the variance of the noise about the components.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> from descentflow.representation.encode_flights import encode_flights
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> model = load_model("best.ckpt")
+        >>> one = encode_flights(read_descents("descents.parquet").frame, model.representation)["test"].profiles
+        >>> after = latent_density_after(model, None, 0, one.subset([0]), 1.0)
+        >>> bool(np.linalg.norm(after.roots[0], axis=1)[:4].max() < 1)  # less is open than before
+        True
+    """
+    decoder, prior = density.representation.decoder, prior_of(density, seed, context)
+    curves = linear_curves(decoder)
+    noisier = replace(curves, noise_variance=noise * curves.noise_variance)
+    seen = noisier.information(decoder.drag_scale.observed(flown))
+    posterior = posterior_of(prior, seen.precisions[0], seen.shift[0])
+    return LatentDensity(
+        _numbers(posterior.log_probs),
+        _numbers(posterior.means),
+        # Precision L L': the transposed inverse of L is a root of the covariance.
+        _numbers(torch.linalg.inv(posterior.precision_trils).mT),
+        curves,
+        None if prior.exact is None else prior,
+    )
+
+
+def _sample_curves(decoder: DescentDecoder) -> LinearCurves:
+    """Profiles of the weights and of the standard normals that samples have beside them, without noise."""
+    d, size = decoder.dimension, decoder.dimension + decoder.n_white
+    rows = torch.cat([torch.zeros(1, size), torch.eye(size)]).to(decoder.weight_mean)
+    values = torch.cat(decoder.profiles(rows[:, :d], rows[:, d:]), 1)
+    return LinearCurves(values[0], (values[1:] - values[0]).T, torch.zeros_like(values[0]), d)
+
+
+def _numbers(values: Tensor) -> Array:
+    found: Array = values.detach().cpu().double().contiguous().numpy()
+    return found

@@ -11,7 +11,7 @@ from descentflow.core.files import whole_file
 from descentflow.core.units import KT_MPS, NM_M
 from descentflow.exports.export_request import ExportRequest
 from descentflow.exports.plugin import write_plugin
-from descentflow.positions.wind_by_level import WindByLevel
+from descentflow.positions.wind import WindByLevel
 
 AHEAD_FT = 1000.0
 """Altitudes are selected so far below the flight and no further: BlueSky 1.1.1 limits the speed as if it was there."""

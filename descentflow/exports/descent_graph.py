@@ -10,7 +10,7 @@ from torch.overrides import TorchFunctionMode
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import FPM_MPS, KT_MPS, NM_M
 from descentflow.densities.density import Density
-from descentflow.representation.decoder.trajectories import Trajectories, fly
+from descentflow.representation.decoder.trajectories import Trajectories, fly, through_air_m
 from descentflow.representation.own_air import check_standard_air
 from descentflow.representation.plausibility import RULES, Plausibility
 from descentflow.representation.representation import Representation
@@ -126,7 +126,7 @@ class DescentGraph(nn.Module):
             flown.tas_mps / KT_MPS,
             flown.rate_mps / FPM_MPS,
             flown.drag_n,
-            _still_air_m(flown) / NM_M,
+            through_air_m(flown) / NM_M,
         )
         mask = flown.mask
         profiles = {
@@ -134,14 +134,6 @@ class DescentGraph(nn.Module):
             for name, value in zip(PROFILES, values, strict=True)
         }
         return {"level_fl": levels_fl.to(self.dtype).clone(), **profiles, "accepted": ~broken.any(1), "broken": broken}
-
-
-def _still_air_m(flown: Trajectories) -> Tensor:
-    """Distance (n, L) flown since the entry, as :func:`descentflow.positions.placing.place` has it without a wind."""
-    speed = (flown.tas_mps.square() - flown.rate_mps.square()).clamp(min=0.0).sqrt()
-    legs = torch.where(flown.mask[:, 1:], flown.time_s[:, :-1] - flown.time_s[:, 1:], 0.0)
-    to_go = nn.functional.pad((0.5 * (speed[:, 1:] + speed[:, :-1]) * legs).cumsum(1), (1, 0))
-    return to_go.gather(1, flown.entry[:, None]) - to_go
 
 
 class SamplerGraph(nn.Module):

@@ -17,7 +17,7 @@ from descentflow.exports.targets import target_of
 from descentflow.generation.sample_contexts import Contexts
 from descentflow.positions.ground_path import Point
 from descentflow.positions.ground_plan import ground_plan
-from descentflow.positions.wind_by_level import Wind
+from descentflow.positions.wind import Wind
 
 Interval = Annotated[float, Within(0, 1_000_000)]
 """Seconds, up to some days: times of all samples are within what a calendar holds."""

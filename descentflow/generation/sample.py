@@ -20,11 +20,10 @@ from descentflow.generation.given_temperature import (
     samples_in_given_air,
     tell_drawn_airs,
 )
-from descentflow.generation.origin import origin_of
 from descentflow.generation.rejection import sample_descents
 from descentflow.generation.sample_airs import Airs, airs_of
 from descentflow.generation.sample_contexts import Contexts, context_rows, entry_levels
-from descentflow.generation.samples import Samples
+from descentflow.generation.samples import Samples, origin_of
 from descentflow.positions.ground_plan import NOWHERE, GroundPlan
 
 QUANTITIES = 6

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import datetime
+from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,11 +15,13 @@ from descentflow.air.level_air import LevelAir
 from descentflow.core.arguments import Output, checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.core.tabular import to_pandas
+from descentflow.core.version import __version__
+from descentflow.densities.density import Density
 from descentflow.generation.sample_tables import to_dataset, to_frame, write_samples
 from descentflow.positions.ground_path import Point
 from descentflow.positions.ground_plan import NOWHERE, GroundPlan, ground_plan
 from descentflow.positions.placing import Positions
-from descentflow.positions.wind_by_level import Wind
+from descentflow.positions.wind import Wind
 from descentflow.reporting.in_notebook import InNotebook
 from descentflow.representation.decoder.trajectories import Trajectories
 
@@ -80,7 +82,7 @@ class Samples(InNotebook):
         plan: Where they are flown; in still air and at no place unless :meth:`placed`.
         air: The air (n, L) of each; None for standard air.
         flown_at: Where each is, of those that were flown in a weather field along the plan's path.
-        origin: Checkpoint, type, versions, seed and time, see :func:`~.origin.origin_of`; Parquet and NetCDF keep it.
+        origin: Checkpoint, type, versions, seed and time, see :func:`origin_of`; Parquet and NetCDF keep it.
 
     Example:
         >>> from descentflow.generation.sample import sample
@@ -184,7 +186,7 @@ class Samples(InNotebook):
 
     @checked_arguments
     def figure(self, *, title: str = "") -> "Figure":
-        """CAS, vertical rate and time left against flight level, see :func:`~.figures.sampled_profiles.samples_figure`.
+        """CAS, vertical rate and time left against flight level, see :func:`~.sample_figures.samples_figure`.
 
         Args:
             title: Written above; the number of samples if absent.
@@ -192,7 +194,7 @@ class Samples(InNotebook):
         Raises:
             DataError: If there is no sample.
         """
-        from descentflow.generation.figures.sampled_profiles import samples_figure
+        from descentflow.generation.sample_figures import samples_figure
 
         return samples_figure(self.trajectories, title=title)
 
@@ -221,3 +223,24 @@ class Samples(InNotebook):
 
 
 _ENDS = torch.tensor([0.05, 0.5, 0.95], dtype=torch.float64)
+
+
+def origin_of(density: Density, seed: int) -> dict[str, str]:
+    """Names and texts for the metadata of a file; the checkpoint is that which :func:`.checkpoint.load_model` read.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> origin_of(load_model("best.ckpt"), seed=3)
+        {'source': 'descentflow ..., torch ...', 'model': 'GaussianDensity', 'typecode': 'A320', \
+'fitted_to': '86 of 120 flights (...)', 'seed': '3', 'date_created': '...Z', 'checkpoint': 'best.ckpt', \
+'checkpoint_sha256': '...'}
+    """
+    return {
+        "source": f"descentflow {__version__}, torch {torch.__version__}",
+        "model": type(density).__name__,
+        "typecode": density.representation.decoder.aircraft.typecode,
+        "fitted_to": density.representation.split.describe(),
+        "seed": str(seed),
+        "date_created": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        **density.file,
+    }

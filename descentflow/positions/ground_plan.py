@@ -13,8 +13,7 @@ from descentflow.core.errors import ConfigError
 from descentflow.core.units import NM_M
 from descentflow.positions.ground_path import GroundPath, Point, path_along, path_to
 from descentflow.positions.placing import Positions, place
-from descentflow.positions.wind_by_level import Wind, wind_of_text
-from descentflow.positions.wind_field import read_wind_field
+from descentflow.positions.wind import Wind, read_wind_field, wind_of_text
 from descentflow.representation.decoder.trajectories import Trajectories
 
 
@@ -69,7 +68,7 @@ def ground_plan(
         track: True track (degrees) on which they arrive there; needs ``end``.
         route: In place of both, two or more fixes in the order in which they are flown.
         wind: ``"270/35"`` (from 270 degrees true, 35 kt), ``"100:250/20,300:270/60"`` by flight level, the path of a
-            NetCDF or GRIB file, or a :class:`~descentflow.positions.wind_by_level.Wind`.
+            NetCDF or GRIB file, or a :class:`~descentflow.positions.wind.Wind`.
         to_go_nm: Distance (NM) left to the end point where the lowest level of the model is passed.
         end_time: When the lowest level is passed, UTC where it has no time zone.
 

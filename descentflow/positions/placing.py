@@ -12,7 +12,7 @@ from descentflow.air.kept_air import STRONGEST_MPS
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import KT_MPS
 from descentflow.positions.ground_path import GroundPath
-from descentflow.positions.wind_by_level import Wind
+from descentflow.positions.wind import Wind
 from descentflow.representation.decoder.trajectories import Trajectories
 
 Array = NDArray[np.float64]
@@ -81,7 +81,7 @@ def place(
     Example:
         >>> from descentflow.generation.sample import sample
         >>> from descentflow.positions.ground_path import path_to
-        >>> from descentflow.positions.wind_by_level import wind_of_text
+        >>> from descentflow.positions.wind import wind_of_text
         >>> flown = sample("best.ckpt", 20, entry_fl=330).trajectories
         >>> westbound = path_to((52.0, 4.0), track=270.0)
         >>> into = place(flown, westbound, wind_of_text("270/50"))

@@ -12,7 +12,7 @@ import xarray
 
 from descentflow.air.weather_field import Points, weather_field
 from descentflow.core.units import KT_MPS
-from descentflow.positions.wind_field import read_wind_field
+from descentflow.positions.wind import read_wind_field
 from fuzzing.byte_changes import damaged
 from fuzzing.good_files import TESTS
 

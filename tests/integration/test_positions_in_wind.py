@@ -10,7 +10,7 @@ import descentflow as df
 from descentflow.core.units import FL_M
 from descentflow.positions.ground_path import path_to
 from descentflow.positions.placing import place
-from descentflow.positions.wind_by_level import WindByLevel
+from descentflow.positions.wind import WindByLevel
 from descentflow.representation.decoder.trajectories import Trajectories
 
 LEVELS = torch.arange(160, 281, dtype=torch.float64)

@@ -20,7 +20,7 @@ from descentflow.core.units import KT_MPS
 from descentflow.generation.air_along_path import TURNS, AirAlongPath
 from descentflow.positions.ground_plan import ground_plan
 from descentflow.positions.placing import place
-from descentflow.positions.wind_field import read_wind_field
+from descentflow.positions.wind import read_wind_field
 from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.representation.own_air import flown_in
 from descentflow.training.datamodule import DescentDataModule

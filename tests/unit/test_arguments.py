@@ -17,7 +17,7 @@ from descentflow.core.arguments import Count, Within, checked_arguments, kind_of
 from descentflow.core.errors import ConfigError
 from descentflow.core.tabular import to_pandas
 from descentflow.positions.ground_plan import ground_plan
-from descentflow.positions.wind_by_level import Wind, wind_of_text
+from descentflow.positions.wind import Wind, wind_of_text
 
 NAN = float("nan")
 

@@ -14,7 +14,7 @@ from descentflow.core.units import KT_MPS, NM_M
 from descentflow.positions.ground_path import path_along, path_to
 from descentflow.positions.ground_plan import ground_plan
 from descentflow.positions.placing import place
-from descentflow.positions.wind_by_level import WindByLevel, wind_of_text
+from descentflow.positions.wind import WindByLevel, wind_of_text
 
 WGS84 = Geod(ellps="WGS84")
 DESCENT_S = 200 * 30.48 / 10

@@ -18,7 +18,7 @@ from weather_toys import START, linear, linear_wind, weather, written, written_a
 from descentflow.air.weather_field import Points, weather_field
 from descentflow.core.errors import DataError
 from descentflow.core.units import KT_MPS
-from descentflow.positions.wind_field import read_wind_field
+from descentflow.positions.wind import read_wind_field
 
 HOURS = np.arange(0, 25, 6)
 WORLD = np.arange(-180.0, 180.0, 5.0)

@@ -9,7 +9,7 @@ from weather_toys import written_as_grib
 
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.positions.ground_plan import ground_plan
-from descentflow.positions.wind_field import read_wind_field
+from descentflow.positions.wind import read_wind_field
 
 xarray = pytest.importorskip("xarray", reason="xarray is an extra of descentflow (wind)")
 

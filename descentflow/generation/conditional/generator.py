@@ -30,9 +30,8 @@ from descentflow.generation.conditional.flown_so_far import FlownSoFar, flown_so
 from descentflow.generation.conditional.latent_density import LatentDensity, latent_density, latent_density_after
 from descentflow.generation.conditional.nearest_plausible import implausible
 from descentflow.generation.given_temperature import given_deviation_k, in_given_air
-from descentflow.generation.origin import origin_of
 from descentflow.generation.sample_contexts import context_rows, entry_levels
-from descentflow.generation.samples import Samples
+from descentflow.generation.samples import Samples, origin_of
 from descentflow.representation.decoder.trajectories import Trajectories, concatenate
 from descentflow.representation.own_air import check_standard_air
 from descentflow.representation.plausibility import RULES

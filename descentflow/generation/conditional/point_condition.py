@@ -21,7 +21,7 @@ from descentflow.generation.conditional.latent_density import Array, LatentDensi
 from descentflow.generation.conditional.speed_conditions import Conditions, cut_normal, log_between, log_total
 from descentflow.generation.given_temperature import in_given_air
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
-from descentflow.representation.decoder.trajectories import Trajectories
+from descentflow.representation.decoder.trajectories import Trajectories, through_air_m
 
 STEP_SD = 0.05
 """Step along the line, in standard deviations, over which the slope of the weight is taken."""
@@ -49,11 +49,7 @@ def since_entry(flown: Trajectories, name: str, deviation_k: float = 0.0) -> Ten
         return flown.time_s
     if deviation_k:
         flown = in_given_air(flown, torch.full((len(flown),), deviation_k))
-    speed = (flown.tas_mps.square() - flown.rate_mps.square()).clamp(min=0).sqrt()
-    # Horizontal speed is taken as linear in time.
-    legs = 0.5 * (speed[:, 1:] + speed[:, :-1]) * flown.time_s.diff(dim=1)
-    total = torch.nn.functional.pad(legs.cumsum(1), (1, 0))
-    return total - total.gather(1, flown.entry[:, None])
+    return through_air_m(flown)
 
 
 class PointCondition:

@@ -27,7 +27,7 @@ from descentflow.generation.prediction.time_calibration import Control
 from descentflow.generation.sample_tables import UNITS
 from descentflow.positions.ground_path import Point
 from descentflow.positions.ground_plan import NOWHERE, GroundPlan, ground_plan
-from descentflow.positions.wind_by_level import Wind
+from descentflow.positions.wind import Wind
 from descentflow.reporting.in_notebook import InNotebook
 from descentflow.representation.comparable_descents import comparable_descents, tell_other_types
 from descentflow.representation.encode_flights import EncodedFlights, encode_flights

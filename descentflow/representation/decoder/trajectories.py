@@ -58,6 +58,22 @@ class Trajectories:
         return Trajectories(self.levels_fl, *(values[index] for values in rest))
 
 
+def through_air_m(flown: Trajectories) -> Tensor:
+    """Distance (n, L) through the air since entry: horizontal speed is taken as linear in time.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> model = load_model("best.ckpt")
+        >>> flown = model.representation.decoder(model.sample(3, seed=0))
+        >>> bool((through_air_m(flown)[:, 0] > 100 * flown.time_s[:, 0]).all())  # m/s
+        True
+    """
+    speed = (flown.tas_mps.square() - flown.rate_mps.square()).clamp(min=0.0).sqrt()
+    legs = torch.where(flown.mask[:, 1:], flown.time_s[:, :-1] - flown.time_s[:, 1:], 0.0)
+    to_go = torch.nn.functional.pad((0.5 * (speed[:, 1:] + speed[:, :-1]) * legs).cumsum(1), (1, 0))
+    return to_go.gather(1, flown.entry[:, None]) - to_go
+
+
 def concatenate(parts: list[Trajectories]) -> Trajectories:
     """Join batches on one grid.
 

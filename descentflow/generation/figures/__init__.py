@@ -1,1 +1,0 @@
-"""Pictures of samples: bands of quantiles (:mod:`.quantile_bands`), and a page of panels (:mod:`.sampled_profiles`)."""

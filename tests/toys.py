@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
+from types import SimpleNamespace
 
 import polars as pl
 import torch
@@ -120,6 +121,10 @@ class WeightsModule(LightningDataModule):
 
     def contexts(self, part: str) -> Tensor | None:
         return None
+
+    def profiles(self, part: str) -> SimpleNamespace:
+        """Flights that all enter at one level."""
+        return SimpleNamespace(entry_level=torch.zeros(len(self.evidence(part)), dtype=torch.long))
 
     def train_dataloader(self) -> DataLoader:
         return flight_batches(self.evidence("train"), self.contexts("train"), self.batch_size, shuffle=True)

@@ -10,8 +10,7 @@ import warnings
 import torch
 from torch import Tensor
 
-from descentflow.densities.em_acceleration import converge_fast
-from descentflow.densities.em_steps import JITTER, GaussianSteps, Steps, cholesky_or_small
+from descentflow.densities.em_steps import GaussianSteps, Steps
 from descentflow.densities.evidence_steps import EvidenceSteps
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.regression_steps import RegressionSteps
@@ -167,47 +166,18 @@ def fit_steps(
     """
     some = steps.some(STARTING_FLIGHTS)
     stand_in = some.stand_in(seed)
+
+    def best(of: Steps, starts: list[Mixture], most: int) -> list[Mixture]:
+        """Starts converged by some flights, the most probable first."""
+        found = [converge(of, one, iterations=most, tolerance=tolerance) for one in starts]
+        return [mixture for mixture, _ in sorted(found, key=lambda pair: -pair[1])]
+
     starts = [start(stand_in, n_components, seed + i) for i in range(n_restarts if n_components > 1 else 1)]
-    return fit_from(steps, some, stand_in, starts, iterations=iterations, tolerance=tolerance)
-
-
-def fit_from(
-    steps: Steps,
-    some: Steps,
-    stand_in: Steps,
-    starts: list[Mixture],
-    *,
-    iterations: int = 500,
-    tolerance: float = 1e-6,
-    finalists: int = FINALISTS,
-    comparing_iterations: int = COMPARING_ITERATIONS,
-) -> tuple[Mixture, float]:
-    """Screen starts, compare the best of them, and converge the one that is most probable of all flights.
-
-    Args:
-        steps: All flights.
-        some: At most :data:`STARTING_FLIGHTS` of them, of which starts are compared.
-        stand_in: Stand-ins of these, of which starts are screened.
-        starts: First mixtures.
-        iterations: Maximum number of EM steps of a finalist.
-        tolerance: Gain of the mean log-likelihood (nats) below which EM stops.
-        finalists: Restarts that go on to convergence.
-        comparing_iterations: EM steps by marginal likelihood after which they are compared.
-
-    Example:
-        >>> steps = steps_of(torch.randn(100, 2))
-        >>> found, likelihood = fit_from(steps, steps, steps, [start(steps, 2, seed) for seed in (0, 1)])
-        >>> likelihood == float(steps.expectation(found)[1])
-        True
-    """
-    most = iterations if some is steps else min(iterations, STARTING_ITERATIONS)
-    screened = [converge(stand_in, m, iterations=SCREENING_ITERATIONS, tolerance=tolerance) for m in starts]
-    screened.sort(key=lambda pair: -pair[1])
-    finals = [converge(stand_in, m, iterations=most, tolerance=tolerance) for m, _ in screened[:finalists]]
+    finals = best(stand_in, starts, SCREENING_ITERATIONS)[:FINALISTS]
+    finals = best(stand_in, finals, iterations if some is steps else min(iterations, STARTING_ITERATIONS))
     if stand_in is not some:
-        finals = [converge(some, m, iterations=comparing_iterations, tolerance=tolerance) for m, _ in finals]
-    best = max(finals, key=lambda pair: pair[1])
-    return best if stand_in is steps else converge_fast(steps, best[0], iterations=iterations, tolerance=tolerance)
+        finals = best(some, finals, COMPARING_ITERATIONS)
+    return converge(steps, finals[0], iterations=iterations, tolerance=tolerance)
 
 
 def k_means_labels(points: Tensor, n_groups: int, seed: int) -> Tensor:
@@ -238,17 +208,3 @@ def k_means_labels(points: Tensor, n_groups: int, seed: int) -> Tensor:
         warnings.simplefilter("ignore", ConvergenceWarning)
         found = KMeans(n_groups, n_init=1, max_iter=lloyd_steps, random_state=seed).fit_predict(points.cpu().numpy())
     return torch.as_tensor(found, dtype=torch.long, device=points.device)
-
-
-def white_halves(points: Tensor, seed: int) -> Tensor:
-    """Labels (n,), 0 or 1, of two groups of points (n, d) in units of their own spread.
-
-    Example:
-        >>> points = torch.tensor([[0.0, 0.0], [900.0, 0.1], [0.0, 1.0], [900.0, 1.1]])
-        >>> labels = white_halves(points, seed=1)
-        >>> labels.bincount()
-        tensor([2, 2])
-    """
-    factor = cholesky_or_small(torch.cov(points.T).reshape(points.shape[1], -1), JITTER)
-    white = torch.linalg.solve_triangular(factor, (points - points.mean(0)).T, upper=False).T
-    return k_means_labels(white, 2, seed)

@@ -10,8 +10,7 @@ from torch import Tensor
 from torch.distributions import MultivariateNormal
 
 from descentflow.densities.density import Density
-from descentflow.densities.em import converge, fit_mixture, start, steps_of
-from descentflow.densities.em_acceleration import converge_fast
+from descentflow.densities.em import fit_mixture, steps_of
 from descentflow.densities.evidence_steps import EvidenceSteps
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.importance import estimate, propose
@@ -190,39 +189,6 @@ def test_steps_never_lose_likelihood(context: bool) -> None:
         mixture, likelihood = steps.improve(mixture)
         assert likelihood >= previous - (1e-4 if context else 1e-10)  # the gate keeps its own small ridge
         previous = likelihood
-
-
-@pytest.mark.parametrize("context", [False, True])
-def test_extrapolation_ends_no_lower_in_fewer_steps(context: bool) -> None:
-    """Overlapping components, two of whose coordinates are often not seen: plain EM takes hundreds of steps."""
-    evidence, _, _ = gappy(drawn(truth(), 400), noise=1.0)
-    steps = EvidenceSteps(evidence, normal(400, C, seed=4) if context else None)
-    first = start(steps.stand_in(0), 3, seed=1)
-    asked: list[float] = []
-
-    def improve(mixture: Mixture) -> tuple[Mixture, float]:
-        found = EvidenceSteps.improve(steps, mixture)
-        asked.append(found[1])
-        return found
-
-    steps.improve = improve  # type: ignore[method-assign]
-    plain, slowly = converge(steps, first, iterations=3000, tolerance=1e-6)[1], len(asked)
-    asked.clear()
-    found, fast = converge_fast(steps, first, iterations=3000, tolerance=1e-6)
-    assert fast > plain - 1e-4
-    assert len(asked) < 0.7 * slowly
-    assert fast == pytest.approx(float(log_observed_mean(steps, found)), abs=1e-12)
-    # What is returned is at least as likely as all that was looked at; the last step's gain is below the tolerance.
-    assert fast >= max(asked) - 1e-12
-
-
-def test_an_extrapolation_that_loses_likelihood_is_taken_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    evidence, _, _ = gappy(drawn(truth(), 200))
-    steps = EvidenceSteps(evidence)
-    first = start(steps.stand_in(0), 2, seed=0)
-    expected = converge(steps, first, iterations=500, tolerance=1e-7)[1]
-    monkeypatch.setattr("descentflow.densities.em_acceleration._length", lambda *_: 1e3)
-    assert converge_fast(steps, first, iterations=500, tolerance=1e-7)[1] == pytest.approx(expected, abs=1e-4)
 
 
 def test_some_of_many_flights_find_the_start_and_all_of_them_the_end(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,6 @@ from torch.distributions import Categorical, MixtureSameFamily, MultivariateNorm
 from descentflow.core.errors import ConfigError
 from descentflow.densities.component_search import (
     MIN_FLIGHTS_PER_PARAMETER,
-    best_number,
     max_components,
     select_mixture,
 )
@@ -70,48 +69,34 @@ def test_shipped_settings_are_the_defaults_and_choose_by_the_bound() -> None:
         assert config["trainer"]["callbacks"][0]["init_args"]["monitor"] == "val/bound"
 
 
-def test_the_criterion_goes_on_only_while_the_end_is_best() -> None:
-    def tried(best: int, most: int, furthest: int) -> list[int]:
-        return list(best_number(lambda k: (k, -0.01 * (k - best) ** 2), lambda k: 0, 1000, 2.0, most, furthest)[1])
-
-    assert tried(2, 4, 10) == [1, 2, 3, 4], "the best is far from the cap"
-    assert tried(4, 4, 10) == [1, 2, 3, 4, 5, 6]
-    assert tried(7, 4, 10) == [1, 2, 3, 4, 5, 6, 7, 8, 9]
-    assert tried(20, 4, 10) == list(range(1, 11)), "the furthest decides"
-    assert tried(20, 4, 4) == [1, 2, 3, 4]
-    assert tried(16, 70, 262)[15:] == [16, 18, 20, 22, 24], "four in a row no better"
-    assert tried(30, 35, 35)[-3:] == [29, 32, 35]
-    assert tried(2, 20, 20)[-1] == 16, "every number where each costs little"
-
-
-def test_mixtures_of_many_flights_that_are_not_known_are_grown(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Four clusters in a plane, with the starts tried with fewer than all; known points go through every number."""
-    monkeypatch.setattr("descentflow.densities.component_search.STARTING_FLIGHTS", 200)
+def test_the_search_ends_where_two_numbers_in_a_row_are_no_better() -> None:
+    """Four clusters in a plane, of flights that show them to 0.1."""
     centres = torch.tensor([[0.0, 6.0], [6.0, 0.0], [-6.0, -6.0], [-6.0, 6.0]]).double()
     points = centres[torch.arange(900) % 4] + normal(900, 2)
     blurred = Evidence(points, torch.zeros(900, dtype=torch.long), 100.0 * torch.eye(2).double()[None])
-    found = select_mixture(blurred, seed=0, n_restarts=2)
-    assert found.mixture.n_components == 4
-    assert list(found.values) == [1, 2, 4, 8]
-    assert not found.cap_binds
+    for flights in (points, blurred):
+        found = select_mixture(flights, seed=0, n_restarts=2)
+        assert found.mixture.n_components == 4
+        assert list(found.values) == [1, 2, 3, 4, 6, 8]
+        assert not found.cap_binds
     few = select_mixture(blurred.rows(torch.arange(300)), seed=0, n_restarts=2, extend=False)
     assert (list(few.values), few.cap_binds) == ([1, 2, 3], True), "the cap of 300 flights"
-    assert list(select_mixture(points, seed=0, n_restarts=2).values) == [1, 2, 3, 4, 5, 6, 7, 8, 9, 10]
+    assert list(select_mixture(points, seed=0, n_restarts=2, only=5).values) == [5]
 
 
 def test_the_papers_cap_hides_components_that_the_longer_search_finds() -> None:
-    """Five far clusters in 700 flights, of which the paper's cap allows three."""
+    """Six far clusters in 700 flights, of which the paper's cap allows three."""
     centres = 6 * torch.eye(D, dtype=torch.float64)
-    clusters = MultivariateNormal(torch.cat([centres, -centres[:1]]), 0.3 * torch.eye(D).double().expand(5, D, D))
+    clusters = MultivariateNormal(torch.cat([centres, -centres[:2]]), 0.3 * torch.eye(D).double().expand(6, D, D))
     with torch.random.fork_rng():
         torch.manual_seed(0)
-        weights = MixtureSameFamily(Categorical(torch.ones(5).double()), clusters).sample((700,))
+        weights = MixtureSameFamily(Categorical(torch.ones(6).double()), clusters).sample((700,))
     assert max_components(700, D) == 3
-    assert max_components(700, D, flights_per_parameter=MIN_FLIGHTS_PER_PARAMETER) > 5
+    assert max_components(700, D, flights_per_parameter=MIN_FLIGHTS_PER_PARAMETER) > 6
     capped = select_mixture(weights, seed=0, n_restarts=4, extend=False)
     assert capped.cap_binds
     found = select_mixture(weights, seed=0, n_restarts=4)
-    assert len(found.mixture.probs) == 5
+    assert len(found.mixture.probs) == 6
     assert not found.cap_binds
 
 

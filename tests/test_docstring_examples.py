@@ -24,7 +24,7 @@ NEEDS = {
 } | {
     "descentflow.exports.onnx_export": "onnxscript",
     "descentflow.surveillance.formats.asterix": "pyasteryx",
-    "descentflow.surveillance.formats.mode_s_frames": "rs1090",
+    "descentflow.surveillance.formats.mode_s": "rs1090",
 }
 """Modules whose examples need an optional library; where it is missing they are skipped."""
 LONG = ("descentflow.exports.onnx_export",)

@@ -10,8 +10,9 @@ from surveillance_toys import fleet, written
 
 from descentflow.cli.entry import main
 from descentflow.core.errors import ConfigError
-from descentflow.surveillance.cleaning.drop_reasons import SHOWN, some_flights
 from descentflow.surveillance.prepare import prepare
+from descentflow.surveillance.rows.drop_report import SHOWN_COLUMNS as SHOWN
+from descentflow.surveillance.rows.drop_report import some_flights
 
 
 @pytest.fixture(scope="module")

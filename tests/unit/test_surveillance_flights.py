@@ -6,10 +6,17 @@ import pytest
 from surveillance_toys import fleet, flight, rows_at
 
 from descentflow.core.errors import DataError
-from descentflow.surveillance.cleaning.flights import in_order, name_flights, names_given, names_shared, usable
+from descentflow.surveillance.cleaning.flights import (
+    in_order,
+    name_flights,
+    names_given,
+    names_shared,
+    of_types,
+    usable,
+    with_types,
+)
 from descentflow.surveillance.cleaning.rates import local_slope, with_rate
 from descentflow.surveillance.cleaning.report_checks import check_left
-from descentflow.surveillance.cleaning.types_of_flights import of_types, with_types
 from descentflow.surveillance.rows.air_data import isa_tas_of_mach_kt
 from descentflow.surveillance.rows.drop_report import DropReport, Step
 from descentflow.surveillance.rows.units_check import check_units

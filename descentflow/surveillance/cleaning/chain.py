@@ -11,24 +11,27 @@ from joblib import Parallel, delayed
 from descentflow.core.workers import results_of
 from descentflow.surveillance.cleaning import descent_filters, faulty_values, filters
 from descentflow.surveillance.cleaning.descent_filters import ClearedLevel, ClearedSpeed, LargestBank
-from descentflow.surveillance.cleaning.drop_reasons import ROW, TracedReport, some_flights
 from descentflow.surveillance.cleaning.faulty_values import Stale
-from descentflow.surveillance.cleaning.flights import PART_OF, in_order, name_flights, named_as_before
+from descentflow.surveillance.cleaning.flights import (
+    PART_OF,
+    in_order,
+    name_flights,
+    named_as_before,
+    of_types,
+    rows_by_address,
+    with_types,
+)
 from descentflow.surveillance.cleaning.level_grid import to_levels
 from descentflow.surveillance.cleaning.rates import ConstantRate, with_rate
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.cleaning.two_clocks import without_other_clocks
-from descentflow.surveillance.cleaning.types_of_flights import of_types, rows_by_address, with_types
-from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.drop_report import ROW, DropReport, TracedReport, some_flights
 from descentflow.surveillance.rows.schema import COLUMNS
 
 BATCH_ROWS = 250_000
 """Rows that are cleaned at a time: their arrays stay in the processor's cache."""
 USED = ("flight_id", "timestamp", "altitude", "vertical_rate", "IAS", "Mach")
-"""Columns that the filters use."""
-TURNS, CLEARED = ("roll", "track", "groundspeed"), ("cleared_speed_kt", "cleared_mach")
-CLEARED_LEVEL = ("cleared_flight_level",)
-"""Columns that optional filters use."""
+"""Columns that all filters use."""
 DIFFERENCED = "rows whose vertical rate is differenced from altitude, for none is reported"
 """Note in the report."""
 
@@ -66,7 +69,7 @@ class Outcome:
     """Number of rows per address, if a table of types names none of these."""
     dropped_rows: pl.DataFrame | None = None
     """Rows of some flights with the reason for which each was dropped
-    (:func:`~descentflow.surveillance.cleaning.drop_reasons.some_flights`)."""
+    (:func:`~descentflow.surveillance.rows.drop_report.some_flights`)."""
 
 
 def clean(
@@ -152,19 +155,7 @@ def after_rates(rules: Cleaning) -> filters.Chain:
     if rules.cleared_level_within_ft is not None:
         descent |= ClearedLevel(rules.cleared_level_within_ft)
     return (
-        descent
-        | ConstantRate(
-            seconds=rules.constant_rate_s,
-            seconds_alone=rules.constant_rate_alone_s,
-            gradient=rules.constant_rate_gradient,
-            jump_fpm=rules.constant_rate_jump_fpm,
-            drift_fpm=rules.constant_rate_drift_fpm,
-            scatter_fpm=rules.constant_rate_scatter_fpm,
-            offset_fpm=rules.constant_rate_offset_fpm,
-            longest_gap_s=rules.longest_gap_s,
-        )
-        | descent_filters.LargestDescent(rules.climb_back_ft)
-        | descent_filters.Falling()
+        descent | ConstantRate(rules) | descent_filters.LargestDescent(rules.climb_back_ft) | descent_filters.Falling()
     )
 
 
@@ -184,8 +175,7 @@ def _batches(rows: pl.DataFrame) -> list[pl.DataFrame]:
 def _cleaned(rows: pl.DataFrame, work: Work) -> Outcome:
     """Levels of the descents of some flights."""
     rules = work.rules
-    traced = TracedReport(by_flight=True, rows=len(rows)) if work.shown else None
-    report = traced or DropReport(by_flight=True)
+    report = TracedReport(by_flight=True, rows=len(rows)) if work.shown else DropReport(by_flight=True)
     kept = _free(rows, rules, report)
     levels = to_levels(
         kept,
@@ -201,21 +191,20 @@ def _cleaned(rows: pl.DataFrame, work: Work) -> Outcome:
     report.count("too_few_levels", kept, left)
     report.note("levels of the kept descents", len(long))
     report.note("levels of descents too short to keep", len(levels) - len(long))
-    return Outcome(long, report, dropped_rows=traced.with_reasons(rows, work.shown) if traced else None)
+    traced = report.with_reasons(with_rate(rows), work.shown) if isinstance(report, TracedReport) else None
+    return Outcome(long, report, dropped_rows=traced)
 
 
 def _free(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.DataFrame:
     """Rows of free descent; the filters get only the columns that they use, the others are added at the end."""
-    used: tuple[str, ...] = USED
-    used += TURNS if rules.largest_bank_deg is not None else ()
-    used += CLEARED if rules.cleared_speed_after_s is not None else ()
-    used += CLEARED_LEVEL if rules.cleared_level_within_ft is not None else ()
+    before, after = before_rates(rules), after_rates(rules)
+    used = (*USED, *(name for one in after.filters for name in one.uses))
     needed = [name for name in used if name in rows.columns]
     # Numbers compare faster than names.
     narrow = rows.select(needed).with_columns(pl.col("flight_id").rle_id()).with_row_index(ROW)
-    narrow = before_rates(rules)(narrow, report)
+    narrow = before(narrow, report)
     absent = narrow["vertical_rate"].null_count() if "vertical_rate" in narrow.columns else len(narrow)
     report.note(DIFFERENCED, absent)
-    narrow = after_rates(rules)(with_rate(narrow), report)
+    narrow = after(with_rate(narrow), report)
     others = rows.drop(set(needed) - {"flight_id"})[narrow[ROW]]
     return pl.concat([narrow.drop("flight_id"), others], how="horizontal")

@@ -100,6 +100,7 @@ class LargestBank(Filter):
 
     limit_deg: float
     reason = "banked"
+    uses = ("roll", "track", "groundspeed")
 
     def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
         """Rows within the limit; a new segment begins after each dropped row."""
@@ -140,6 +141,7 @@ class ClearedSpeed(Filter):
     after_s: float
     within_kt: float = Cleaning.cleared_speed_within_kt
     reason = "cleared_speed"
+    uses = ("cleared_speed_kt", "cleared_mach")
 
     def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
         """Rows without an assigned speed; a new segment begins after each dropped row."""
@@ -171,6 +173,7 @@ class ClearedLevel(Filter):
 
     within_ft: float
     reason = "cleared_level"
+    uses = ("cleared_flight_level",)
 
     def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
         """Rows further away; a new segment begins after each dropped row."""

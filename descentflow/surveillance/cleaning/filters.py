@@ -6,6 +6,7 @@ around the rows of each flight are computed for all rows at once.
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import polars as pl
@@ -101,6 +102,8 @@ class Filter(ABC):
     """
 
     reason: str
+    uses: ClassVar[tuple[str, ...]] = ()
+    """Columns that it uses besides time, altitude, rate, IAS and Mach."""
 
     @abstractmethod
     def keep(self, rows: pl.DataFrame) -> pl.DataFrame:

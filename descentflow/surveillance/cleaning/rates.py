@@ -1,6 +1,6 @@
 """Vertical rates: fitted to altitudes where a source reports none, and held by an autopilot."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import polars as pl
@@ -116,19 +116,11 @@ class ConstantRate(Filter):
     drops none of two and 0.1 to 0.8 % of the third. In the hour over the Netherlands, selected rates average to 987 to
     1,020 ft/min where 1,000 was clearly selected, drift by up to 79 and scatter by up to 55 ft/min.
 
-    Segments of fewer than `fewest` reports are not found, nor managed descents at other than constant rate, such as
-    those along the geometric path of an arrival.
+    The thresholds are those of `rules` whose names begin with `constant_rate`. Segments of few reports are not found,
+    nor managed descents at other than constant rate, such as those along the geometric path of an arrival.
     """
 
-    seconds: float = Cleaning.constant_rate_s
-    seconds_alone: float = Cleaning.constant_rate_alone_s
-    gradient: float = Cleaning.constant_rate_gradient
-    jump_fpm: float = Cleaning.constant_rate_jump_fpm
-    drift_fpm: float = Cleaning.constant_rate_drift_fpm
-    scatter_fpm: float = Cleaning.constant_rate_scatter_fpm
-    offset_fpm: float = Cleaning.constant_rate_offset_fpm
-    fewest: int = Fixed.constant_rate_reports
-    longest_gap_s: float = Cleaning.longest_gap_s
+    rules: Cleaning = field(default_factory=Cleaning)
     reason = "constant_rate"
 
     def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
@@ -153,15 +145,17 @@ class ConstantRate(Filter):
         Returns:
             (n,) true in such segments.
         """
-        clock = clock_of(flight, seconds)
+        rules, clock = self.rules, clock_of(flight, seconds)
         change = self._changes(clock, rate_fpm)
-        starts = np.flatnonzero((change != 0) | (np.diff(clock, prepend=-np.inf) > self.longest_gap_s))
+        starts = np.flatnonzero((change != 0) | (np.diff(clock, prepend=-np.inf) > rules.longest_gap_s))
         begins, ends = change[starts], np.append(change[starts][1:], 0.0)
         constant, lasted = self._constant(clock, rate_fpm, starts, np.append(starts[1:], len(clock)))
-        is_shallow = -np.add.reduceat(rate_fpm, starts) <= self.gradient * np.add.reduceat(tas_fpm, starts)
+        is_shallow = -np.add.reduceat(rate_fpm, starts) <= rules.constant_rate_gradient * np.add.reduceat(
+            tas_fpm, starts
+        )
         undone, not_steeper = (begins >= 0) & (ends < 0), (begins > 0) & (ends <= 0)
-        by_change = (undone | (not_steeper & is_shallow)) & (lasted >= self.seconds)
-        selected = constant & (by_change | (is_shallow & (lasted >= self.seconds_alone)))
+        by_change = (undone | (not_steeper & is_shallow)) & (lasted >= rules.constant_rate_s)
+        selected = constant & (by_change | (is_shallow & (lasted >= rules.constant_rate_alone_s)))
         return np.repeat(selected, np.diff(starts, append=len(clock)))
 
     def _changes(self, clock: Array, rate_fpm: Array) -> Array:
@@ -172,7 +166,9 @@ class ConstantRate(Filter):
         after = _means(rate_fpm, *windows(clock, turn_s, side_s + turn_s), fewest)
         change = np.nan_to_num(after - before)
         largest = window_max(np.abs(change), *windows(clock, -side_s, side_s))
-        return np.where((np.abs(change) >= self.jump_fpm) & (np.abs(change) == largest), change, 0.0)
+        return np.where(
+            (np.abs(change) >= self.rules.constant_rate_jump_fpm) & (np.abs(change) == largest), change, 0.0
+        )
 
     def _constant(self, clock: Array, rate_fpm: Array, first: Index, last: Index) -> tuple[Mask, Array]:
         """Segments that have a selectable rate, and their duration without their ends (s)."""
@@ -188,7 +184,7 @@ class ConstantRate(Filter):
             window_sum(values, first, last)
             for values in (np.ones_like(time), time, rate_fpm, time**2, time * rate_fpm, rate_fpm**2)
         )
-        enough = n >= max(self.fewest, 3)
+        enough = n >= max(Fixed.constant_rate_reports, 3)
         n = np.maximum(n, 1)
         spread = np.maximum(tt - t * t / n, 1e-9)
         slope = (tr - t * r / n) / spread
@@ -196,8 +192,10 @@ class ConstantRate(Filter):
         lasted = np.where(enough, clock[np.maximum(last, 1) - 1] - clock[np.minimum(first, len(clock) - 1)], 0.0)
         step_fpm = Fixed.constant_rate_step_fpm
         off = np.abs(r / n - step_fpm * np.round(r / n / step_fpm))
-        constant = (np.abs(slope) * lasted <= self.drift_fpm) & (rest <= self.scatter_fpm**2)
-        return enough & constant & (off <= self.offset_fpm), lasted
+        constant = (np.abs(slope) * lasted <= self.rules.constant_rate_drift_fpm) & (
+            rest <= self.rules.constant_rate_scatter_fpm**2
+        )
+        return enough & constant & (off <= self.rules.constant_rate_offset_fpm), lasted
 
 
 def _means(values: Array, first: Index, last: Index, fewest: int) -> Array:

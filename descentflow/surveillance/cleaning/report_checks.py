@@ -7,13 +7,9 @@ from dataclasses import asdict
 import polars as pl
 
 from descentflow.core.errors import DataError, warn
-from descentflow.surveillance.cleaning.flights import OTHER_VALUES
+from descentflow.surveillance.cleaning.flights import NO_TYPES, OTHER_VALUES, SEVERAL
 from descentflow.surveillance.cleaning.thresholds import Cleaning, Fixed
 from descentflow.surveillance.cleaning.two_clocks import AGAIN
-from descentflow.surveillance.cleaning.types_of_flights import (
-    NO_TYPES,
-    SEVERAL,
-)
 from descentflow.surveillance.rows.addresses import named_types
 from descentflow.surveillance.rows.drop_report import DropReport, Step
 from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED, WITHOUT

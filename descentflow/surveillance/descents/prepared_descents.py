@@ -35,7 +35,7 @@ class Descents(InNotebook):
     Attributes:
         metadata: `schema_version bottom_fl top_fl settings typecodes inputs report`.
         dropped_rows: Rows of some flights with the reason for which each was dropped, if `prepare` was asked for them
-            (:func:`~descentflow.surveillance.cleaning.drop_reasons.some_flights`), else None.
+            (:func:`~descentflow.surveillance.rows.drop_report.some_flights`), else None.
 
     Example:
         >>> descents = read_descents("descents.parquet")

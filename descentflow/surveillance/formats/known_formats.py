@@ -7,15 +7,7 @@ from typing import Any
 import polars as pl
 
 from descentflow.core.errors import ConfigError
-from descentflow.surveillance.formats import (
-    aircraft_json,
-    asterix,
-    json_rows,
-    mode_s_frames,
-    readsb_trace,
-    scat,
-    tables,
-)
+from descentflow.surveillance.formats import aircraft_json, asterix, json_rows, mode_s, readsb_trace, scat, tables
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.unpacking.streams import Input
 
@@ -116,8 +108,8 @@ KNOWN = (
     JsonFormat("json-rows", any_columns=True, recognise=json_rows.is_rows, read=json_rows.rows),
     JsonFormat("readsb-trace", join=readsb_trace.joined, recognise=readsb_trace.is_trace, read=readsb_trace.rows),
     JsonFormat("aircraft-json", recognise=aircraft_json.is_snapshot, read=aircraft_json.rows),
-    JsonFormat("jet1090", recognise=mode_s_frames.is_message, read=mode_s_frames.jet1090),
-    TextFormat("modes-hex", recognise=mode_s_frames.begins_with_frames, read=mode_s_frames.lines),
+    JsonFormat("jet1090", recognise=mode_s.is_message, read=mode_s.jet1090),
+    TextFormat("modes-hex", recognise=mode_s.begins_with_frames, read=mode_s.lines),
     JsonFormat("scat", recognise=scat.is_flight, read=scat.rows),
     FileFormat("asterix", recognise=asterix.is_asterix, read=asterix.rows),
 )

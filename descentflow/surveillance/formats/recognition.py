@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import polars as pl
 
 from descentflow.core.errors import DataError
-from descentflow.surveillance.formats import mode_s_frames, tables
+from descentflow.surveillance.formats import mode_s, tables
 from descentflow.surveillance.formats.json_rows import documents
 from descentflow.surveillance.formats.known_formats import (
     ACCEPTED,
@@ -114,8 +114,8 @@ def _table_or_frames(found: Format, parts: Iterator[Columns], report: DropReport
         return found, parts
     first = next(parts)
     parts = itertools.chain([first], parts)
-    if mode_s_frames.is_table(first):
-        return FORMATS["modes-hex"], mode_s_frames.of_tables(parts, report)
+    if mode_s.is_table(first):
+        return FORMATS["modes-hex"], mode_s.of_tables(parts, report)
     return found, parts
 
 

@@ -11,7 +11,6 @@ from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.files import OF_THE_DISK, check_output, system_number
 from descentflow.core.workers import Engine
 from descentflow.surveillance.cleaning.chain import Outcome, clean
-from descentflow.surveillance.cleaning.drop_reasons import some_flights
 from descentflow.surveillance.cleaning.report_checks import nothing_left
 from descentflow.surveillance.descents import store
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
@@ -20,6 +19,7 @@ from descentflow.surveillance.out_of_core.job import fingerprint, job_folder, re
 from descentflow.surveillance.out_of_core.partitions import Cleaned, clean_partitions
 from descentflow.surveillance.out_of_core.spill import Memory, Spill
 from descentflow.surveillance.request import Request, description
+from descentflow.surveillance.rows.drop_report import some_flights
 
 TABLES = (".csv", ".tsv", ".txt", ".json", ".jsonl", ".feather", ".arrow", ".ipc", ".pq", ".xlsx", ".html", ".yaml")
 OTHER_ENDINGS = frozenset((*TABLES, ".gz", ".zip", ".tar", ".pickle", ".pkl", ".h5", ".nc"))

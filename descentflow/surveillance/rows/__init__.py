@@ -3,8 +3,7 @@
 Reading order: :mod:`~descentflow.surveillance.rows.schema`, :mod:`~descentflow.surveillance.rows.normalise` (a table
 in that schema, with :mod:`~descentflow.surveillance.rows.column_names`, :mod:`~descentflow.surveillance.rows.times` and
 :mod:`~descentflow.surveillance.rows.addresses`), :mod:`~descentflow.surveillance.rows.units_check` (with
-:mod:`~descentflow.surveillance.rows.readings`, :mod:`~descentflow.surveillance.rows.rate_readings`,
-:mod:`~descentflow.surveillance.rows.flight_ratios`, :mod:`~descentflow.surveillance.rows.units_words` and
-:mod:`~descentflow.surveillance.rows.other_checks`), :mod:`~descentflow.surveillance.rows.values_beside`,
-:mod:`~descentflow.surveillance.rows.drop_report`, :mod:`~descentflow.surveillance.rows.air_data`.
+:mod:`~descentflow.surveillance.rows.readings` and :mod:`~descentflow.surveillance.rows.units_words`),
+:mod:`~descentflow.surveillance.rows.values_beside`, :mod:`~descentflow.surveillance.rows.drop_report`,
+:mod:`~descentflow.surveillance.rows.air_data`.
 """

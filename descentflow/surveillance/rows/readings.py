@@ -18,8 +18,9 @@ from descentflow.surveillance.rows.air_data import Array, cas_of_mach_kt, isa_ta
 from descentflow.surveillance.rows.schema import FILLS, MIN_CHECKED_VALUES, POSSIBLE
 
 MIN_AIRCRAFT = 3
-"""Aircraft below which groundspeed is not compared: one in 160 kt of headwind looks as if it were in m/s; and below
-which a column that no unit explains is a warning: a register of one aircraft may be broken."""
+"""Aircraft below which neither groundspeed nor angles are compared: one in 160 kt of headwind looks as if it were in
+m/s, and one may fly north all the time; and below which a column that no unit explains is a warning: a register of one
+aircraft may be broken."""
 MAX_COMPARED_ROWS = 20_000
 MAX_RATE_ROWS = 200_000
 """First rows of a file whose rates are compared: differences need neighbours."""

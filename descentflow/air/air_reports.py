@@ -28,7 +28,7 @@ BAND_LEVELS = 5
 """Levels whose reports are averaged to one observation: 500 ft, less than air changes in and more than one report."""
 MIN_IN_BAND = 2
 """Levels that must be reported there."""
-MOST_K, MOST_MPS = 40.0, 130.0
+MAX_DEVIATION_K, MAX_WIND_MPS = 40.0, 130.0
 """Temperature deviation and wind beyond which a report is wrong: air on earth has neither."""
 WINDOW = 3
 """Bands on either side, with whose median a band is compared."""
@@ -96,7 +96,7 @@ def temperature_reports(grid: LevelGrid) -> AirReports | None:
         (reported, STEPS["Mach"], torch.where(has_mach, of_mach, 0.0)),
         (cas, STEPS["IAS"], torch.where(has_mach, 0.0, of_mach * mach_per_kt)),
     ]
-    return _banded(grid, _possible(temperature - isa_temperature_k(grid.altitude_m), MOST_K), parts)
+    return _banded(grid, _possible(temperature - isa_temperature_k(grid.altitude_m), MAX_DEVIATION_K), parts)
 
 
 def tailwind_reports(grid: LevelGrid) -> AirReports | None:
@@ -118,7 +118,7 @@ def tailwind_reports(grid: LevelGrid) -> AirReports | None:
     along = level_part_kt(grid.values) * drift_cosine(grid.values)
     weight = torch.full_like(tas, KT_MPS)
     parts: list[Part] = [(tas, STEPS["TAS"], -weight), (groundspeed, STEPS["groundspeed"], weight)]
-    return _banded(grid, _possible((groundspeed - along) * KT_MPS, MOST_MPS), parts)
+    return _banded(grid, _possible((groundspeed - along) * KT_MPS, MAX_WIND_MPS), parts)
 
 
 def _banded(grid: LevelGrid, values: Tensor, parts: list[Part]) -> AirReports:

@@ -25,7 +25,7 @@ from descentflow.measurements.level_channels import LevelGrid
 PLACED = ("latitude", "longitude")
 AROUND = 5
 """Levels on either side whose places give the track where none is reported: 1,000 ft, some 3 NM."""
-BLOCK = 4096
+CHUNK_FLIGHTS = 4096
 """Flights whose air is read at a time, in the order of their days: 2 million points of 228 levels."""
 
 
@@ -97,7 +97,7 @@ def field_airs(frame: pl.DataFrame, levels_fl: Tensor, source: Source, *, wind: 
         windy = field.wind and wind is not False
         # A block of a few days reads each time of the field once.
         order = np.argsort(paths.unix_s[:, 0], kind="stable")
-        blocks = np.array_split(order, max(-(-len(order) // BLOCK), 1))
+        blocks = np.array_split(order, max(-(-len(order) // CHUNK_FLIGHTS), 1))
         parts = [_airs_of(field, grid.levels_fl.numpy(), paths.rows(block), windy) for block in blocks]
         back = np.argsort(np.concatenate(blocks))
         deviation, tailwind, inside = (np.concatenate(part)[back] for part in zip(*parts, strict=True))

@@ -8,7 +8,7 @@ import torch
 from descentflow.air.level_air import LevelAir
 from descentflow.core.errors import CheckpointError
 
-MOST = 2000
+MAX_KEPT_FLIGHTS = 2000
 """Training flights whose airs are kept: 3.6 MB of 228 levels; their mean is known to a forty-fifth of their spread."""
 WARMEST_K, STRONGEST_MPS = 80.0, 200.0
 """Beyond these no air is on earth: a checkpoint that holds more is not whole."""
@@ -36,7 +36,9 @@ class KeptAir:
 
     def to_state(self) -> dict[str, Any]:
         """Tensors and primitives for a checkpoint, single precision; no flight is named."""
-        some = self.training.rows(torch.arange(len(self.training))[:: max(-(-len(self.training) // MOST), 1)])
+        some = self.training.rows(
+            torch.arange(len(self.training))[:: max(-(-len(self.training) // MAX_KEPT_FLIGHTS), 1)]
+        )
         return {
             "source": self.source,
             "wind": self.wind,

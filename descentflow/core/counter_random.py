@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-BLOCK = 4
+NUMBERS_PER_BLOCK = 4
 """Numbers that Philox makes at each step of its counter."""
 SEEDS = 1 << 64
 """Different seeds."""
@@ -35,8 +35,8 @@ class DrawNumbers(NamedTuple):
             True
         """
         bits = np.random.Philox(key=np.array([self.seed % SEEDS, stream], dtype=np.uint64))
-        bits.advance(self.first // BLOCK)
-        skipped = self.first % BLOCK
+        bits.advance(self.first // NUMBERS_PER_BLOCK)
+        skipped = self.first % NUMBERS_PER_BLOCK
         return torch.from_numpy(np.random.Generator(bits).random(skipped + count)[skipped:].copy())
 
 

@@ -5,7 +5,7 @@ import warnings
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-LONGEST_PART = 4000
+MAX_PART_CHARACTERS = 4000
 """Characters of a part of a message: values of a damaged file can be a million long."""
 
 
@@ -16,9 +16,9 @@ def shortened(text: str) -> str:
         >>> len(shortened("x" * 10**6)) < 5000, shortened("as it is")
         (True, 'as it is')
     """
-    if len(text) <= LONGEST_PART:
+    if len(text) <= MAX_PART_CHARACTERS:
         return text
-    half = LONGEST_PART // 2
+    half = MAX_PART_CHARACTERS // 2
     return f"{text[:half]} ... ({len(text) - 2 * half:,} characters left out) ... {text[-half:]}"
 
 

@@ -80,7 +80,7 @@ def row_blocks(
             empty = False
             yield block
     if empty:
-        names = ", ".join(HELD if isinstance(source, pl.DataFrame) else str(source) for source in sources)
+        names = ", ".join(TABLE_IN_MEMORY if isinstance(source, pl.DataFrame) else str(source) for source in sources)
         lists = LISTS_OF_TYPES in report.notes
         raise unreadable.first_error or DataError(
             f"no row in {names}" + (", but a list of types (icao24, typecode)" if lists else ""),
@@ -134,7 +134,7 @@ def _with_times(table: Any) -> Any:
     return table if has_times else table.rename_axis("timestamp")
 
 
-HELD = "a table in memory"
+TABLE_IN_MEMORY = "a table in memory"
 """Its name in messages."""
 
 
@@ -159,8 +159,8 @@ def _parts(
     """Rows of each source in its format, in parts; files that cannot be read are left to `unreadable`."""
     for source in sources:
         if isinstance(source, pl.DataFrame):
-            found, parts = held_parts(source, HELD, report, block_rows, named)
-            yield from (Part(rows, found, HELD, number == 0) for number, rows in enumerate(parts))
+            found, parts = held_parts(source, TABLE_IN_MEMORY, report, block_rows, named)
+            yield from (Part(rows, found, TABLE_IN_MEMORY, number == 0) for number, rows in enumerate(parts))
             continue
         with unreadable.watch(source):
             found, parts = recognised(replace(unpacked(source), columns=named), report, format, block_rows)
@@ -185,7 +185,7 @@ def _normalised(tables: Iterator[Part], report: DropReport, columns: Mapping[str
             continue
         used = wanted(given.columns)
         note_unused([name for name in given.columns if name not in used], len(given), report)
-        report.note(WITHOUT_ROWS, int(table.first and given.is_empty() and table.label != HELD))
+        report.note(WITHOUT_ROWS, int(table.first and given.is_empty() and table.label != TABLE_IN_MEMORY))
         own = with_values_beside(normalise(given, table.label, report), report)
         rows = with_ias(own, report)
         computed = rows is not own

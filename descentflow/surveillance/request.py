@@ -27,7 +27,7 @@ from descentflow.surveillance.descents.prepared_descents import top_levels
 from descentflow.surveillance.descents.store import SCHEMA_VERSION
 from descentflow.surveillance.formats.asterix import WITHOUT_DAY
 from descentflow.surveillance.formats.known_formats import ACCEPTED
-from descentflow.surveillance.read_rows import HELD, Source
+from descentflow.surveillance.read_rows import TABLE_IN_MEMORY, Source
 from descentflow.surveillance.rows.column_names import check_named
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.unpacking.inputs import files_of
@@ -165,7 +165,7 @@ def _table_provenance(table: pl.DataFrame) -> dict[str, object]:
     digest = hashlib.sha256(repr(table.schema).encode())
     for part in table.iter_slices(HASHED_ROWS):
         digest.update(part.rechunk().write_ipc(None, compression="uncompressed").getvalue())
-    return {"name": HELD, "rows": len(table), "sha256": digest.hexdigest()}
+    return {"name": TABLE_IN_MEMORY, "rows": len(table), "sha256": digest.hexdigest()}
 
 
 def _file_provenance(path: Path) -> dict[str, object]:

@@ -105,9 +105,9 @@ def test_nothing_after_the_end_of_an_archive_is_unpacked(tmp_path: Path) -> None
 
 
 def test_lines_and_documents_that_are_too_long_to_be_held(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("descentflow.surveillance.unpacking.streams.LARGEST_LINE", 20_000)
-    monkeypatch.setattr("descentflow.surveillance.unpacking.streams.LARGEST_DOCUMENT", 30_000)
-    monkeypatch.setattr("descentflow.surveillance.formats.tables.LARGEST_LINE", 20_000)
+    monkeypatch.setattr("descentflow.surveillance.unpacking.streams.MAX_LINE_BYTES", 20_000)
+    monkeypatch.setattr("descentflow.surveillance.unpacking.streams.MAX_DOCUMENT_BYTES", 30_000)
+    monkeypatch.setattr("descentflow.surveillance.formats.tables.MAX_LINE_BYTES", 20_000)
     monkeypatch.setattr("descentflow.surveillance.formats.tables.CSV_BYTES", 10_000)
     snapshot = '{"now": 1, "aircraft": []}\n'
     refused(written_to(tmp_path / "a.json", snapshot + " " * 20_001), "line 2: longer than")

@@ -9,7 +9,7 @@ from surveillance_toys import flight
 
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.surveillance.prepare import prepare
-from descentflow.surveillance.rows.addresses import KEPT, SPELT_ANEW, six_digits
+from descentflow.surveillance.rows.addresses import KEPT_ADDRESSES, SPELT_ANEW, six_digits
 from descentflow.surveillance.rows.drop_report import DropReport
 
 
@@ -40,7 +40,7 @@ def test_what_may_be_digits_or_a_value_is_told() -> None:
     with pytest.warns(DescentflowWarning, match="rows.csv: 2 rows have an icao24 of seven or eight digits .16323968."):
         mixed = six_digits(pl.Series(["4ca001", "16323968", "16323968", "8014"]), "rows.csv", report)
     assert mixed.to_list() == ["4ca001", "16323968", "16323968", "008014"]
-    assert report.notes == {SPELT_ANEW: 1, KEPT: 2}
+    assert report.notes == {SPELT_ANEW: 1, KEPT_ADDRESSES: 2}
 
 
 def test_the_same_rows_in_two_spellings_are_duplicates(tmp_path: Path) -> None:

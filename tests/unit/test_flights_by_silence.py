@@ -10,7 +10,7 @@ from surveillance_toys import START, flight, rows_at
 from descentflow.surveillance.cleaning.flights import (
     OVER_MIDNIGHT,
     PART_OF,
-    PARTS,
+    SEPARATED_FLIGHTS,
     name_flights,
     names_given,
     names_shared,
@@ -29,7 +29,7 @@ def test_a_name_that_comes_again_gives_as_many_descents_as_no_name() -> None:
         named = prepare(days.with_columns(flight_id=again))
         assert named.flights == without.flights == {"A320": 6}
         assert named.frame.drop("flight_id").equals(without.frame.drop("flight_id"))
-        assert named.report.notes[PARTS] == 6
+        assert named.report.notes[SEPARATED_FLIGHTS] == 6
         dropped = {step.step: step.rows_dropped for step in named.report.steps}
         assert dropped["second_descent"] == 0, "the report says what became of the flights"
 

@@ -75,7 +75,7 @@ def test_batches_of_messages_make_no_difference(tmp_path: Path, monkeypatch: pyt
     lines = "\n".join(f"{time} {frame}" for time, frame in frames_of(FLIGHT))
     path = written_to(tmp_path / "frames.txt", lines)
     whole, _ = rows_of(path)
-    monkeypatch.setattr("descentflow.surveillance.formats.mode_s.BATCH", 100)
+    monkeypatch.setattr("descentflow.surveillance.formats.mode_s.BATCH_MESSAGES", 100)
     parts, _ = rows_of(path)
     assert_frame_equal(parts, whole)
 

@@ -5,7 +5,7 @@ import pytest
 from surveillance_toys import flight
 
 from descentflow.core.errors import DescentflowWarning
-from descentflow.surveillance.cleaning.flights import FILLED, SEVERAL, one_type_each
+from descentflow.surveillance.cleaning.flights import FILLED_TYPES, FLIGHTS_OF_SEVERAL_TYPES, one_type_each
 from descentflow.surveillance.prepare import prepare
 from descentflow.surveillance.rows.drop_report import DropReport
 
@@ -18,7 +18,7 @@ def test_a_type_that_only_some_rows_name_is_that_of_all(without: str | None) -> 
     rows = FLEET.with_columns(typecode=pl.when(EVEN).then("typecode").otherwise(pl.lit(without)))
     found = prepare(rows)
     assert found.frame.equals(prepare(FLEET).frame)
-    assert found.report.notes[FILLED] == len(FLEET) // 2
+    assert found.report.notes[FILLED_TYPES] == len(FLEET) // 2
     first = pl.col("timestamp") < FLEET["timestamp"][-1] - pl.duration(hours=12)
     assert prepare(FLEET.with_columns(typecode=pl.when(first).then("typecode"))).flights == {"A320": 2}
 
@@ -36,5 +36,5 @@ def test_two_types_within_a_flight_are_told_and_make_one_descent() -> None:
             )
         )
     assert found.flights == {"A320": 2}
-    assert found.report.notes[SEVERAL] == 2
+    assert found.report.notes[FLIGHTS_OF_SEVERAL_TYPES] == 2
     assert found.frame.drop("typecode").equals(prepare(FLEET).frame.drop("typecode"))

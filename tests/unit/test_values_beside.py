@@ -7,7 +7,7 @@ from surveillance_toys import flight
 from descentflow.core.errors import DataError, DescentflowWarning
 from descentflow.surveillance.prepare import prepare
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.rows.values_beside import APART, JOINED, with_values_beside
+from descentflow.surveillance.rows.values_beside import JOINED_VALUES, VALUES_APART, with_values_beside
 
 WHOLE = flight(every_s=2.0).with_columns(TAS=430.0 - 0.2 * pl.int_range(pl.len()), groundspeed=pl.lit(400.0))
 EVEN = pl.int_range(pl.len()) % 2 == 0
@@ -26,7 +26,7 @@ def test_values_of_rows_in_between_are_joined_as_those_of_raw_mode_s() -> None:
     assert found.frame["level_fl"].equals(expected.frame["level_fl"])
     for name in ("TAS", "groundspeed", "track"):
         assert (found.frame[name] - expected.frame[name]).abs().max() < 0.05, name
-        assert found.report.notes[JOINED.format(name=name)] > 100
+        assert found.report.notes[JOINED_VALUES.format(name=name)] > 100
     assert (
         with_values_beside(rows, DropReport())
         .drop("TAS", "groundspeed", "track")
@@ -53,6 +53,6 @@ def test_what_is_too_far_in_time_is_told() -> None:
         DescentflowWarning, match=r"TAS in 320 rows.*descents lack them: values of TAS stand in other rows"
     ):
         found = prepare(apart(("IAS", "Mach"), ("TAS",)).with_columns(timestamp=far))
-    assert APART.format(name="TAS") in found.report.notes
+    assert VALUES_APART.format(name="TAS") in found.report.notes
     with pytest.raises(DataError, match="values of altitude stand in other rows than IAS: put into each row"):
         prepare(apart(("IAS", "Mach"), ("altitude",)).with_columns(timestamp=far))

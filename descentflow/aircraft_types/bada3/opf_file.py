@@ -46,7 +46,7 @@ def _polar_place(phase: str) -> Place:
 
 PLACES: tuple[Place, ...] = (*_BEFORE_POLARS, *map(_polar_place, PHASES), *_AFTER_POLARS)
 """The numbers of the file's 21 data lines after the first, in order."""
-NAMES = tuple(name for place in PLACES for name in place if name)
+PLACED_NAMES = tuple(name for place in PLACES for name in place if name)
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ def opf_of(aircraft: Bada3Aircraft) -> Opf:
         n_engines=aircraft.n_engines,
         engine=aircraft.engine,
         wake_category=aircraft.wake_category,
-        numbers={name: float(state.get(name, 0.0)) for name in NAMES},
+        numbers={name: float(state.get(name, 0.0)) for name in PLACED_NAMES},
         description=aircraft.source[:54],
     )
 

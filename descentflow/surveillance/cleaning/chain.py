@@ -25,12 +25,12 @@ from descentflow.surveillance.cleaning.level_grid import to_levels
 from descentflow.surveillance.cleaning.rates import ConstantRate, with_rate
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.cleaning.two_clocks import without_other_clocks
-from descentflow.surveillance.rows.drop_report import ROW, DropReport, TracedReport, some_flights
+from descentflow.surveillance.rows.drop_report import ROW_NUMBER, DropReport, TracedReport, some_flights
 from descentflow.surveillance.rows.schema import COLUMNS
 
 BATCH_ROWS = 250_000
 """Rows that are cleaned at a time: their arrays stay in the processor's cache."""
-USED = ("flight_id", "timestamp", "altitude", "vertical_rate", "IAS", "Mach")
+COLUMNS_OF_ALL_FILTERS = ("flight_id", "timestamp", "altitude", "vertical_rate", "IAS", "Mach")
 """Columns that all filters use."""
 DIFFERENCED = "rows whose vertical rate is differenced from altitude, for none is reported"
 """Note in the report."""
@@ -198,13 +198,13 @@ def _cleaned(rows: pl.DataFrame, work: Work) -> Outcome:
 def _free(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.DataFrame:
     """Rows of free descent; the filters get only the columns that they use, the others are added at the end."""
     before, after = before_rates(rules), after_rates(rules)
-    used = (*USED, *(name for one in after.filters for name in one.uses))
+    used = (*COLUMNS_OF_ALL_FILTERS, *(name for one in after.filters for name in one.uses))
     needed = [name for name in used if name in rows.columns]
     # Numbers compare faster than names.
-    narrow = rows.select(needed).with_columns(pl.col("flight_id").rle_id()).with_row_index(ROW)
+    narrow = rows.select(needed).with_columns(pl.col("flight_id").rle_id()).with_row_index(ROW_NUMBER)
     narrow = before(narrow, report)
     absent = narrow["vertical_rate"].null_count() if "vertical_rate" in narrow.columns else len(narrow)
     report.note(DIFFERENCED, absent)
     narrow = after(with_rate(narrow), report)
-    others = rows.drop(set(needed) - {"flight_id"})[narrow[ROW]]
+    others = rows.drop(set(needed) - {"flight_id"})[narrow[ROW_NUMBER]]
     return pl.concat([narrow.drop("flight_id"), others], how="horizontal")

@@ -12,9 +12,9 @@ from descentflow.surveillance.cleaning.filters import Index
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.rows.addresses import named_types
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED, WITHOUT
+from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED, ROWS_WITHOUT
 
-MEASURED = ("altitude", "IAS", "Mach", "vertical_rate", "TAS", "groundspeed")
+MEASURED_COLUMNS = ("altitude", "IAS", "Mach", "vertical_rate", "TAS", "groundspeed")
 OTHER_VALUES = "rows with the address and time of another row but other values, left out as duplicates"
 """Note in the report."""
 
@@ -26,7 +26,7 @@ def usable(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
     """
     report.count("read", rows, rows)
     for name in REQUIRED:
-        report.note(WITHOUT + name, rows[name].null_count())
+        report.note(ROWS_WITHOUT + name, rows[name].null_count())
     complete = report.count("missing_value", rows, rows.drop_nulls(list(REQUIRED)))
     for name in REQUIRED:
         if name in POSSIBLE:
@@ -64,7 +64,7 @@ def in_order(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
 
 def _differing(rows: pl.DataFrame, one: Index, other: Index) -> int:
     """Number of pairs of rows that measure something differently."""
-    measured = [rows[name] for name in MEASURED if name in rows.columns]
+    measured = [rows[name] for name in MEASURED_COLUMNS if name in rows.columns]
     differs = [(values[one] != values[other]).fill_null(False).to_numpy() for values in measured]
     return int(np.any(differs, axis=0).sum()) if differs else 0
 
@@ -143,7 +143,7 @@ MADE_ALONE = r"^([0-9a-f]{6})_\d{8}T\d{6}$"
 """So do names of whole flights and of legs of traces, which no source has given."""
 PART_OF = "_part_of"
 """Column with the source's name of the flight that a row's flight is a part of, null where it is the whole."""
-PARTS = "flights separated by silence under a flight_id that comes again"
+SEPARATED_FLIGHTS = "flights separated by silence under a flight_id that comes again"
 OVER_MIDNIGHT = "legs of traces that go on in the next day's trace, joined over 00:00 UTC"
 """Notes in the report."""
 
@@ -169,7 +169,7 @@ def told_apart(rows: pl.DataFrame, gap_s: float, report: DropReport | None = Non
         part_of=pl.when(several).then("flight_id"),
     )
     parts = stretches.filter(pl.col("part_of").is_not_null())["name"].n_unique()
-    report.note(PARTS, parts)
+    report.note(SEPARATED_FLIGHTS, parts)
     if not parts and stretches["flight_id"].equals(stretches["given"]):
         return rows
     of_row = stretches[begins.cast(pl.UInt32).cum_sum() - 1]
@@ -283,8 +283,8 @@ def rows_by_address(rows: pl.DataFrame) -> dict[str, int]:
     return dict(rows["icao24"].value_counts(sort=True).iter_rows())
 
 
-FILLED = "rows without a typecode that got that of the flight's or the address's other rows"
-SEVERAL = "flights whose rows name several types, taken for the most frequent"
+FILLED_TYPES = "rows without a typecode that got that of the flight's or the address's other rows"
+FLIGHTS_OF_SEVERAL_TYPES = "flights whose rows name several types, taken for the most frequent"
 """Notes in the report."""
 
 
@@ -301,11 +301,11 @@ def one_type_each(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
     counts = counts.sort("len", "typecode", descending=[True, False])
     of_flight = counts.unique("flight_id", keep="first", maintain_order=True).select("flight_id", "icao24", "typecode")
     of_address = of_flight.select("icao24", "typecode").unique().filter(~pl.col("icao24").is_duplicated())
-    report.note(SEVERAL, counts.filter(flight.is_duplicated())["flight_id"].n_unique())
+    report.note(FLIGHTS_OF_SEVERAL_TYPES, counts.filter(flight.is_duplicated())["flight_id"].n_unique())
     found = rows.drop("typecode").join(
         of_flight.select("flight_id", "typecode"), on="flight_id", how="left", maintain_order="left"
     )
     found = found.join(of_address.rename({"typecode": "_type"}), on="icao24", how="left", maintain_order="left")
     found = found.with_columns(pl.coalesce("typecode", "_type").alias("typecode"))
-    report.note(FILLED, rows["typecode"].null_count() - found["typecode"].null_count())
+    report.note(FILLED_TYPES, rows["typecode"].null_count() - found["typecode"].null_count())
     return found.select(rows.columns)

@@ -7,13 +7,13 @@ from dataclasses import asdict
 import polars as pl
 
 from descentflow.core.errors import DataError, warn
-from descentflow.surveillance.cleaning.flights import NO_TYPES, OTHER_VALUES, SEVERAL
+from descentflow.surveillance.cleaning.flights import FLIGHTS_OF_SEVERAL_TYPES, NO_TYPES, OTHER_VALUES
 from descentflow.surveillance.cleaning.thresholds import Cleaning, Fixed
-from descentflow.surveillance.cleaning.two_clocks import AGAIN
+from descentflow.surveillance.cleaning.two_clocks import ROWS_OF_OTHER_CLOCK
 from descentflow.surveillance.rows.addresses import named_types
 from descentflow.surveillance.rows.drop_report import DropReport, Step
-from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED, WITHOUT
-from descentflow.surveillance.rows.values_beside import APART, JOIN, OF_OTHER_ROWS
+from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED, ROWS_WITHOUT
+from descentflow.surveillance.rows.values_beside import JOIN_MEND, OF_OTHER_ROWS, VALUES_APART
 
 MAX_LISTED_TYPES = 12
 DESIGNATOR = re.compile(r"[A-Z][A-Z0-9]{1,3}")
@@ -69,10 +69,10 @@ def check_report(report: DropReport, rules: Cleaning) -> None:
             f"{report}",
         )
     _tell_apart(report)
-    if clocks := [note for note in report.notes if note.startswith(AGAIN.partition("{")[0])]:
+    if clocks := [note for note in report.notes if note.startswith(ROWS_OF_OTHER_CLOCK.partition("{")[0])]:
         said = " and ".join(f"{report.notes[note]:,} {note}" for note in clocks)
         warn(f"{said}, are left out: write the times of all sources in UTC (the earlier of both are kept)")
-    if several := report.notes.get(SEVERAL):
+    if several := report.notes.get(FLIGHTS_OF_SEVERAL_TYPES):
         warn(
             f"the rows of {several:,} flights name several types, and each flight is taken for the one that most of "
             "its rows name: correct the column typecode, or give rows of different aircraft different icao24"
@@ -89,13 +89,15 @@ def check_report(report: DropReport, rules: Cleaning) -> None:
 def _tell_apart(report: DropReport) -> None:
     """Warn of values that no row has beside IAS: descents lack them, and nothing can be said of air and wind."""
     apart = {
-        name: report.notes[APART.format(name=name)] for name in OF_OTHER_ROWS if APART.format(name=name) in report.notes
+        name: report.notes[VALUES_APART.format(name=name)]
+        for name in OF_OTHER_ROWS
+        if VALUES_APART.format(name=name) in report.notes
     }
     if apart and report.steps and report.steps[-1].rows_left:
         said = ", ".join(f"{name} in {rows:,} rows" for name, rows in apart.items())
         warn(
             f"values without IAS beside them nor in a row within 5 s: {said}; descents lack them: "
-            f"{JOIN.format(name=' and '.join(apart))}"
+            f"{JOIN_MEND.format(name=' and '.join(apart))}"
         )
 
 
@@ -201,7 +203,9 @@ def nothing_left(report: DropReport, cleaning: Cleaning) -> DataError:
         return DataError(nothing, expected="surveillance rows", mend="pass other files")
     most = max(report.steps, key=lambda step: step.rows_dropped, default=Step("read", 0, None, 0, None))
     why, mend = _reason(most.step, cleaning)
-    empty = [f"{name} in {report.notes[WITHOUT + name]:,}" for name in REQUIRED if WITHOUT + name in report.notes]
+    empty = [
+        f"{name} in {report.notes[ROWS_WITHOUT + name]:,}" for name in REQUIRED if ROWS_WITHOUT + name in report.notes
+    ]
     if empty and most.step == "missing_value":
         why = f"lack a value ({', '.join(empty)})"
         mend = _mend_of_missing(report, read) or mend
@@ -215,9 +219,9 @@ def nothing_left(report: DropReport, cleaning: Cleaning) -> DataError:
 
 def _mend_of_missing(report: DropReport, read: int) -> str | None:
     """Advice on the column that is empty, where it is not airspeed; None if it is."""
-    if APART.format(name="altitude") in report.notes:
-        return JOIN.format(name="altitude")
-    empty = [name for name in ("icao24", "timestamp", "altitude") if report.notes.get(WITHOUT + name, 0) == read]
+    if VALUES_APART.format(name="altitude") in report.notes:
+        return JOIN_MEND.format(name="altitude")
+    empty = [name for name in ("icao24", "timestamp", "altitude") if report.notes.get(ROWS_WITHOUT + name, 0) == read]
     return f"fill the column {empty[0]}, which is empty in every row" if empty else None
 
 

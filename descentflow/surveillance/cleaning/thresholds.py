@@ -17,10 +17,10 @@ def _threshold(default: Any, meaning: str, source: str) -> Any:
     return dataclasses.field(default=default, metadata={"meaning": meaning, "source": source})
 
 
-HAMPEL = "a Hampel filter (Hampel 1974, JASA 69) over five reports; "
-ENDS = "the fastest change of a transport aircraft: "
-HELD = "measured on 1,500 simulated flights and an hour of real ones over the Netherlands; see ConstantRate"
-STALE = "a register that its aircraft, or the receiver, no longer refreshes; "
+HAMPEL_FILTER = "a Hampel filter (Hampel 1974, JASA 69) over five reports; "
+FASTEST_CHANGE = "the fastest change of a transport aircraft: "
+MEASURED_RATES = "measured on 1,500 simulated flights and an hour of real ones over the Netherlands; see ConstantRate"
+STALE_REGISTER = "a register that its aircraft, or the receiver, no longer refreshes; "
 
 
 @dataclass(frozen=True)
@@ -45,22 +45,26 @@ class Cleaning:
     spike_altitude_ft: float = _threshold(
         300.0,
         "smallest spike of altitude, ft",
-        HAMPEL + "three steps of a 100 ft encoder: quantisation is never a spike",
+        HAMPEL_FILTER + "three steps of a 100 ft encoder: quantisation is never a spike",
     )
-    spike_ias_kt: float = _threshold(15.0, "smallest spike of IAS, kt", HAMPEL + "15 steps of 1 kt; gusts stay below")
-    spike_mach: float = _threshold(0.03, "smallest spike of Mach", HAMPEL + "7 steps of 0.004 (BDS 6,0)")
+    spike_ias_kt: float = _threshold(
+        15.0, "smallest spike of IAS, kt", HAMPEL_FILTER + "15 steps of 1 kt; gusts stay below"
+    )
+    spike_mach: float = _threshold(0.03, "smallest spike of Mach", HAMPEL_FILTER + "7 steps of 0.004 (BDS 6,0)")
     spike_rate_fpm: float = _threshold(
-        1500.0, "smallest spike of vertical rate, ft/min", HAMPEL + "23 steps of 64 ft/min; turbulence stays below"
+        1500.0,
+        "smallest spike of vertical rate, ft/min",
+        HAMPEL_FILTER + "23 steps of 64 ft/min; turbulence stays below",
     )
     fastest_altitude_ftps: float = _threshold(
         100.0,
         "added per second at the ends of a flight, where a spike has neighbours on one side only, ft/s",
-        ENDS + "6,000 ft/min",
+        FASTEST_CHANGE + "6,000 ft/min",
     )
-    fastest_ias_ktps: float = _threshold(2.0, "the same of IAS, kt/s", ENDS + "0.1 g")
-    fastest_mach_ps: float = _threshold(0.003, "the same of Mach, 1/s", ENDS + "0.1 g at 300 m/s")
+    fastest_ias_ktps: float = _threshold(2.0, "the same of IAS, kt/s", FASTEST_CHANGE + "0.1 g")
+    fastest_mach_ps: float = _threshold(0.003, "the same of Mach, 1/s", FASTEST_CHANGE + "0.1 g at 300 m/s")
     fastest_rate_fpmps: float = _threshold(
-        100.0, "the same of vertical rate, ft/min/s", ENDS + "0.05 g across the path"
+        100.0, "the same of vertical rate, ft/min/s", FASTEST_CHANGE + "0.05 g across the path"
     )
     spike_agreeing_kt: float = _threshold(
         8.0,
@@ -70,23 +74,24 @@ class Cleaning:
     stale_s: float = _threshold(
         20.0,
         "shortest repetition of one value that is compared with the other channels, s",
-        STALE + "receivers drop a register after some 60 s, radars refresh one in 5 to 15 s",
+        STALE_REGISTER + "receivers drop a register after some 60 s, radars refresh one in 5 to 15 s",
     )
     stale_altitude_ft: float = _threshold(
         300.0,
         "altitude is repeated while the rate integrates to this much, or the rate while the altitude changes by this "
         "much more or less, ft",
-        STALE + "three steps of a 100 ft encoder; also 10 % of the height, for rates of inertial height in warm air",
+        STALE_REGISTER
+        + "three steps of a 100 ft encoder; also 10 % of the height, for rates of inertial height in warm air",
     )
     stale_ias_kt: float = _threshold(
         8.0,
         "IAS is repeated while the CAS of Mach and altitude changes by this, kt",
-        STALE + "four steps of 0.004 Mach at FL150 (2.1 kt each); 1,700 ft at a constant Mach number",
+        STALE_REGISTER + "four steps of 0.004 Mach at FL150 (2.1 kt each); 1,700 ft at a constant Mach number",
     )
     stale_mach: float = _threshold(
         0.02,
         "Mach is repeated while the Mach number of IAS and altitude changes by this",
-        STALE + "five steps of 0.004, seven of 1 kt at FL350 (0.0027 each)",
+        STALE_REGISTER + "five steps of 0.004, seven of 1 kt at FL350 (0.0027 each)",
     )
     airspeeds_differ_kt: float = _threshold(
         25.0,
@@ -103,27 +108,31 @@ class Cleaning:
         "paper, section 3 (transients); a transport aircraft settles into a descent within some 20 s at 0.05 to 0.1 g",
     )
     constant_rate_s: float = _threshold(
-        50.0, "shortest constant-rate segment that begins and ends with a sudden change of rate, s", HELD
+        50.0, "shortest constant-rate segment that begins and ends with a sudden change of rate, s", MEASURED_RATES
     )
-    constant_rate_alone_s: float = _threshold(180.0, "shortest constant-rate segment without such a change, s", HELD)
+    constant_rate_alone_s: float = _threshold(
+        180.0, "shortest constant-rate segment without such a change, s", MEASURED_RATES
+    )
     constant_rate_gradient: float = _threshold(
         0.04,
         "steepest gradient in still air of a constant-rate segment that no sudden steepening ends",
         "best glide ratios of airliners, 17 to 20, and idle thrust: idle is steeper; see ConstantRate",
     )
     constant_rate_jump_fpm: float = _threshold(
-        150.0, "smallest sudden change of rate at the begin or end of a constant-rate segment, ft/min", HELD
+        150.0, "smallest sudden change of rate at the begin or end of a constant-rate segment, ft/min", MEASURED_RATES
     )
     constant_rate_drift_fpm: float = _threshold(
-        80.0, "largest drift of the rate over a constant-rate segment, ft/min", HELD
+        80.0, "largest drift of the rate over a constant-rate segment, ft/min", MEASURED_RATES
     )
     constant_rate_scatter_fpm: float = _threshold(
         64.0,
         "largest standard deviation of the rate in a constant-rate segment, ft/min",
-        HELD + "; one step of a rate in BDS 6,0 is 32",
+        MEASURED_RATES + "; one step of a rate in BDS 6,0 is 32",
     )
     constant_rate_offset_fpm: float = _threshold(
-        25.0, "largest distance of a constant-rate segment's mean rate from a multiple of 100 ft/min, ft/min", HELD
+        25.0,
+        "largest distance of a constant-rate segment's mean rate from a multiple of 100 ft/min, ft/min",
+        MEASURED_RATES,
     )
     largest_bank_deg: float | None = _threshold(
         None,
@@ -190,12 +199,12 @@ class Fixed:
     stale_rate_fpm: float = _threshold(
         100.0,
         "rate by which altitude and reported rate may differ for any time, ft/min",
-        STALE + "steps of 64 ft/min and their bias",
+        STALE_REGISTER + "steps of 64 ft/min and their bias",
     )
     stale_height_share: float = _threshold(
         0.1,
         "share of the height by which they may differ besides",
-        STALE + "inertial rates in air 25 K off the standard atmosphere differ by a tenth",
+        STALE_REGISTER + "inertial rates in air 25 K off the standard atmosphere differ by a tenth",
     )
     rate_windows_s: tuple[float, ...] = _threshold(
         (5.0, 10.0, 20.0, 30.0, 60.0),
@@ -221,13 +230,15 @@ class Fixed:
     constant_rate_step_fpm: float = _threshold(
         100.0, "step of the vertical rate that a pilot can select, ft/min", "flight control units of Airbus and Boeing"
     )
-    constant_rate_side_s: float = _threshold(20.0, "time of the mean rates beside a sudden change, s", HELD)
+    constant_rate_side_s: float = _threshold(20.0, "time of the mean rates beside a sudden change, s", MEASURED_RATES)
     constant_rate_turn_s: float = _threshold(
-        4.0, "time left out on either side of a sudden change, s", HELD + "; the aircraft enters its new path"
+        4.0, "time left out on either side of a sudden change, s", MEASURED_RATES + "; the aircraft enters its new path"
     )
-    constant_rate_settle_s: float = _threshold(10.0, "time left out at both ends of a judged segment, s", HELD)
-    constant_rate_side_reports: int = _threshold(3, "fewest reports on either side of a sudden change", HELD)
-    constant_rate_reports: int = _threshold(6, "fewest reports of a segment that is judged", HELD)
+    constant_rate_settle_s: float = _threshold(
+        10.0, "time left out at both ends of a judged segment, s", MEASURED_RATES
+    )
+    constant_rate_side_reports: int = _threshold(3, "fewest reports on either side of a sudden change", MEASURED_RATES)
+    constant_rate_reports: int = _threshold(6, "fewest reports of a segment that is judged", MEASURED_RATES)
 
 
 def describe(name: str) -> tuple[str, str]:

@@ -11,8 +11,8 @@ from descentflow.surveillance.rows.units_check import check_consistency
 
 REQUIRED = ("flight_id", "icao24", "typecode", "level_fl", "timestamp", "time_s", "IAS", "Mach", "vertical_rate")
 LEVELS_FL = (0, 600)
-TEXTS = ("flight_id", "icao24", "typecode", "callsign")
-LOOKED_AT, LONGEST_S = 400_000, 1e7
+TEXT_COLUMNS = ("flight_id", "icao24", "typecode", "callsign")
+MAX_COMPARED_LEVELS, MAX_FLIGHT_S = 400_000, 1e7
 """Levels of whole flights whose columns are compared, and time that no flight takes."""
 NEVER_MISSING = ("flight_id", "level_fl", "time_s")
 
@@ -37,13 +37,13 @@ def checked_descents(frame: pl.DataFrame, source: object) -> pl.DataFrame:
     double = len(place) - pl.Series(place).n_unique()
     if double:
         raise _refused(source, "level_fl", f"has {double:,} levels twice in one flight", "each level of a flight once")
-    _check_consistency(frame.filter(flight % (1 + len(frame) // LOOKED_AT) == 0), source)
+    _check_consistency(frame.filter(flight % (1 + len(frame) // MAX_COMPARED_LEVELS) == 0), source)
     return frame
 
 
 def _check_consistency(frame: pl.DataFrame, source: object) -> None:
     """Hold columns of descents against each other as those of rows."""
-    micros = pl.when(pl.col("time_s").abs() < LONGEST_S).then(pl.col("time_s") * 1e6).cast(pl.Int64)
+    micros = pl.when(pl.col("time_s").abs() < MAX_FLIGHT_S).then(pl.col("time_s") * 1e6).cast(pl.Int64)
     rows = frame.with_columns(altitude=100.0 * pl.col("level_fl"), timestamp=pl.from_epoch(micros, time_unit="us"))
     try:
         check_consistency(rows, str(source))
@@ -55,7 +55,7 @@ def _typed(frame: pl.DataFrame, source: object) -> pl.DataFrame:
     """Columns cast to their types where nothing is lost by it."""
     wanted: pl.DataType
     for name, kind in frame.schema.items():
-        if name in TEXTS:
+        if name in TEXT_COLUMNS:
             good, wanted = kind in (pl.String, pl.Categorical, pl.Enum), pl.String()
         elif name in (*CHANNELS, "time_s"):
             good, wanted = kind.is_numeric() or kind == pl.Null, pl.Float64()

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-REACHED_BY = 0.25
+TOP_LEVEL_SHARE = 0.25
 """The grid ends at the highest level that this share of the flights reach (paper, appendix A)."""
 
 
@@ -166,7 +166,7 @@ class Descents(InNotebook):
             ('flight_id', 'level_fl')
         """
         names = ["time_s", *(name for name in CHANNELS if name in self.frame.columns)]
-        dataset = to_dataset(self.frame, ("flight_id", "level_fl"), names, UNITS)
+        dataset = to_dataset(self.frame, ("flight_id", "level_fl"), names, COLUMN_UNITS)
         types = self.frame.unique("flight_id", keep="first").sort("flight_id")["typecode"]
         return dataset.assign_coords(typecode=("flight_id", types.to_list()))
 
@@ -199,7 +199,7 @@ class Descents(InNotebook):
         return "\n".join([head, *types, *self.report.summary(), *computed])
 
 
-UNITS = {
+COLUMN_UNITS = {
     "time_s": "s",
     "vertical_rate": "ft/min",
     "geometric_rate": "ft/min",
@@ -215,7 +215,7 @@ def top_levels(frame: pl.DataFrame) -> dict[str, int]:
     """For each type, the highest level that at least a quarter of its flights reach."""
     reached = frame.group_by("typecode", "flight_id").agg(pl.col("level_fl").max())
     tops = reached.group_by("typecode").agg(
-        pl.col("level_fl").sort(descending=True).get(((pl.len() * REACHED_BY).ceil() - 1).cast(pl.UInt32))
+        pl.col("level_fl").sort(descending=True).get(((pl.len() * TOP_LEVEL_SHARE).ceil() - 1).cast(pl.UInt32))
     )
     return dict(sorted(tops.iter_rows()))
 

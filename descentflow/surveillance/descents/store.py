@@ -25,7 +25,7 @@ from descentflow.surveillance.unpacking.streams import whole_input
 SCHEMA_VERSION = 1
 KEY = "descentflow"
 """Key of the Parquet metadata that holds the description."""
-ENTRIES: dict[str, tuple[type, ...]] = {
+DESCRIPTION_TYPES: dict[str, tuple[type, ...]] = {
     "schema_version": (int,),
     "bottom_fl": (int, float),
     "top_fl": (dict,),
@@ -55,7 +55,7 @@ def described(text: str, path: str | Path) -> dict[str, Any]:
         found = None
     if not isinstance(found, dict):
         raise DataError(f"{path}: a damaged description", expected="a JSON object in the metadata", mend=MEND)
-    wrong = [name for name, kinds in ENTRIES.items() if not isinstance(found.get(name), (*kinds, type(None)))]
+    wrong = [name for name, kinds in DESCRIPTION_TYPES.items() if not isinstance(found.get(name), (*kinds, type(None)))]
     tops = found.get("top_fl") or {}
     if not wrong and not all(isinstance(top, int | float) for top in tops.values()):
         wrong = ["top_fl"]

@@ -14,7 +14,7 @@ from descentflow.core.errors import DataError
 from descentflow.surveillance.formats.json_rows import Kinds, is_number, table
 from descentflow.surveillance.rows.drop_report import DropReport
 
-FIELDS = {
+NUMBER_FIELDS = {
     "altitude": "alt_baro",
     "vertical_rate": "baro_rate",
     "geometric_rate": "geom_rate",
@@ -34,10 +34,10 @@ FIELDS = {
     "selected_altitude": "nav_altitude_mcp",
 }
 """Row column -> field of an aircraft in a snapshot; `heading` is magnetic, `oat` in degrees Celsius."""
-TEXT = {"icao24": "hex", "callsign": "flight", "typecode": "t"}
+TEXT_FIELDS = {"icao24": "hex", "callsign": "flight", "typecode": "t"}
 MILLISECONDS = 1e11
 """Larger numbers cannot be seconds since 1970 before the year 5138."""
-MAX_ROWS = 50_000
+MAX_HELD_AIRCRAFT = 50_000
 """Aircraft that are held as JSON at a time."""
 
 
@@ -75,7 +75,7 @@ def rows(documents: Iterable[object], label: str, report: DropReport, block_rows
         waiting += objects
         now = float(snapshot["now"])
         times += [now / 1000 if now > MILLISECONDS else now] * len(objects)
-        if len(waiting) >= min(block_rows, MAX_ROWS):
+        if len(waiting) >= min(block_rows, MAX_HELD_AIRCRAFT):
             yield _frame(times, waiting)
             times, waiting = [], []
     if not any_snapshot:
@@ -90,18 +90,18 @@ def rows(documents: Iterable[object], label: str, report: DropReport, block_rows
 def _frame(times: list[float], aircraft: list[dict[str, Any]]) -> pl.DataFrame:
     # The word is known, and would slow down the reading of all that have a number there.
     airborne = [thing if thing.get("alt_baro") != "ground" else {**thing, "alt_baro": None} for thing in aircraft]
-    return table(airborne, KINDS).select(
+    return table(airborne, FIELD_KINDS).select(
         (pl.Series(times, dtype=pl.Float64) - pl.col("seen").fill_null(0.0)).alias("timestamp"),
-        *(pl.col(field).str.strip_chars().replace("", None).alias(name) for name, field in TEXT.items()),
-        *(pl.col(field).alias(name) for name, field in FIELDS.items() if field != "oat"),
+        *(pl.col(field).str.strip_chars().replace("", None).alias(name) for name, field in TEXT_FIELDS.items()),
+        *(pl.col(field).alias(name) for name, field in NUMBER_FIELDS.items() if field != "oat"),
         (pl.col("oat") + 273.15).alias("temperature"),
     )
 
 
-KINDS: Kinds = {
+FIELD_KINDS: Kinds = {
     "seen": pl.Float64(),
-    **dict.fromkeys(TEXT.values(), pl.String()),
-    **dict.fromkeys(FIELDS.values(), pl.Float64()),
+    **dict.fromkeys(TEXT_FIELDS.values(), pl.String()),
+    **dict.fromkeys(NUMBER_FIELDS.values(), pl.Float64()),
 }
 
 DATA = Path(__file__).parent / "data"

@@ -21,7 +21,7 @@ from descentflow.surveillance.formats.json_rows import numbers, texts
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.unpacking.streams import Input
 
-FIELDS: dict[tuple[int, int], dict[str, tuple[int, int | None, int, int, float]]] = {
+REGISTERS: dict[tuple[int, int], dict[str, tuple[int, int | None, int, int, float]]] = {
     (4, 0): {"selected_altitude": (1, None, 2, 12, 16.0)},
     (5, 0): {
         "roll": (1, 2, 3, 9, 45 / 256),
@@ -45,7 +45,7 @@ def values_of(register: tuple[int, int], content: int) -> dict[str, float]:
     The last is selected in hundreds of feet and sent in steps of 16.
     """
     found = {}
-    for name, (status, sign, first, count, unit) in FIELDS.get(register, {}).items():
+    for name, (status, sign, first, count, unit) in REGISTERS.get(register, {}).items():
         if not _bits(content, status, 1):
             continue
         number = _bits(content, first, count)
@@ -63,14 +63,14 @@ def _bits(content: int, first: int, count: int) -> int:
     return content >> (57 - first - count) & ((1 << count) - 1)
 
 
-HEADER = 3
+HEADER_BYTES = 3
 """Bytes of a block's category and length."""
-KNOWN = frozenset({1, 2, 4, 8, 10, 11, 19, 20, 21, 23, 34, 48, 62, 63, 65, 240, 247})
+KNOWN_CATEGORIES = frozenset({1, 2, 4, 8, 10, 11, 19, 20, 21, 23, 34, 48, 62, 63, 65, 240, 247})
 """Categories that occur in recordings of radars and trackers."""
-LARGEST_BLOCK = 0x1FFF
+MAX_BLOCK_BYTES = 0x1FFF
 """Longer blocks do not fit into the packets that they are sent in; text read as a block would be longer."""
-READ = frozenset({48, 62})
-DAYS = (
+CATEGORIES_READ = frozenset({48, 62})
+DAY_PATTERNS = (
     ("", re.compile(r"(?<!\d)((?:19|20)\d\d)[-_.]?(\d\d)[-_.]?(\d\d)(?=(?:\d{6})?(?!\d))")),
     ("20", re.compile(r"(?<!\d)(\d\d)(\d\d)(\d\d)(?!\d)")),
 )
@@ -81,8 +81,8 @@ WITHOUT_DAY = "files of ASTERIX without a day in their name, put on 1970-01-01"
 FIRST_YEAR = 2004
 """Year of the first enhanced surveillance: six digits of before are a number."""
 HALF_DAY_S = 43_200.0
-TEXTS = ("icao24", "callsign")
-TRACK = {
+TEXT_COLUMNS = ("icao24", "callsign")
+TRACK_PLACES = {
     "icao24": ("I062/380", "ADR", "ADR"),
     "callsign": ("I062/380", "ID", "ACID"),
     "altitude": ("I062/136", "MFL"),
@@ -98,16 +98,16 @@ TRACK = {
     "geometric_rate": ("I062/380", "GVR", "GVR"),
 }
 """Row column -> its place in a message of category 062."""
-PLOT = {
+PLOT_PLACES = {
     "icao24": ("I048/220", "ACAddr"),
     "callsign": ("I048/240", "TId"),
     "groundspeed": ("I048/200", "CGS"),
     "track": ("I048/200", "CHdg"),
 }
 """The same of category 048, whose altitude may be garbled."""
-WEATHER = {"wind_direction": "WD", "wind_speed": "WS", "temperature": "TMP"}
+WEATHER_NAMES = {"wind_direction": "WD", "wind_speed": "WS", "temperature": "TMP"}
 """Row column -> its name in I062/380/MET, the temperature in degrees Celsius."""
-COLUMNS = tuple(dict.fromkeys((*TRACK, *PLOT, *WEATHER)))
+ROW_COLUMNS = tuple(dict.fromkeys((*TRACK_PLACES, *PLOT_PLACES, *WEATHER_NAMES)))
 
 Row = dict[str, Any]
 
@@ -126,7 +126,7 @@ def rows(source: Input, report: DropReport, block_rows: int) -> Iterator[pl.Data
         if len(waiting) >= block_rows:
             yield _frame(waiting, seconds)
             waiting, seconds = [], []
-    if not categories & READ:
+    if not categories & CATEGORIES_READ:
         raise DataError(
             f"{source.label}: ASTERIX without airspeeds, of category "
             f"{' and '.join(f'{one:03}' for one in sorted(categories))} alone",
@@ -145,21 +145,21 @@ def _decoder() -> Callable[[bytes], list[Any]]:
 def _blocks(source: Input, report: DropReport, categories: set[int]) -> Iterator[bytes]:
     """Blocks of both categories; all that occur are added to the set."""
     place = 0
-    while header := source.stream.read(HEADER):
+    while header := source.stream.read(HEADER_BYTES):
         length = int.from_bytes(header[1:], "big")
-        if len(header) == HEADER and length < HEADER:
+        if len(header) == HEADER_BYTES and length < HEADER_BYTES:
             raise DataError(
                 f"{source.label}: an ASTERIX block of length {length} at byte {place}",
                 expected="blocks of category, length and records, one after the other",
                 mend="take the blocks out of the recording's own frames, or copy the file again",
             )
-        body = source.stream.read(max(length - HEADER, 0))
-        if len(header) + len(body) < length or len(header) < HEADER:
+        body = source.stream.read(max(length - HEADER_BYTES, 0))
+        if len(header) + len(body) < length or len(header) < HEADER_BYTES:
             report.note("ASTERIX blocks cut at the end of a file", 1)
             return
         place += length
         categories.add(header[0])
-        if header[0] in READ:
+        if header[0] in CATEGORIES_READ:
             yield header + body
         else:
             report.note("ASTERIX blocks of other categories", 1)
@@ -186,19 +186,19 @@ def _rows_of_block(
 
 def _of_track(items: Row) -> tuple[Row, float | None]:
     """A row of category 062."""
-    row = {name: _at(items, *path) for name, path in TRACK.items()}
+    row = {name: _at(items, *path) for name, path in TRACK_PLACES.items()}
     if row["vertical_rate"] is None:
         row["vertical_rate"] = _at(items, "I062/220", "RoC")
     row["groundspeed"], row["track"] = _polar(_at(items, "I062/185", "Vx"), _at(items, "I062/185", "Vy"))
     # Wind and temperature have a bit each that says whether they are there.
     weather = _at(items, "I062/380", "MET") or {}
-    row |= {name: weather.get(f"{field}_D") for name, field in WEATHER.items() if weather.get(field)}
+    row |= {name: weather.get(f"{field}_D") for name, field in WEATHER_NAMES.items() if weather.get(field)}
     return row, _at(items, "I062/070", "ToT")
 
 
 def _of_plot(items: Row) -> tuple[Row, float | None]:
     """A row of category 048, without a position: range and azimuth are from a radar of unknown place."""
-    row = {name: _at(items, *path) for name, path in PLOT.items()}
+    row = {name: _at(items, *path) for name, path in PLOT_PLACES.items()}
     level = items.get("I048/090", {})
     if level.get("FL") is not None and not level.get("V") and not level.get("G"):
         row["altitude"] = 100 * level["FL"]
@@ -242,7 +242,9 @@ class _Clock:
 
 def _day(label: str) -> date:
     name = label.rpartition("/")[2]
-    for century, year, month, day in ((century, *found) for century, days in DAYS for found in days.findall(name)):
+    for century, year, month, day in (
+        (century, *found) for century, days in DAY_PATTERNS for found in days.findall(name)
+    ):
         with suppress(ValueError):
             found = date(int(century + year), int(month), int(day))
             if found.year >= FIRST_YEAR:
@@ -251,7 +253,9 @@ def _day(label: str) -> date:
 
 
 def _frame(waiting: list[Row], seconds: list[float | None]) -> pl.DataFrame:
-    columns = {name: (texts if name in TEXTS else numbers)([row.get(name) for row in waiting]) for name in COLUMNS}
+    columns = {
+        name: (texts if name in TEXT_COLUMNS else numbers)([row.get(name) for row in waiting]) for name in ROW_COLUMNS
+    }
     return pl.DataFrame({"timestamp": numbers(seconds), **columns}).with_columns(pl.col("temperature") + 273.15)
 
 
@@ -261,10 +265,10 @@ def is_asterix(head: bytes) -> bool:
     What follows does not matter, so that damage is reported as damage.
     """
     place, seen = 0, list[int]()
-    while place + HEADER <= len(head):
-        category, length = head[place], int.from_bytes(head[place + 1 : place + HEADER], "big")
-        if category not in KNOWN or not HEADER < length <= LARGEST_BLOCK:
+    while place + HEADER_BYTES <= len(head):
+        category, length = head[place], int.from_bytes(head[place + 1 : place + HEADER_BYTES], "big")
+        if category not in KNOWN_CATEGORIES or not HEADER_BYTES < length <= MAX_BLOCK_BYTES:
             return len(seen) > 2
         seen.append(category)
         place += length
-    return len(seen) > 2 or bool(READ & set(seen))
+    return len(seen) > 2 or bool(CATEGORIES_READ & set(seen))

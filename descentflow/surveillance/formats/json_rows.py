@@ -131,11 +131,11 @@ def mixed(values: Sequence[Any]) -> pl.Series:
     return texts(values) if str in set(map(type, values)) else numbers(values)
 
 
-TIME = frozenset({"timestamp", "time"})
-ADDRESS = frozenset({"icao24", "hex"})
-MAX_ROWS = 50_000
+TIME_NAMES = frozenset({"timestamp", "time"})
+ADDRESS_NAMES = frozenset({"icao24", "hex"})
+MAX_HELD_ROWS = 50_000
 """Rows that are held as JSON at a time."""
-NAMES_LOOKED_AT = 1000
+ROWS_THAT_NAME_COLUMNS = 1000
 """Rows whose keys name the columns; later rows have no others."""
 
 
@@ -148,11 +148,11 @@ def rows(documents: Iterator[object], label: str, report: DropReport, block_rows
             yield _table_of_columns(document if isinstance(document, dict) else {}, label)
         return
     names: list[str] | None = None
-    while batch := list(itertools.islice(stream, min(block_rows, MAX_ROWS))):
+    while batch := list(itertools.islice(stream, min(block_rows, MAX_HELD_ROWS))):
         objects = [row for row in batch if type(row) is dict]
         report.note("JSON values that are no row", len(batch) - len(objects))
         if names is None:
-            names = list(dict.fromkeys(name for row in objects[:NAMES_LOOKED_AT] for name in row))
+            names = list(dict.fromkeys(name for row in objects[:ROWS_THAT_NAME_COLUMNS] for name in row))
         yield pl.DataFrame({name: mixed([row.get(name) for row in objects]) for name in names})
 
 
@@ -168,9 +168,9 @@ def _table_of_columns(columns: dict[str, Any], label: str) -> pl.DataFrame:
 
 
 def _of_columns(document: dict[str, Any]) -> bool:
-    return all(type(document.get(name)) is dict for name in TIME & document.keys())
+    return all(type(document.get(name)) is dict for name in TIME_NAMES & document.keys())
 
 
 def is_rows(document: object) -> bool:
     """Test for a JSON document of rows, recognised by the names of time and address."""
-    return isinstance(document, dict) and bool(TIME & document.keys()) and bool(ADDRESS & document.keys())
+    return isinstance(document, dict) and bool(TIME_NAMES & document.keys()) and bool(ADDRESS_NAMES & document.keys())

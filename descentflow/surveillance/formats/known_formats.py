@@ -97,11 +97,11 @@ class Part:
     first: bool
 
 
-MAX_POINTS = 50_000
+MAX_HELD_POINTS = 50_000
 """Points of traces that are held as JSON."""
-MAX_TABLES = 2000
+MAX_JOINED_TABLES = 2000
 """Tables that are put together at once."""
-KNOWN = (
+KNOWN_FORMATS = (
     FileFormat("parquet", any_columns=True, recognise=tables.is_parquet, read=tables.parquet),
     FileFormat("feather", any_columns=True, recognise=tables.is_feather, read=tables.feather),
     TextFormat("csv", any_columns=True, recognise=bool, read=tables.csv),
@@ -115,7 +115,7 @@ KNOWN = (
 )
 """The formats. They are tried in this order, but those of any columns after all others: what they recognise is least
 specific."""
-FORMATS = {one.name: one for one in KNOWN}
+FORMATS = {one.name: one for one in KNOWN_FORMATS}
 """Name -> format; each is also read from gzip and tar archives."""
 HELD_TABLE = Format("table", any_columns=True)
 """Rows that are no file."""
@@ -160,5 +160,5 @@ def _belongs(part: Part, waiting: Sequence[Part], block_rows: int) -> bool:
     if part.format.join is not waiting[0].format.join:
         return False
     if part.format.join:
-        return count < MAX_POINTS
-    return part.rows.schema == waiting[0].rows.schema and count < block_rows and len(waiting) < MAX_TABLES
+        return count < MAX_HELD_POINTS
+    return part.rows.schema == waiting[0].rows.schema and count < block_rows and len(waiting) < MAX_JOINED_TABLES

@@ -30,7 +30,7 @@ CONTEXT_S = 30.0
 """Seconds of one batch of messages that are kept for the next."""
 HOLD_S = 10.0
 """Rows within this time of a batch's end wait for the next batch."""
-AGREES = 0.03
+MAX_CAS_DIFFERENCE = 0.03
 """Relative difference of IAS and the CAS of Mach up to which bits that may be BDS 5,0 or 6,0 are taken for 6,0.
 
 Replies that can only be 6,0 agree within 0.013 (4,688 seconds of an A319 over France)."""
@@ -46,7 +46,7 @@ def columns_of(messages: list[Message]) -> pl.DataFrame:
     position = (register == "05") & (pl.col("source") == "barometric")
     velocity = register == "09"
     sixty, fifty = (pl.col(name).struct.field for name in ("bds60", "bds50"))
-    return table(messages, KINDS).select(
+    return table(messages, MESSAGE_KINDS).select(
         in_seconds(pl.col("timestamp")).alias("time"),
         pl.col("icao24").str.strip_chars().replace("", None),
         pl.col("df").is_in(PROTECTED).fill_null(False).alias("protected"),
@@ -69,7 +69,7 @@ PROTECTED = ("17", "18")
 ALTITUDE_REPLIES = ("0", "4", "16", "20")
 """Downlink formats with a pressure altitude."""
 NUMBER, TEXT = pl.Float64(), pl.String()
-KINDS: Kinds = {
+MESSAGE_KINDS: Kinds = {
     **dict.fromkeys(
         ("timestamp", "altitude", "groundspeed", "track", "vertical_rate", "latitude", "longitude"), NUMBER
     ),
@@ -131,7 +131,7 @@ def _rows_of(messages: pl.DataFrame, due: pl.Expr, known: set[str], report: Drop
         velocity.select("time", "icao24", "groundspeed", "track", "squittered_rate", "barometric"),
         WITHIN_S["velocity"],
     )
-    for kind, names in OTHERS.items():
+    for kind, names in OTHER_VALUES.items():
         # A callsign or selection is valid until the next.
         strategy: Any = "backward" if kind in ("selected", "callsign") else "nearest"
         found = near(found, ordered.select("time", "icao24", *names).drop_nulls(), WITHIN_S[kind], strategy)
@@ -155,7 +155,7 @@ def _rows_of(messages: pl.DataFrame, due: pl.Expr, known: set[str], report: Drop
     )
 
 
-OTHERS = {"position": ("latitude", "longitude"), "selected": ("selected_altitude",), "callsign": ("callsign",)}
+OTHER_VALUES = {"position": ("latitude", "longitude"), "selected": ("selected_altitude",), "callsign": ("callsign",)}
 
 
 def _agrees(found: pl.DataFrame) -> pl.Series:
@@ -164,14 +164,14 @@ def _agrees(found: pl.DataFrame) -> pl.Series:
     usable = found.select(pl.when(pl.all_horizontal(possible)).then(pl.col("altitude", "IAS", "Mach")).fill_null(0.0))
     altitude, ias, mach = (usable[name].to_numpy() for name in ("altitude", "IAS", "Mach"))
     cas = cas_of_mach_kt(mach, altitude)
-    return pl.Series((abs(ias - cas) <= AGREES * cas) & (mach > 0), dtype=pl.Boolean)
+    return pl.Series((abs(ias - cas) <= MAX_CAS_DIFFERENCE * cas) & (mach > 0), dtype=pl.Boolean)
 
 
-BATCH = 100_000
+BATCH_MESSAGES = 100_000
 """Messages that are joined at a time."""
-FRAME = r"^[0-9a-fA-F]{14}(?:[0-9a-fA-F]{14})?$"
-WHOLE = re.compile(FRAME)
-LINE = re.compile(rb"^\s*\"?(\d+(?:\.\d*)?)\"?[\s,;]+\"?\*?((?:[0-9a-fA-F]{14}){1,2});?\"?\s*$")
+HEX_FRAME = r"^[0-9a-fA-F]{14}(?:[0-9a-fA-F]{14})?$"
+WHOLE_FRAME = re.compile(HEX_FRAME)
+TIME_AND_FRAME = re.compile(rb"^\s*\"?(\d+(?:\.\d*)?)\"?[\s,;]+\"?\*?((?:[0-9a-fA-F]{14}){1,2});?\"?\s*$")
 """A time in seconds since 1970 and a frame, with blanks, a comma or a semicolon between them; a `*` and `;` around the
 frame are AVR's."""
 LINES_READ = "lines `seconds frame` or `seconds,frame`, seconds since 1970 and frames of 14 or 28 hexadecimal digits"
@@ -186,13 +186,13 @@ def jet1090(documents: Iterator[object], label: str, report: DropReport, block_r
     """Rows of jet1090's lines: as decoded by the receiver, or decoded here where a line has only time and frame."""
 
     def batches() -> Iterator[pl.DataFrame]:
-        while some := list(itertools.islice(documents, BATCH)):
+        while some := list(itertools.islice(documents, BATCH_MESSAGES)):
             messages = [m for m in some if isinstance(m, dict) and is_number(m.get("timestamp"))]
             report.note("lines that are no message with a time", len(some) - len(messages))
             done = [m for m in messages if "df" in m]
             if len(done) < len(messages):
                 rest = [m for m in messages if "df" not in m]
-                raw = [m for m in rest if isinstance(m.get("frame"), str) and WHOLE.fullmatch(m["frame"])]
+                raw = [m for m in rest if isinstance(m.get("frame"), str) and WHOLE_FRAME.fullmatch(m["frame"])]
                 report.note("lines without fields or a frame of 14 or 28 hexadecimal digits", len(rest) - len(raw))
                 done += decoded([m["frame"] for m in raw], [float(m["timestamp"]) for m in raw], report)
             yield columns_of(done)
@@ -206,15 +206,15 @@ def lines(source: Input, report: DropReport, block_rows: int) -> Iterator[pl.Dat
     def batches() -> Iterator[pl.DataFrame]:
         read = (line for _, line in source.lines())
         first = True
-        while batch := list(itertools.islice(read, BATCH)):
-            parts = [match.groups() for line in batch if (match := LINE.match(line))]
+        while batch := list(itertools.islice(read, BATCH_MESSAGES)):
+            parts = [match.groups() for line in batch if (match := TIME_AND_FRAME.match(line))]
             if first and len(parts) < len(batch) / 2:
                 raise DataError(
                     f"{source.label}: {len(batch) - len(parts)} of the first {len(batch)} lines are no time and frame",
                     expected=LINES_READ,
                     mend="write such lines, for instance with jet1090, readsb or dump1090 and a clock",
                 )
-            header = first and not LINE.match(batch[0])  # names of columns
+            header = first and not TIME_AND_FRAME.match(batch[0])  # names of columns
             first = False
             report.note("lines that are no time and frame", len(batch) - len(parts) - header)
             frames = [frame.decode() for _, frame in parts]
@@ -236,9 +236,9 @@ def of_tables(tables: Iterable[pl.DataFrame], report: DropReport) -> Iterator[pl
         for one in tables:
             time = timestamps(one[_column(one, TIME_COLUMNS)]).dt.epoch("us").cast(pl.Float64) / 1e6
             both = pl.DataFrame({"time": time, "frame": one[_column(one, FRAME_COLUMNS)].cast(pl.String)})
-            usable = both.filter(pl.col("frame").str.contains(FRAME) & pl.col("time").is_not_null())
+            usable = both.filter(pl.col("frame").str.contains(HEX_FRAME) & pl.col("time").is_not_null())
             report.note("rows without a time and a Mode S frame", len(both) - len(usable))
-            for part in usable.iter_slices(BATCH):
+            for part in usable.iter_slices(BATCH_MESSAGES):
                 yield columns_of(decoded(part["frame"].to_list(), part["time"].to_list(), report))
 
     yield from rows(batches(), report)
@@ -268,4 +268,4 @@ def decoded(frames: list[str], times: list[float], report: DropReport) -> list[d
 def begins_with_frames(head: bytes) -> bool:
     """Test for text that begins with lines of time and frame, under a line of names or not."""
     first = [line for line in head.splitlines()[:4] if line.strip()]
-    return any(LINE.match(line) for line in first[:2])
+    return any(TIME_AND_FRAME.match(line) for line in first[:2])

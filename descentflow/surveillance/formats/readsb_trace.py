@@ -21,7 +21,7 @@ from descentflow.surveillance.rows.schema import POSSIBLE
 
 STALE, NEW_LEG, GEOMETRIC_RATE, GEOMETRIC_ALTITUDE = 1, 2, 4, 8
 """Bits of a point's flags."""
-POINT = 14
+POINT_VALUES = 14
 """Values of a point."""
 DETAILS = {
     "vertical_rate": "baro_rate",
@@ -38,7 +38,7 @@ DETAILS = {
     "selected_altitude": "nav_altitude_mcp",
 }
 """Row column -> field of a point's details."""
-KINDS: Kinds = {"flight": pl.String(), **dict.fromkeys(DETAILS.values(), pl.Float64())}
+DETAIL_KINDS: Kinds = {"flight": pl.String(), **dict.fromkeys(DETAILS.values(), pl.Float64())}
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def rows(documents: Iterator[object], label: str, report: DropReport, block_rows
                 expected="`icao`, `timestamp` and a list `trace`, as readsb and adsb.lol write them",
                 mend="pass such a file",
             )
-        points = [point for point in trace if type(point) is list and len(point) >= SHORTEST]
+        points = [point for point in trace if type(point) is list and len(point) >= MIN_POINT_VALUES]
         report.note("trace points that are no list of 9 values or more", len(trace) - len(points))
         yield Trace(document.get("icao"), document.get("t"), float(document["timestamp"]), points)
 
@@ -101,8 +101,8 @@ def joined(traces: Sequence[Trace], report: DropReport) -> pl.DataFrame:
 def _columns(traces: Sequence[Trace]) -> pl.DataFrame:
     """Values of the points, with those of their details beside them."""
     points = list(itertools.chain.from_iterable(trace.points for trace in traces))
-    columns: list[Any] = [*itertools.islice(itertools.zip_longest(*points), POINT)]
-    columns += [[None] * len(points)] * (POINT - len(columns))
+    columns: list[Any] = [*itertools.islice(itertools.zip_longest(*points), POINT_VALUES)]
+    columns += [[None] * len(points)] * (POINT_VALUES - len(columns))
     columns[ALTITUDE] = [None if value == "ground" else value for value in columns[ALTITUDE]]
     lengths = np.array([len(trace) for trace in traces], dtype=np.int64)
     whole = pl.DataFrame(
@@ -115,13 +115,13 @@ def _columns(traces: Sequence[Trace]) -> pl.DataFrame:
     begins = np.zeros(len(points), dtype=bool)
     begins[(np.cumsum(lengths) - lengths)[lengths > 0]] = True
     details = [(place, value) for place, value in enumerate(columns[DETAIL]) if type(value) is dict]
-    detailed = table([value for _, value in details], KINDS).select(
+    detailed = table([value for _, value in details], DETAIL_KINDS).select(
         pl.Series([place for place, _ in details], dtype=pl.UInt32).alias("place"),
         pl.col("flight").str.strip_chars().replace("", None).alias("callsign"),
         *(pl.col(field).alias(name) for name, field in DETAILS.items()),
     )
     flags = numbers(columns[FLAGS])
-    own = pl.DataFrame({name: numbers(columns[place]) for name, place in PLACES.items()})
+    own = pl.DataFrame({name: numbers(columns[place]) for name, place in POINT_PLACES.items()})
     return (
         pl.concat([whole, own], how="horizontal")
         .with_columns(
@@ -136,8 +136,8 @@ def _columns(traces: Sequence[Trace]) -> pl.DataFrame:
 
 
 ALTITUDE, FLAGS, DETAIL = 3, 6, 8
-SHORTEST = 9
-PLACES = {
+MIN_POINT_VALUES = 9
+POINT_PLACES = {
     "latitude": 1,
     "longitude": 2,
     "_altitude": ALTITUDE,

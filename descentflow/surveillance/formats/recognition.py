@@ -13,7 +13,7 @@ from descentflow.surveillance.formats.known_formats import (
     ACCEPTED,
     FORMATS,
     HELD_TABLE,
-    KNOWN,
+    KNOWN_FORMATS,
     Columns,
     FileFormat,
     Format,
@@ -24,12 +24,12 @@ from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.unpacking.streams import Input
 
 PICKLE = ("a pickle", "write the table as Parquet: opening a pickle runs whatever code it holds")
-PACKED = "unpack it, or pack it with gzip"
+PACKED_MEND = "unpack it, or pack it with gzip"
 CAPTURE = ("a capture of network packets", "take the payloads out of the packets first")
 BEAST = ("Beast binary", "write it as lines of time and frame, or as JSON with jet1090")
 EXCEL = ("a workbook of Excel", "save the sheet as CSV in UTF-8, with commas and decimal points")
 POINTS_MEND = "compare times between levels by the recipe of the docs (Times from so6 and ALL_FT+)"
-BINARY = {
+REFUSED_BINARY = {
     rb"\x80[\x02-\x05]": PICKLE,
     rb"PK\x03\x04.*data\.pkl": (
         "a checkpoint or another file of torch",
@@ -37,9 +37,9 @@ BINARY = {
     ),
     rb"PK\x03\x04.*(?:\[Content_Types\]\.xml|docProps/|xl/)": EXCEL,
     rb"PK\x03\x04": ("a zip archive", "unpack it and pass the folder"),
-    rb"BZh": ("bzip2", PACKED),
-    rb"\xfd7zXZ": ("xz", PACKED),
-    rb"\x28\xb5\x2f\xfd": ("zstandard", PACKED),
+    rb"BZh": ("bzip2", PACKED_MEND),
+    rb"\xfd7zXZ": ("xz", PACKED_MEND),
+    rb"\x28\xb5\x2f\xfd": ("zstandard", PACKED_MEND),
     rb"\x89HDF": ("HDF5", "write the table as Parquet"),
     rb"FEA1": ("Feather version 1", "write it again as Feather version 2 or Parquet"),
     rb"\xd4\xc3\xb2\xa1|\xa1\xb2\xc3\xd4|\x0a\x0d\x0d\x0a": CAPTURE,
@@ -50,7 +50,7 @@ BINARY = {
     ),
 }
 """Begin of a file -> what it is, and what the user can do; the first that fits counts."""
-TEXT = {
+REFUSED_TEXT = {
     rb"(?:\S+[ \t]+){4}(?:\d+[ \t]+){5}\S+(?:[ \t]+\d+){2}(?:[ \t]+\S+){8}[ \t]*[\r\n]": (
         "so6 of EUROCONTROL, with times and altitudes but no airspeeds",
         POINTS_MEND,
@@ -83,7 +83,7 @@ def refuse_known(begin: bytes, kinds: dict[bytes, tuple[str, str]], label: str) 
 
 
 SPLIT_MEND = "write the table of pandas with orient='records' or as Parquet; names and values apart are not read"
-TRIED = sorted(KNOWN, key=lambda one: one.any_columns)
+TRIED = sorted(KNOWN_FORMATS, key=lambda one: one.any_columns)
 """Formats in the order in which they are tried."""
 
 
@@ -128,7 +128,7 @@ def held_parts(
 
 def format_of_bytes(head: bytes, label: str) -> FileFormat | None:
     """Format of a file that begins with these bytes; None if it is JSON, whose first document has to be read."""
-    refuse_known(head, BINARY, label)
+    refuse_known(head, REFUSED_BINARY, label)
     for one in TRIED:
         if isinstance(one, FileFormat) and not isinstance(one, TextFormat) and one.recognise(head):
             return one
@@ -148,7 +148,7 @@ def _text(head: bytes, label: str) -> bytes:
     if not text:
         raise DataError(f"{label} holds no text", expected=ACCEPTED, mend="check how it was written")
     if not text.startswith((b"{", b"[")):
-        refuse_known(text, TEXT, label)
+        refuse_known(text, REFUSED_TEXT, label)
     return text
 
 

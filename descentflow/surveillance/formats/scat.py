@@ -16,7 +16,7 @@ from descentflow.core.units import KT_MPS
 from descentflow.surveillance.formats.json_rows import Kinds, is_number, table, texts
 from descentflow.surveillance.rows.drop_report import DropReport
 
-AIRCRAFT = {
+REPORTED = {
     "vertical_rate": ("subitem13", "baro_vert_rate"),
     "IAS": ("subitem26", "ias"),
     "Mach": ("subitem27", "mach"),
@@ -25,14 +25,14 @@ AIRCRAFT = {
 }
 """Row column -> its place in I062/380, what the aircraft itself reports."""
 NUMBER, TEXT = pl.Float64(), pl.String()
-KINDS: Kinds = {
+PLOT_KINDS: Kinds = {
     "time_of_track": TEXT,
     "I062/105": pl.Struct({"lat": NUMBER, "lon": NUMBER}),
     "I062/136": pl.Struct({"measured_flight_level": NUMBER}),
     "I062/185": pl.Struct({"vx": NUMBER, "vy": NUMBER}),
-    "I062/380": pl.Struct({item: pl.Struct({field: NUMBER}) for item, field in AIRCRAFT.values()}),
+    "I062/380": pl.Struct({item: pl.Struct({field: NUMBER}) for item, field in REPORTED.values()}),
 }
-CLEARANCE: Kinds = {
+CLEARANCE_KINDS: Kinds = {
     **dict.fromkeys(("time_stamp", "cfl_unit", "assigned_speed_unit"), TEXT),
     **dict.fromkeys(("cfl", "assigned_speed_val"), NUMBER),
 }
@@ -60,12 +60,12 @@ def _rows_of_flight(document: object, label: str, report: DropReport) -> pl.Data
     number = pl.lit(f"scat{document['id']}")
     velocity = pl.col("I062/185").struct
     east, north = velocity.field("vx"), velocity.field("vy")
-    frame = table(plots, KINDS).select(
+    frame = table(plots, PLOT_KINDS).select(
         _times("time_of_track").alias("timestamp"),
         (pl.col("I062/136").struct.field("measured_flight_level") * 100).alias("altitude"),
         *(
             pl.col("I062/380").struct.field(item).struct.field(field).alias(name)
-            for name, (item, field) in AIRCRAFT.items()
+            for name, (item, field) in REPORTED.items()
         ),
         pl.col("I062/105").struct.field("lat").alias("latitude"),
         pl.col("I062/105").struct.field("lon").alias("longitude"),
@@ -84,7 +84,7 @@ def _with_clearances(frame: pl.DataFrame, plan: object) -> pl.DataFrame:
     entries = plan.get("fpl_clearance") if isinstance(plan, dict) else None
     given = [entry for entry in entries if type(entry) is dict] if isinstance(entries, list) else []
     clearances = (
-        table(given, CLEARANCE)
+        table(given, CLEARANCE_KINDS)
         .with_columns(timestamp=_times("time_stamp"))
         .drop_nulls("timestamp")
         .sort("timestamp", maintain_order=True)

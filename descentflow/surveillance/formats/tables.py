@@ -11,7 +11,7 @@ from descentflow.surveillance.rows.column_names import note_unused
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.normalise import wanted
 from descentflow.surveillance.rows.schema import check_types
-from descentflow.surveillance.unpacking.streams import LARGEST_LINE, Input
+from descentflow.surveillance.unpacking.streams import MAX_LINE_BYTES, Input
 
 CSV_BYTES = 32 << 20
 """Text that is read at a time."""
@@ -64,7 +64,7 @@ def _slices(
 
 def csv(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:
     """Rows of a CSV file, everything as text: a word in a column of numbers is then counted and not a crash."""
-    header = _checked(source.stream.readline(LARGEST_LINE), source.label, 0).removeprefix(BYTE_ORDER_MARK)
+    header = _checked(source.stream.readline(MAX_LINE_BYTES), source.label, 0).removeprefix(BYTE_ORDER_MARK)
     if b"," not in header:
         raise _without_commas(header, source.label)
     header = header.rstrip(b"\r\n") + b"\n"
@@ -119,9 +119,9 @@ def _chunks(source: Input) -> Iterator[bytes]:
         if end:
             yield rest[:end]
             rest = rest[end:]
-        elif len(rest) > CSV_BYTES + LARGEST_LINE:
+        elif len(rest) > CSV_BYTES + MAX_LINE_BYTES:
             raise DataError(
-                f"{source.label}: a row longer than {LARGEST_LINE >> 20} MiB",
+                f"{source.label}: a row longer than {MAX_LINE_BYTES >> 20} MiB",
                 expected="a row a line",
                 mend="look for a quote that is not closed",
             )

@@ -12,15 +12,15 @@ from descentflow.surveillance.rows.column_names import listed, row_names
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import check_types
 
-SPELT = r"^[0-9a-f]{6}$"
-HEX = re.compile(r"[0-9a-f]{1,6}", re.ASCII)
-NUMBER = re.compile(r"\d{1,8}", re.ASCII)
-LARGEST = 0xFFFFFF
+SIX_HEX_DIGITS = r"^[0-9a-f]{6}$"
+HEX_DIGITS = re.compile(r"[0-9a-f]{1,6}", re.ASCII)
+DECIMAL_NUMBER = re.compile(r"\d{1,8}", re.ASCII)
+MAX_ADDRESS = 0xFFFFFF
 """Largest address of 24 bits: 16777215, of eight decimal digits."""
-SIX_DIGITS = 999_999
+MAX_SIX_DIGITS = 999_999
 """A larger number has more digits than an address has hexadecimal ones: it is the value of an address."""
 SPELT_ANEW = "addresses (icao24) written with six hexadecimal digits, which they had not"
-KEPT = "addresses (icao24) of seven or eight digits among hexadecimal ones, kept as they are"
+KEPT_ADDRESSES = "addresses (icao24) of seven or eight digits among hexadecimal ones, kept as they are"
 """Notes in the report."""
 
 
@@ -48,7 +48,7 @@ def six_digits(column: pl.Series, source: object, report: DropReport) -> pl.Seri
         whole = column.cast(pl.Int64, strict=False)
         numbers = bool((whole == column).fill_null(True).all())
         column = whole if numbers else column
-    if column.dtype == pl.String and column.unique().str.contains(SPELT).all():
+    if column.dtype == pl.String and column.unique().str.contains(SIX_HEX_DIGITS).all():
         return column
     text = column.cast(pl.String).str.strip_chars(" \t~").str.to_lowercase().replace("", None)
     distinct = text.drop_nulls().unique().sort().to_list()
@@ -66,13 +66,13 @@ def six_digits(column: pl.Series, source: object, report: DropReport) -> pl.Seri
 
 def _spelt(bare: dict[str, str], may_be_values: bool, source: object) -> dict[str, str]:
     """Name as given -> as six digits, if it is an address."""
-    numbers = [int(name) for name in bare.values() if NUMBER.fullmatch(name)]
+    numbers = [int(name) for name in bare.values() if DECIMAL_NUMBER.fullmatch(name)]
     only_numbers = len(numbers) == len(bare) and may_be_values
-    if only_numbers and numbers and SIX_DIGITS < max(numbers) <= LARGEST:
+    if only_numbers and numbers and MAX_SIX_DIGITS < max(numbers) <= MAX_ADDRESS:
         return {given: f"{int(name):06x}" for given, name in bare.items()}
-    if only_numbers and numbers and max(numbers) <= SIX_DIGITS:
+    if only_numbers and numbers and max(numbers) <= MAX_SIX_DIGITS:
         _tell_ambiguous(bare, numbers, source)
-    return {given: name.zfill(6) if HEX.fullmatch(name) else given for given, name in bare.items()}
+    return {given: name.zfill(6) if HEX_DIGITS.fullmatch(name) else given for given, name in bare.items()}
 
 
 def _tell_ambiguous(bare: dict[str, str], numbers: list[int], source: object) -> None:
@@ -89,16 +89,16 @@ def _tell_ambiguous(bare: dict[str, str], numbers: list[int], source: object) ->
 
 
 def _has_letters(name: str) -> bool:
-    return HEX.fullmatch(name) is not None and not name.isdecimal()
+    return HEX_DIGITS.fullmatch(name) is not None and not name.isdecimal()
 
 
 def _tell_kept(text: pl.Series, names: Iterable[str], source: object, report: DropReport) -> None:
     """Count numbers too long for six hexadecimal digits, where other rows have these: of two tables, perhaps."""
-    long = [name for name in names if len(name) > 6 and NUMBER.fullmatch(name)]
+    long = [name for name in names if len(name) > 6 and DECIMAL_NUMBER.fullmatch(name)]
     if not long:
         return
     rows = int(text.is_in(long).sum())
-    report.note(KEPT, rows)
+    report.note(KEPT_ADDRESSES, rows)
     warn(
         f"{source}: {rows:,} rows have an icao24 of seven or eight digits ({long[0]}) and others hexadecimal ones; "
         "they are kept as aircraft of their own: write all addresses as six hexadecimal digits"

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 import numpy as np
 
-MAX_NAMED = 4
+MAX_NAMED_STEPS = 4
 """Steps that a summary names."""
 
 
@@ -128,7 +128,7 @@ class DropReport(InNotebook):
         """
         if not self.steps:
             return []
-        most = sorted((s for s in self.steps if s.rows_dropped), key=lambda s: -s.rows_dropped)[:MAX_NAMED]
+        most = sorted((s for s in self.steps if s.rows_dropped), key=lambda s: -s.rows_dropped)[:MAX_NAMED_STEPS]
         dropped = ", ".join(f"{s.step} {s.rows_dropped:,}" for s in most) or "nothing"
         left = self.steps[-1].rows_left
         return [f"  rows: {self.steps[0].rows_left:,} read, {left:,} left", f"  dropped most by: {dropped}"]
@@ -187,7 +187,7 @@ def _shown(number: int | None) -> str:
     return "" if number is None else f"{number:,}"
 
 
-ROW = "_row"
+ROW_NUMBER = "_row"
 """Column that numbers the rows of a batch while they are filtered."""
 SHOWN_COLUMNS = ("flight_id", "typecode", "timestamp", "altitude", "vertical_rate", "IAS", "Mach")
 
@@ -202,12 +202,12 @@ class TracedReport(DropReport):
         self.step_of = np.full(self.rows, -1, dtype=np.int16)
 
     def count(self, step: str, before: pl.DataFrame, after: pl.DataFrame) -> pl.DataFrame:
-        """See :meth:`DropReport.count`; rows are identified by :data:`ROW`."""
+        """See :meth:`DropReport.count`; rows are identified by :data:`ROW_NUMBER`."""
         kept = super().count(step, before, after)
-        if ROW in before.columns and len(after) < len(before):
+        if ROW_NUMBER in before.columns and len(after) < len(before):
             gone = np.zeros(self.rows, dtype=bool)
-            gone[before[ROW].to_numpy()] = True
-            gone[after[ROW].to_numpy()] = False
+            gone[before[ROW_NUMBER].to_numpy()] = True
+            gone[after[ROW_NUMBER].to_numpy()] = False
             self.step_of[gone] = len(self.steps) - 1
         return kept
 

@@ -14,17 +14,17 @@ from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import COLUMNS, FILLS, REQUIRED, TIMESTAMP, check_types
 from descentflow.surveillance.rows.times import timestamps, where_fits
 
-LONGEST_TEXT = 500
+MAX_TEXT_BYTES = 500
 """Bytes of the longest text that is read; a small file can repeat one of megabytes in every row, which takes no memory
 before it is processed."""
-RATES = ("vertical_rate", "geometric_rate")
+RATE_COLUMNS = ("vertical_rate", "geometric_rate")
 """Columns in which a number that stands for none would be a possible one."""
-READABLE = {
+READABLE_VALUES = {
     pl.Float64: "numbers",
     pl.Datetime: "dates with time, or seconds since 1970",
-    pl.String: f"texts of at most {LONGEST_TEXT} bytes",
+    pl.String: f"texts of at most {MAX_TEXT_BYTES} bytes",
 }
-STALE_S = 10.0
+MAX_MESSAGE_AGE_S = 10.0
 """Age of the last message above which a state vector is dropped: OpenSky repeats the last one for minutes."""
 
 
@@ -47,14 +47,14 @@ def normalise(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.D
         lost = column.null_count() - table[name].null_count()
         if lost:
             report.note(f"values of {name} that could not be read", lost)
-        if name in RATES and (filled := column.is_in(FILLS).fill_null(False)).any():
+        if name in RATE_COLUMNS and (filled := column.is_in(FILLS).fill_null(False)).any():
             report.note(f"values 9999 of {name} taken for missing", int(filled.sum()))
             column = where_fits(column, ~filled)
         if name in REQUIRED and len(column) and lost > len(column) / 2:
             raise DataError(
                 f"{path}: {lost} of {len(column)} values of {name} cannot be read (the first: "
                 f"{repr(table[name].filter(column.is_null() & table[name].is_not_null())[0])[:80]})",
-                expected=READABLE[type(kind)],
+                expected=READABLE_VALUES[type(kind)],
                 mend=f"convert the column {name}",
             )
         columns.append(column.alias(name))
@@ -91,18 +91,18 @@ def _from_state_vectors(table: pl.DataFrame, report: DropReport) -> pl.DataFrame
     """State vectors of OpenSky: metres, metres per second, and `heading` for a track."""
     numbers = {"baroaltitude", "geoaltitude", "velocity", "vertrate", "lastcontact"} & set(table.columns)
     table = table.with_columns(pl.col(name).cast(pl.Float64, strict=False) for name in numbers)
-    converted = {new: pl.col(old) / size for new, (old, size) in SI.items() if old in table.columns}
+    converted = {new: pl.col(old) / size for new, (old, size) in STATE_VECTOR_COLUMNS.items() if old in table.columns}
     track = {"heading": "track"} if "heading" in table.columns and "track" not in table.columns else {}
     if all(name in table.columns and not table[name].dtype.is_temporal() for name in ("time", "lastcontact")):
         age = pl.col("time").cast(pl.Float64, strict=False) - pl.col("lastcontact")
-        fresh = table.filter((age <= STALE_S).fill_null(True))
+        fresh = table.filter((age <= MAX_MESSAGE_AGE_S).fill_null(True))
         report.note("state vectors without a message for 10 s, left out", len(table) - len(fresh))
         table = fresh
-    used = {old for old, _ in SI.values()} - set(converted)
+    used = {old for old, _ in STATE_VECTOR_COLUMNS.values()} - set(converted)
     return table.with_columns(**converted).drop(used, strict=False).rename(track)
 
 
-SI = {
+STATE_VECTOR_COLUMNS = {
     "altitude": ("baroaltitude", FT_M),
     "geoaltitude": ("geoaltitude", FT_M),
     "groundspeed": ("velocity", KT_MPS),
@@ -114,9 +114,9 @@ SI = {
 def _cast(column: pl.Series, kind: pl.DataType, path: Path | str) -> pl.Series:
     check_types({column.name: column.dtype}, path, "numbers" if kind == pl.Float64 else "dates with time, or text")
     if column.dtype in (pl.Categorical, pl.Enum):
-        column = where_fits(column, column.cat.len_bytes() <= LONGEST_TEXT).cast(pl.String)
+        column = where_fits(column, column.cat.len_bytes() <= MAX_TEXT_BYTES).cast(pl.String)
     if column.dtype == pl.String:
-        column = where_fits(column, column.str.len_bytes() <= LONGEST_TEXT)
+        column = where_fits(column, column.str.len_bytes() <= MAX_TEXT_BYTES)
     if kind == TIMESTAMP:
         return timestamps(column)
     if kind == pl.String:
@@ -130,7 +130,11 @@ def wanted(names: Sequence[str], named: Sequence[str] = ()) -> list[str]:
     """Columns of a table that may be used; all of them if a required one is missing, so that they can be named."""
     targets = row_names(names)
     named = [*named, *(name.rpartition("*")[0] for name in named if "*" in name)]
-    vectors = {*(old for old, _ in SI.values()), "heading", "lastcontact"} if STATE_VECTOR in names else set()
+    vectors = (
+        {*(old for old, _ in STATE_VECTOR_COLUMNS.values()), "heading", "lastcontact"}
+        if STATE_VECTOR in names
+        else set()
+    )
     known = {*COLUMNS, *(() if "altitude" in targets.values() else (LEVELS,))}
     useful = [name for name in names if targets[name] in known or name in vectors or name in named]
     given = {targets[name] for name in useful}

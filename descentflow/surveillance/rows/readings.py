@@ -24,19 +24,19 @@ aircraft may be broken."""
 MAX_COMPARED_ROWS = 20_000
 MAX_RATE_ROWS = 200_000
 """First rows of a file whose rates are compared: differences need neighbours."""
-AGREES = 0.06
+MAX_IAS_OF_MACH = 0.06
 """Median relative difference of IAS and the CAS of Mach below which they agree; real sources have 0.002 to 0.023."""
-AIR = 0.10
+MAX_TAS_OF_MACH = 0.10
 """The same of TAS and the TAS of Mach in standard air: air 50 K hotter makes it; real sources have 0.004 to 0.027."""
-BOTH = 0.12
+MAX_TAS_OF_IAS = 0.12
 """The same of TAS and IAS, where there is no Mach between them."""
-WIND = 0.15
+MAX_IAS_AS_TAS = 0.15
 """The same of an IAS that is a TAS or a groundspeed: half of the aircraft have less wind along their track."""
-WINDS = 0.25
+MAX_GROUNDSPEED_OF_TAS = 0.25
 """Median of a groundspeed over TAS, as a logarithm: winds of all tracks nearly cancel; 0.16 in a jet of 210 kt."""
-RATES = 0.15
+MAX_RATE_OF_CHANGE = 0.15
 """The same of a rate over the change of altitude: real sources have up to 0.035, their 52 aircraft up to 0.126."""
-SHORT_FT = 3000.0
+LOWEST_TAS_FT = 3000.0
 """Altitude below which TAS and groundspeed are not compared."""
 HIGH_FT, SLOWEST_KT, FASTEST_MACH = 28_000.0, 145.0, 0.98
 """Above this altitude most rows of airliners and business aircraft have more CAS and less Mach: a PC12 flies
@@ -45,10 +45,10 @@ LOWEST_TOP_FT, TAXI_KT = 700.0, 150.0
 """Rows of which none is above this, at more than this speed, are of flight levels that are taken for feet."""
 LOWEST_READ_FT = 10_000.0
 """Rows whose altitude is read in another unit reach this: what is below has no descents."""
-EARNED = 0.5
+MAX_SPREAD_OF_OTHER = 0.5
 """Spread of a column about its own quantity, over that about another one, below which it is not the other one: the
 ratio of TAS and IAS changes with altitude, a factor does not."""
-CLOSELY = 0.55
+MAX_SHARE_OF_ALLOWED = 0.55
 """Share of the allowed difference that another unit leaves where columns contradict each other as given, at most."""
 OFF_COST = 6.0
 """A column that no unit explains counts as much as so many that are in another unit."""
@@ -210,7 +210,7 @@ class Solution:
         """True if columns that contradicted as given are compared and agree closely, where no wind lies between."""
         windy = bool(self.readings["IAS"].meaning)
         return all(
-            self.misfits.get(pair, np.inf) <= (1.0 if windy or "groundspeed" in pair else CLOSELY)
+            self.misfits.get(pair, np.inf) <= (1.0 if windy or "groundspeed" in pair else MAX_SHARE_OF_ALLOWED)
             or any(name in pair for name in self.off)
             for pair in given.wrong
         )
@@ -268,38 +268,42 @@ def _compared(
     """Pair of columns, difference, and what is allowed; NaN where too few rows have both."""
     altitude = values["altitude"]
     flying = altitude < POSSIBLE["altitude"][1]
-    high = flying & (altitude > SHORT_FT)
+    high = flying & (altitude > LOWEST_TAS_FT)
     if "Mach" in machs and "IAS" in machs:
         is_tas = readings["IAS"].meaning == "TAS"
         made = (isa_tas_of_mach_kt if is_tas else cas_of_mach_kt)(machs["Mach"], altitude)
-        yield "IAS and Mach", _median(np.abs(np.log(values["IAS"] / made)), flying), WIND if is_tas else AGREES
+        yield (
+            "IAS and Mach",
+            _median(np.abs(np.log(values["IAS"] / made)), flying),
+            MAX_IAS_AS_TAS if is_tas else MAX_IAS_OF_MACH,
+        )
     other = "Mach" if "Mach" in machs else "IAS"
     if "TAS" in machs and other in machs:
         ratio = np.abs(np.log(machs["TAS"] / machs[other]))
-        yield f"TAS and {other}", _median(ratio, high), AIR if other == "Mach" else BOTH
+        yield f"TAS and {other}", _median(ratio, high), MAX_TAS_OF_MACH if other == "Mach" else MAX_TAS_OF_IAS
     other = next((name for name in ("TAS", "Mach", "IAS") if name in machs), "")
     if "groundspeed" in machs and other:
         ratio = np.log(np.maximum(machs["groundspeed"], 1e-3) / machs[other])
-        yield f"groundspeed and {other}", _median(ratio, high), WINDS
+        yield f"groundspeed and {other}", _median(ratio, high), MAX_GROUNDSPEED_OF_TAS
     for name in machs:
         if readings[name].meaning and not _is_earned(name, values[name], machs, altitude):
             yield f"{name} and {readings[name].meaning}", OPPOSITE, 1.0
     rate = readings.get("vertical_rate", OFF)
     if not rate.off:
         difference = _rate_difference(evidence.steps, readings["altitude"].factor, rate)
-        yield "vertical_rate and the change of altitude", difference, RATES
+        yield "vertical_rate and the change of altitude", difference, MAX_RATE_OF_CHANGE
 
 
 def _is_earned(name: str, values: Array, machs: dict[str, Array], altitude: Array) -> bool:
     """True for a column that follows the quantity that it is read as, and not its own by a factor."""
     other = next((machs[one] for one in ("Mach", "IAS", "TAS") if one in machs and one != name), altitude * np.nan)
     own, read = (
-        np.log(one / other)[(altitude > SHORT_FT) & np.isfinite(one * other)]
+        np.log(one / other)[(altitude > LOWEST_TAS_FT) & np.isfinite(one * other)]
         for one in (_mach(name, values, altitude, AS_GIVEN), machs[name])
     )
     if min(len(own), len(read)) < MIN_CHECKED_VALUES:
         return True
-    return bool(np.ptp(np.quantile(own, (0.25, 0.75))) >= EARNED * np.ptp(np.quantile(read, (0.25, 0.75))))
+    return bool(np.ptp(np.quantile(own, (0.25, 0.75))) >= MAX_SPREAD_OF_OTHER * np.ptp(np.quantile(read, (0.25, 0.75))))
 
 
 def _median(values: Array, where: NDArray[np.bool_]) -> float:

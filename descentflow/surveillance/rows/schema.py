@@ -48,7 +48,7 @@ and `cleared_mach`, missing where nothing is assigned.
 REQUIRED = ("timestamp", "icao24", "altitude", "IAS", "Mach")
 """A row without one of these is dropped; a missing `vertical_rate` is computed from `altitude`."""
 
-WITHOUT = "rows without "
+ROWS_WITHOUT = "rows without "
 """First words of a note that counts rows in which a required column is empty."""
 
 INSTRUCTIONS = ("selected_altitude", "cleared_flight_level", "cleared_speed_kt", "cleared_mach")

@@ -20,7 +20,7 @@ DATE_FORMATS = (
 """Written dates: RFC 3339, `traffic`'s CSV, and the same without a zone (taken as UTC)."""
 
 
-LAST_S = 10_000_000_000
+LAST_TIME_S = 10_000_000_000
 """Seconds since 1970 up to which a number is a time, November 2286."""
 PER_SECOND = {"ms": 1_000, "us": 1_000_000, "ns": 1_000_000_000}
 """Unit of a datetime -> how many are a second."""
@@ -57,14 +57,16 @@ def timestamps(column: pl.Series) -> pl.Series:
             break
         found = _parsed(column, form) if len(left) == len(column) else found.scatter(left, _parsed(column[left], form))
     if found.count() > seconds.count():  # among dates, a number such as 0 stands for a missing time
-        seconds = where_fits(seconds, seconds >= FIRST_S)
+        seconds = where_fits(seconds, seconds >= FIRST_TIME_S)
     return found.fill_null(_from_epoch(seconds))
 
 
 def _in_time(column: pl.Series) -> pl.Series:
     """Datetimes of 1970 and up to 2286, as for numbers; what is outside is missing: libraries give up on year 10000."""
     per_second = PER_SECOND[column.dtype.time_unit]  # type: ignore[attr-defined]
-    return where_fits(column, column.to_physical().is_between(0, min(LAST_S * per_second, 2**63 - 1)).fill_null(True))
+    return where_fits(
+        column, column.to_physical().is_between(0, min(LAST_TIME_S * per_second, 2**63 - 1)).fill_null(True)
+    )
 
 
 def _parsed(column: pl.Series, form: str) -> pl.Series:
@@ -80,7 +82,7 @@ def in_seconds(s: pl.Expr) -> pl.Expr:
 
 def _from_epoch(seconds: pl.Series) -> pl.Series:
     read = in_seconds(pl.col("s"))
-    valid = pl.when(read.is_finite() & read.is_between(0, LAST_S)).then(read)
+    valid = pl.when(read.is_finite() & read.is_between(0, LAST_TIME_S)).then(read)
     micro = (valid * 1e6).round().cast(pl.Int64)
     return (
         seconds.alias("s")
@@ -94,7 +96,7 @@ DAYS_FROM, DAYS_TO = 20_000.0, 80_000.0
 """Days since 1899-12-30, in 1954 and 2119: what spreadsheets call a date."""
 MAX_REPEATED_SHARE = 0.1
 """Share of rows with the address and time of another, at another altitude, above which times are cut."""
-LONGEST_STEP = 0.01
+MAX_STEP_DAYS = 0.01
 """Between two rows of an aircraft, a quarter of an hour in days; no source reports every hundredth of a second."""
 
 
@@ -106,7 +108,7 @@ def check_numbers_of_days(rows: pl.DataFrame, source: str) -> None:
     clock = rows.select("icao24", pl.col("timestamp").dt.epoch("us") / 1e6).drop_nulls().sort("icao24", "timestamp")
     steps = clock.select(pl.col("timestamp").diff().filter(pl.col("icao24") == pl.col("icao24").shift())).to_series()
     steps = steps.filter(steps > 0)
-    if len(steps) >= MIN_CHECKED_VALUES // 2 and float(steps.median() or 0.0) < LONGEST_STEP:  # type: ignore[arg-type]
+    if len(steps) >= MIN_CHECKED_VALUES // 2 and float(steps.median() or 0.0) < MAX_STEP_DAYS:  # type: ignore[arg-type]
         raise DataError(
             f"{source}: timestamp seems to be in days since 1899-12-30, as spreadsheets count (the first: "
             f"{seconds[0]:.6f}); read as seconds, all rows lie within moments of 1970",
@@ -130,14 +132,14 @@ def check_whole_minutes(rows: pl.DataFrame, source: str) -> None:
         )
 
 
-FIRST_S = 631_152_000.0
+FIRST_TIME_S = 631_152_000.0
 """1990-01-01: before it there was no Mode S enhanced surveillance, so that such times count from something else."""
 BACKWARDS_S = 60.0
 """Step back in time within the rows of a flight that is no disorder of reports."""
-MOST_BACKWARDS = 0.1
+MAX_BACKWARDS_SHARE = 0.1
 """Share of steps back in time up to which rows are in order: a table in no order has a half of them."""
-EXPECTED = "dates with time, or seconds since 1970: rows of an aircraft are put into the order of their times"
-MEND = (
+EXPECTED_TIMES = "dates with time, or seconds since 1970: rows of an aircraft are put into the order of their times"
+TIMES_MEND = (
     "add the time at which each count began to the column timestamp (for a simulator any day will do, another for each "
     "file, such as 1704067200 for 2024-01-01), or give each flight a flight_id and an icao24 of its own"
 )
@@ -158,7 +160,7 @@ class RelativeTimes:
         """Look at a table, or a part of it."""
         self._number += first
         latest = rows.select(pl.col("timestamp").dt.epoch("ms").max() / 1e3).item()
-        if latest is None or latest >= FIRST_S:
+        if latest is None or latest >= FIRST_TIME_S:
             return
         keys: list[str] = [name for name in ("icao24", "flight_id") if name in rows.columns]
         clock = rows.select(*keys, (pl.col("timestamp").dt.epoch("us") / 1e6).alias("s")).drop_nulls(["icao24", "s"])
@@ -173,8 +175,8 @@ class RelativeTimes:
                     f"{label}: times from {begin:.10g} to {end:.10g} s after the begin of 1970, as are those of the "
                     f"same {' and '.join(keys)} ({', '.join(map(str, key))}) in {other}: they count from the begin of "
                     "something",
-                    expected=EXPECTED,
-                    mend=MEND,
+                    expected=EXPECTED_TIMES,
+                    mend=TIMES_MEND,
                 )
             self._seen[tuple(key)] = (self._number, label, min(begin, since), max(end, until))
 
@@ -182,10 +184,10 @@ class RelativeTimes:
         """Refuse rows in order whose clock is set back."""
         steps = clock.select(pl.col("s").diff().over(*keys)).to_series().drop_nulls()
         back = int((steps < -BACKWARDS_S).sum())
-        if back and int((steps < 0).sum()) <= MOST_BACKWARDS * len(steps):
+        if back and int((steps < 0).sum()) <= MAX_BACKWARDS_SHARE * len(steps):
             raise DataError(
                 f"{label}: times before 1990 that begin anew {back:,} times within the rows of one "
                 f"{' and '.join(keys)}: they count from the begin of each flight",
-                expected=EXPECTED,
-                mend=MEND,
+                expected=EXPECTED_TIMES,
+                mend=TIMES_MEND,
             )

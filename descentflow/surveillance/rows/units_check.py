@@ -7,14 +7,14 @@ from descentflow.core.errors import DataError, warn
 from descentflow.core.units import FT_M
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt, isa_tas_of_mach_kt, mach_of_cas
 from descentflow.surveillance.rows.readings import (
-    AGREES,
-    BOTH,
     FASTEST_FPM,
     LEAP_FPM,
+    LOWEST_TAS_FT,
+    MAX_IAS_OF_MACH,
+    MAX_RATE_OF_CHANGE,
     MAX_RATE_ROWS,
+    MAX_TAS_OF_IAS,
     MIN_AIRCRAFT,
-    RATES,
-    SHORT_FT,
     SLOWEST_FPM,
     Evidence,
     Solution,
@@ -33,9 +33,14 @@ explains is a poor instrument."""
 GEOMETRIC_KT = 3.0
 """Median of IAS less the CAS of Mach and altitude above which altitude is hardly the pressure altitude: real sources
 have up to 1.0, and a geometric altitude in ISA + 18 K has 7.5."""
-GROWS = 1.3
+MIN_EXCESS_GROWTH = 1.3
 """Relative excess of the upper half of the rows over that of the lower from which it is an error of the altitude."""
-ALLOWED_OF_FLIGHT = {"IAS": AGREES, "TAS": BOTH, "groundspeed": 0.5, "vertical_rate": RATES}
+ALLOWED_OF_FLIGHT = {
+    "IAS": MAX_IAS_OF_MACH,
+    "TAS": MAX_TAS_OF_IAS,
+    "groundspeed": 0.5,
+    "vertical_rate": MAX_RATE_OF_CHANGE,
+}
 """Column -> logarithm of the median ratio of a flight up to which it agrees; wind makes 0.4 of a
 groundspeed (100 kt against 300)."""
 MIN_AGREEING_SHARE = 0.1
@@ -102,7 +107,7 @@ def _check_geometric(evidence: Evidence, source: str) -> None:
     excess_kt = float(np.median(share * ias))
     # An error of the altitude grows with it, one of the airspeed does not.
     above, below = (abs(float(np.median(share[part]))) for part in (high, ~high))
-    if abs(excess_kt) > GEOMETRIC_KT and above > GROWS * below:
+    if abs(excess_kt) > GEOMETRIC_KT and above > MIN_EXCESS_GROWTH * below:
         warn(
             f"{source}: altitude seems to be a geometric altitude (alt_geom, geoaltitude, GPS), and no pressure "
             f"altitude: IAS less the CAS of Mach and altitude is {excess_kt:+.1f} kt in the median, where real sources "
@@ -187,7 +192,7 @@ def _ratios_of_flights(rows: pl.DataFrame, names: list[str]) -> pl.DataFrame:
     altitude, ias = values["altitude"], values["IAS"]
     with np.errstate(all="ignore"):
         mach = values.get("Mach", mach_of_cas(ias, altitude))
-        tas = np.where(altitude > SHORT_FT, isa_tas_of_mach_kt(mach, altitude), np.nan)
+        tas = np.where(altitude > LOWEST_TAS_FT, isa_tas_of_mach_kt(mach, altitude), np.nan)
         made = {"TAS": tas, "groundspeed": tas} | ({"IAS": cas_of_mach_kt(mach, altitude)} if "Mach" in values else {})
         shares = {name: values[name] / other for name, other in made.items() if name in values}
     table = flying.select(names).with_columns(pl.Series(name, share).fill_nan(None) for name, share in shares.items())

@@ -13,14 +13,14 @@ NEAR_S = 5.0
 """Largest distance in time of other values from a row; radars ask for registers every 4 to 12 s."""
 OF_OTHER_ROWS = ("TAS", "groundspeed", "track", "roll", "latitude", "longitude", "geoaltitude")
 """Values of BDS 5,0 and ADS-B beside IAS and Mach of BDS 6,0."""
-MOST_TOGETHER = 0.01
+MAX_SHARE_TOGETHER = 0.01
 """Share of the rows with IAS that have a value, up to which it is taken for one that comes in rows of its own."""
-ANGLES = ("track", "longitude")
+LEAPING_COLUMNS = ("track", "longitude")
 """Not interpolated: they leap."""
-JOINED = "values of {name} from rows without IAS within 5 s, for they come in rows of their own"
-APART = "rows with {name} but without IAS, where no row with IAS has it, nor another within 5 s"
+JOINED_VALUES = "values of {name} from rows without IAS within 5 s, for they come in rows of their own"
+VALUES_APART = "rows with {name} but without IAS, where no row with IAS has it, nor another within 5 s"
 """Notes in the report."""
-JOIN = (
+JOIN_MEND = (
     "values of {name} stand in other rows than IAS: put into each row with IAS the value of the same aircraft that is "
     "nearest in time, for instance by merge_asof of pandas or join_asof of polars"
 )
@@ -30,7 +30,7 @@ JOIN = (
 def with_values_beside(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
     """Rows in which IAS has beside it what the table holds in rows of its own, where these are near in time.
 
-    Nothing is done with a column that has a value in more than :data:`MOST_TOGETHER` of the rows with IAS.
+    Nothing is done with a column that has a value in more than :data:`MAX_SHARE_TOGETHER` of the rows with IAS.
     """
     if "IAS" not in rows.columns or not rows["IAS"].count():
         return rows
@@ -43,14 +43,14 @@ def with_values_beside(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
     found = ordered.filter(pl.col("IAS").is_not_null()).select("_row", "time", "icao24", *names)
     for name in names:
         others = ordered.filter(pl.col("IAS").is_null()).select("time", "icao24", name).drop_nulls()
-        found = found if name in ANGLES else between(found, others, name)
+        found = found if name in LEAPING_COLUMNS else between(found, others, name)
         if name != "altitude":
             beside = near(found.drop(name), others, NEAR_S)
             found = found.with_columns(pl.coalesce(name, beside[name]).alias(name))
         number = found[name].count() - measured[name].count()
-        report.note(JOINED.format(name=name), number)
+        report.note(JOINED_VALUES.format(name=name), number)
         if not number:
-            report.note(APART.format(name=name), len(others))
+            report.note(VALUES_APART.format(name=name), len(others))
     joined = rows.with_row_index("_row").join(found.select("_row", *names), on="_row", how="left", suffix="_beside")
     joined = joined.sort("_row").with_columns(pl.coalesce(name, f"{name}_beside").alias(name) for name in names)
     return joined.select(name for name in COLUMNS if name in rows.columns)
@@ -58,7 +58,7 @@ def with_values_beside(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
 
 def _is_apart(name: str, rows: pl.DataFrame, measured: pl.DataFrame) -> bool:
     beside = measured[name].count()
-    return beside <= MOST_TOGETHER * len(measured) and rows[name].count() > beside
+    return beside <= MAX_SHARE_TOGETHER * len(measured) and rows[name].count() > beside
 
 
 def between(found: pl.DataFrame, others: pl.DataFrame, name: str = "altitude") -> pl.DataFrame:

@@ -15,7 +15,7 @@ from typing import IO
 from descentflow.core.errors import DataError
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.unpacking.streams import (
-    HEAD,
+    HEAD_BYTES,
     Chain,
     Input,
     opened,
@@ -23,7 +23,7 @@ from descentflow.surveillance.unpacking.streams import (
     whole_input,
 )
 
-COMPANION = re.compile(
+COMPANION_FILE = re.compile(
     r"(^|/)(heatmap|acas)/"
     r"|(^|/)(readme|license|copying|notice|trace_recent_)[^/]*$"
     r"|(^|/)(receiver|stats|airspace|grib_meteo)\.json$"
@@ -32,7 +32,9 @@ COMPANION = re.compile(
 )
 """Names of what published archives and folders hold beside rows; `trace_recent` repeats the end of `trace_full`;
 Spark and Trino leave `_SUCCESS` and the like."""
-PART = re.compile(r"(?P<whole>.+\.(?:tar|tgz|tar\.gz))\.(?!gz$|xz$|lz$|zst$|lzo$)(?P<number>[a-z]{2,3}|\d{2,3})$")
+SPLIT_ARCHIVE = re.compile(
+    r"(?P<whole>.+\.(?:tar|tgz|tar\.gz))\.(?!gz$|xz$|lz$|zst$|lzo$)(?P<number>[a-z]{2,3}|\d{2,3})$"
+)
 
 
 def files_of(paths: Sequence[str | Path], accepted: str = "files or folders of rows") -> list[Path]:
@@ -42,7 +44,7 @@ def files_of(paths: Sequence[str | Path], accepted: str = "files or folders of r
     for path in map(Path, [paths] if isinstance(paths, str) else paths):
         if path.is_dir():
             inside = sorted(p for p in path.rglob("*") if p.is_file() and not p.name.startswith("."))
-            files += [p for p in inside if not COMPANION.search(p.relative_to(path).as_posix())]
+            files += [p for p in inside if not COMPANION_FILE.search(p.relative_to(path).as_posix())]
         elif path.is_file():
             files.append(path)
         else:
@@ -56,11 +58,11 @@ def with_parts(files: Sequence[Path]) -> list[tuple[str, list[Path]]]:
     """Files, with the parts of each split archive together (`split` names them .aa .ab ..., others .001 .002 ...)."""
     groups: dict[str, list[Path]] = {}
     for file in files:
-        part = PART.match(str(file))
+        part = SPLIT_ARCHIVE.match(str(file))
         groups.setdefault(part["whole"] if part else str(file), []).append(file)
     found: list[tuple[str, list[Path]]] = []
     for name, together in groups.items():
-        if not PART.match(str(together[0])):
+        if not SPLIT_ARCHIVE.match(str(together[0])):
             found += [(name, [file]) for file in together]
             continue
         parts = [file for file, _ in groupby(sorted(together))]
@@ -86,13 +88,13 @@ def _number(part: str) -> int:
     return number
 
 
-LARGEST_HEADER = 1 << 20
+MAX_TAR_HEADER_BYTES = 1 << 20
 """Most bytes of the description of a member; a long name has a few hundred."""
 
 
 def is_tar(head: bytes) -> bool:
     """Test for the first bytes of a tar archive (POSIX or GNU)."""
-    return len(head) <= HEAD and head[257:262] == b"ustar"
+    return len(head) <= HEAD_BYTES and head[257:262] == b"ustar"
 
 
 def members(source: Input, report: DropReport) -> Iterator[Input]:
@@ -142,7 +144,7 @@ def _left_out(member: tarfile.TarInfo) -> str | None:
         return "name that leads out of the archive"
     if name.name.startswith("."):
         return "hidden file"
-    return "no rows by its name" if COMPANION.search(member.name) else None
+    return "no rows by its name" if COMPANION_FILE.search(member.name) else None
 
 
 class _Forward:
@@ -156,7 +158,7 @@ class _Forward:
         """Bytes that were read last while at a header."""
 
     def read(self, size: int = -1) -> bytes:
-        if self.at_header and not 0 <= size <= LARGEST_HEADER:
+        if self.at_header and not 0 <= size <= MAX_TAR_HEADER_BYTES:
             raise _damaged(self._label, f"a header of {size:,} bytes")
         content = self._stream.read(size)
         self._place += len(content)
@@ -205,7 +207,7 @@ class Unreadable:
             self.count(error, source)
 
 
-EMPTY = "empty files (0 bytes) beside others, left out"
+EMPTY_FILES = "empty files (0 bytes) beside others, left out"
 """Note in the report."""
 
 
@@ -225,7 +227,7 @@ def inputs(files: Sequence[Path], report: DropReport, unreadable: Unreadable) ->
                 unreadable.count(error, source)
                 continue
             if not head and len(sources) > 1:
-                report.note(EMPTY, 1)
+                report.note(EMPTY_FILES, 1)
                 continue
             if is_tar(head):
                 yield from members(whole, report)

@@ -14,16 +14,16 @@ import polars as pl
 
 from descentflow.core.errors import DataError
 
-HEAD = 4096
+HEAD_BYTES = 4096
 """First bytes of a file, from which its format is recognised."""
-LARGEST_RATIO = 250
+MAX_GZIP_RATIO = 250
 """Unpacked bytes per packed byte above which gzip is taken for a bomb: surveillance text packs to a tenth, repeated
 lines to a fiftieth; deflate reaches 1,032 for one repeated byte."""
-RATIO_FROM = 16 << 20
+GZIP_CHECKED_BYTES = 16 << 20
 """Unpacked bytes below which the ratio is not checked: they fit in memory in any case."""
-LARGEST_LINE = 64 << 20
+MAX_LINE_BYTES = 64 << 20
 """Most bytes of one line; a snapshot of all aircraft of the world has about 10 MB."""
-LARGEST_DOCUMENT = 128 << 20
+MAX_DOCUMENT_BYTES = 128 << 20
 """Most bytes of what has to be read as a whole: a JSON document of many lines, a table inside an archive."""
 
 
@@ -48,7 +48,7 @@ class Input:
 
     def head(self) -> tuple[bytes, "Input"]:
         """The first bytes, and the input with them in place again."""
-        head = self.stream.read(HEAD)
+        head = self.stream.read(HEAD_BYTES)
         if self.stream.seekable():
             self.stream.seek(-len(head), io.SEEK_CUR)
             return head, self
@@ -56,10 +56,10 @@ class Input:
 
     def whole(self) -> bytes:
         """All bytes, if they are not too many to be held."""
-        content = self.stream.read(LARGEST_DOCUMENT + 1)
-        if len(content) > LARGEST_DOCUMENT:
+        content = self.stream.read(MAX_DOCUMENT_BYTES + 1)
+        if len(content) > MAX_DOCUMENT_BYTES:
             raise DataError(
-                f"{self.label}: more than {LARGEST_DOCUMENT >> 20} MiB that have to be read as a whole",
+                f"{self.label}: more than {MAX_DOCUMENT_BYTES >> 20} MiB that have to be read as a whole",
                 expected="a smaller document, or one document a line",
                 mend="split the file, or unpack the archive that it is in",
             )
@@ -68,11 +68,11 @@ class Input:
     def lines(self) -> Iterator[tuple[int, bytes]]:
         """Lines that are not blank, with their numbers."""
         number = 0
-        while line := self.stream.readline(LARGEST_LINE + 1):
+        while line := self.stream.readline(MAX_LINE_BYTES + 1):
             number += 1
-            if len(line) > LARGEST_LINE:
+            if len(line) > MAX_LINE_BYTES:
                 raise DataError(
-                    f"{self.label}, line {number}: longer than {LARGEST_LINE >> 20} MiB",
+                    f"{self.label}, line {number}: longer than {MAX_LINE_BYTES >> 20} MiB",
                     expected="one row or JSON document a line",
                     mend="check how the file was written",
                 )
@@ -137,9 +137,9 @@ class _Gunzip(io.RawIOBase):
             ) from error
         view[: len(content)] = content
         self._out += len(content)
-        if self._out > RATIO_FROM and self._out > LARGEST_RATIO * self._packed.count:
+        if self._out > GZIP_CHECKED_BYTES and self._out > MAX_GZIP_RATIO * self._packed.count:
             raise DataError(
-                f"{self._label}: gzip that unpacks to more than {LARGEST_RATIO} times its size",
+                f"{self._label}: gzip that unpacks to more than {MAX_GZIP_RATIO} times its size",
                 expected="surveillance data, which packs to a tenth or so",
                 mend="check where the file comes from; unpack it first if it is to be trusted",
             )

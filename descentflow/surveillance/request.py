@@ -1,6 +1,7 @@
 """Request of a preparation, with all that the result depends on, and the description that the result carries."""
 
 import hashlib
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -130,20 +131,14 @@ class Request:
                 expected="a day in each name, as 2024-03-01_x.ast or 240301-x.ast: a message has a time of day alone",
                 mend="put the day of each recording into its name",
             )
-        present, untyped = (_summed(counts) for counts in ([p[1] for p in parts], [p[2] for p in parts]))
+        present = sum((Counter(types) for _, types, _ in parts), Counter[str]())
+        untyped = sum((Counter(addresses) for _, _, addresses in parts), Counter[str]())
         check_left(report, self.typecodes, present, self.types, untyped)
         if present:
             absent = asked_in_vain(self.typecodes, present)
             report.note(f"{NONE_OF}{', '.join(absent)}", len(absent))
             tell_absent_types(no_designators(absent), present, "row", "--typecode")
         check_report(report, self.cleaning)
-
-
-def _summed(counts: Sequence[dict[str, int]]) -> dict[str, int]:
-    total: dict[str, int] = {}
-    for name, number in (pair for some in counts for pair in some.items()):
-        total[name] = total.get(name, 0) + number
-    return total
 
 
 def description(facts: dict[str, Any], report: DropReport, levels: pl.DataFrame) -> dict[str, Any]:

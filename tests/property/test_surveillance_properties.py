@@ -8,6 +8,8 @@ from surveillance_toys import START, rows_at
 
 from descentflow.surveillance.cleaning.level_grid import to_levels
 from descentflow.surveillance.cleaning.rates import ConstantRate
+from descentflow.surveillance.cleaning.thresholds import Cleaning
+from descentflow.surveillance.rows.drop_report import DropReport
 
 # Steps of a descent: seconds and feet in the 25 ft of a transponder (whole levels come up often) or anything at all.
 STEPS = st.lists(
@@ -23,7 +25,7 @@ def test_levels_lie_on_the_path_once_each(steps: list[tuple[float, float]], top:
     time = np.concatenate([[0.0], np.cumsum([s for s, _ in steps])]).round(6)
     height = top - np.concatenate([[0.0], np.cumsum([f for _, f in steps])])
     rows = rows_at(time.tolist(), altitude=height.tolist(), IAS=(250 + np.sin(time)).tolist())
-    levels = to_levels(rows, bottom_fl, longest_gap_s=60.0, highest_gap_ft=3000.0)
+    levels = to_levels(rows, Cleaning(bottom_fl=bottom_fl, slowest_fpm=0.0), DropReport())
     level = levels["level_fl"].to_numpy()
     assert (np.diff(level) < 0).all(), "sorted downwards, no level twice"
     assert (level >= bottom_fl).all()

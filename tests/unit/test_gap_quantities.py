@@ -11,7 +11,9 @@ import torch
 from descentflow.measurements.level_channels import LevelGrid, short_scale_noise
 from descentflow.measurements.quantities import Quantities, of_some_aircraft, quantities_of, reference_state
 from descentflow.surveillance.cleaning.level_grid import to_levels
+from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import read_descents
+from descentflow.surveillance.rows.drop_report import DropReport
 
 pytestmark = pytest.mark.usefixtures("worlds_once")
 
@@ -71,7 +73,7 @@ def reported(mean_fpm: float, every_s: float, step_fpm: float = 0.0) -> LevelGri
         parts.append(pl.DataFrame({**rows, "altitude": np.round(exact_ft / 25) * 25, "timestamp": stamps}))
     frame = pl.concat(parts).with_columns(pl.from_epoch("timestamp", time_unit="us"))
     falling = frame.filter(pl.col("altitude").diff().over("flight_id").fill_null(-1.0) < 0)
-    levels = to_levels(falling, 150, longest_gap_s=60.0, highest_gap_ft=3000.0)
+    levels = to_levels(falling, Cleaning(slowest_fpm=0.0), DropReport())
     return LevelGrid.of_frame(levels, 150, 360, ["IAS", "vertical_rate", "TAS"])
 
 

@@ -10,12 +10,16 @@ from surveillance_toys import rows_at
 from descentflow.core.errors import DataError
 from descentflow.surveillance.cleaning.filters import SEGMENT
 from descentflow.surveillance.cleaning.level_grid import to_levels
+from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents, top_levels, write_descents
 from descentflow.surveillance.rows.drop_report import DropReport
 
 
-def grid(rows: pl.DataFrame, bottom_fl: int = 100, gap_s: float = 60.0, gap_ft: float = 3000.0) -> pl.DataFrame:
-    return to_levels(rows, bottom_fl, longest_gap_s=gap_s, highest_gap_ft=gap_ft)
+def grid(
+    rows: pl.DataFrame, bottom_fl: int = 100, gap_s: float = 60.0, gap_ft: float = 3000.0, slowest_fpm: float = 0.0
+) -> pl.DataFrame:
+    rules = Cleaning(bottom_fl=bottom_fl, longest_gap_s=gap_s, highest_gap_ft=gap_ft, slowest_fpm=slowest_fpm)
+    return to_levels(rows, rules, DropReport())
 
 
 def test_levels_between_two_rows_are_linear_in_altitude() -> None:
@@ -51,15 +55,15 @@ def test_gaps_beyond_a_limit_stay_open_and_at_the_limit_are_bridged(second_s: fl
 def test_a_gap_in_which_a_level_off_may_hide_stays_open() -> None:
     # 375 ft in 50 s are 450 ft/min, with a step of quantisation 480.
     slow = rows_at([0.0, 10.0, 60.0, 70.0], altitude=[20_050.0, 19_850.0, 19_475.0, 19_275.0], IAS=[1.0] * 4)
-    levels = to_levels(slow, 100, longest_gap_s=60.0, highest_gap_ft=3000.0, slowest_fpm=500.0)
+    levels = grid(slow, slowest_fpm=500.0)
     assert levels["level_fl"].to_list() == [200, 199, 194, 193]
     assert len(grid(slow)) == 8
     # 400 ft may have been 425: 510 ft/min.
     fast = slow.with_columns(altitude=pl.Series([20_050.0, 19_850.0, 19_450.0, 19_275.0]))
-    assert len(to_levels(fast, 100, longest_gap_s=60.0, highest_gap_ft=3000.0, slowest_fpm=500.0)) == 8
+    assert len(grid(fast, slowest_fpm=500.0)) == 8
     # Within 10 s, quantisation may hold an altitude for long.
     held = rows_at([0.0, 10.0, 20.0], altitude=[20_050.0, 20_025.0, 19_850.0], IAS=[1.0] * 3)
-    assert len(to_levels(held, 100, longest_gap_s=60.0, highest_gap_ft=3000.0, slowest_fpm=500.0)) == 2
+    assert len(grid(held, slowest_fpm=500.0)) == 2
 
 
 def test_levels_between_two_stretches_stay_open() -> None:

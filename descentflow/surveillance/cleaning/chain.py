@@ -177,15 +177,7 @@ def _cleaned(rows: pl.DataFrame, work: Work) -> Outcome:
     rules = work.rules
     report = TracedReport(by_flight=True, rows=len(rows)) if work.shown else DropReport(by_flight=True)
     kept = _free(rows, rules, report)
-    levels = to_levels(
-        kept,
-        rules.bottom_fl,
-        longest_gap_s=rules.longest_gap_s,
-        highest_gap_ft=rules.highest_gap_ft,
-        slowest_fpm=rules.slowest_fpm,
-        hidden_s=rules.hidden_gap_s,
-        report=report,
-    )
+    levels = to_levels(kept, rules, report)
     long = levels.filter(pl.len().over("flight_id") >= rules.fewest_levels)
     left = kept.filter(pl.col("flight_id").is_in(long["flight_id"].unique().implode()))
     report.count("too_few_levels", kept, left)

@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 
 from descentflow.surveillance.cleaning.filters import SEGMENT, flights_of
-from descentflow.surveillance.cleaning.thresholds import Fixed
+from descentflow.surveillance.cleaning.thresholds import Cleaning, Fixed
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import CHANNELS
 
@@ -12,29 +12,16 @@ CIRCULAR = ("track", "heading", "wind_direction")
 """Angles, interpolated along the shorter arc."""
 
 
-def to_levels(
-    rows: pl.DataFrame,
-    bottom_fl: int,
-    *,
-    longest_gap_s: float,
-    highest_gap_ft: float,
-    slowest_fpm: float = 0.0,
-    hidden_s: float = 10.0,
-    report: DropReport | None = None,
-) -> pl.DataFrame:
+def to_levels(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.DataFrame:
     """Interpolate every descent linearly in altitude to whole flight levels (paper, section 2.2).
 
     Two neighbouring rows bridge the levels between them unless they are further apart than `longest_gap_s` or
     `highest_gap_ft`, or rows between them were dropped (a new segment begins), or a level-off may be hidden there: over
-    a gap of more than `hidden_s` the mean rate is less than `slowest_fpm`. Then these levels have no row.
+    a gap of more than `hidden_gap_s` the mean rate is less than `slowest_fpm`. Then these levels have no row.
 
     Args:
         rows: Sorted by flight and time, altitude falling strictly within a flight.
-        bottom_fl: Lowest level.
-        longest_gap_s: Longest gap that is bridged.
-        highest_gap_ft: Highest gap that is bridged.
-        slowest_fpm: Slowest mean rate over a bridged gap of more than `hidden_s`.
-        hidden_s: Longest gap in which no level-off can be hidden.
+        rules: Thresholds of gaps, and the lowest level.
         report: Takes the number of gaps that are not bridged.
 
     Returns:
@@ -45,7 +32,7 @@ def to_levels(
         >>> from datetime import datetime
         >>> times = [datetime(2024, 3, 1, 12, 0, second) for second in (0, 20)]
         >>> rows = pl.DataFrame({"flight_id": ["a", "a"], "timestamp": times, "altitude": [20_250.0, 19_950.0]})
-        >>> to_levels(rows, 150, longest_gap_s=60.0, highest_gap_ft=3000.0)["level_fl"].to_list()
+        >>> to_levels(rows, Cleaning(), DropReport())["level_fl"].to_list()
         [202, 201, 200]
     """
     flight = flights_of(rows)
@@ -53,13 +40,13 @@ def to_levels(
     micros = rows["timestamp"].dt.epoch("us").to_numpy()
     gap_s, gap_fl = np.diff(micros) / 1e6, -np.diff(altitude_fl)
     same = flight[1:] == flight[:-1]
-    bridged = same & (gap_s <= longest_gap_s) & (gap_fl * 100 <= highest_gap_ft)
+    bridged = same & (gap_s <= rules.longest_gap_s) & (gap_fl * 100 <= rules.highest_gap_ft)
     # Half a step of quantisation may be missing from the height at either end.
-    bridged &= (gap_s <= hidden_s) | (60 * (gap_fl * 100 + Fixed.altitude_step_ft) >= slowest_fpm * gap_s)
+    falls = 60 * (gap_fl * 100 + Fixed.altitude_step_ft) >= rules.slowest_fpm * gap_s
+    bridged &= (gap_s <= rules.hidden_gap_s) | falls
     segment = np.diff(rows[SEGMENT].to_numpy()) if SEGMENT in rows.columns else np.zeros(len(same), dtype=np.int64)
-    if report:
-        report.note("gaps of reception left open", int((same & (segment == 0) & ~bridged).sum()))
-        report.note("level or held stretches left open", int((same & (segment != 0)).sum()))
+    report.note("gaps of reception left open", int((same & (segment == 0) & ~bridged).sum()))
+    report.note("level or held stretches left open", int((same & (segment != 0)).sum()))
     bridged &= segment == 0
     # The interval from a row down to the next: levels above or at the next row and strictly below this one, so that the
     # level of a row is counted once; the first row of a segment adds its own level.
@@ -67,7 +54,7 @@ def to_levels(
     starts = np.concatenate([[True], ~bridged]) if len(flight) else np.zeros(0, dtype=bool)
     own = starts[:-1] & (altitude_fl[:-1] == np.floor(altitude_fl[:-1]))
     top = np.where(own, altitude_fl[:-1], top)
-    count = np.where(bridged, np.maximum(top - np.maximum(low, bottom_fl) + 1, 0), 0).astype(np.int64)
+    count = np.where(bridged, np.maximum(top - np.maximum(low, rules.bottom_fl) + 1, 0), 0).astype(np.int64)
     upper = np.repeat(np.arange(len(count)), count)
     order = np.arange(len(upper)) - np.repeat(np.cumsum(count) - count, count)
     level = np.repeat(top, count) - order

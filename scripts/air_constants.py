@@ -21,8 +21,8 @@ from descentflow.simulation.world_config import WorldConfig
 from descentflow.surveillance.prepare import prepare
 
 CONSTANTS = {
-    "air_reports": ("BAND_LEVELS", "MIN_IN_BAND", "WINDOW", "OUTLIER", "MOST_K", "MOST_MPS"),
-    "air_smoother": ("DIFFUSE", "TREND_M", "MIDDLE_M", "LENGTH_M", "MIN_BANDS", "LEAST_NOISE"),
+    "air_reports": ("BAND_LEVELS", "MIN_IN_BAND", "WINDOW", "OUTLIER", "MAX_DEVIATION_K", "MAX_WIND_MPS"),
+    "air_smoother": ("DIFFUSE", "TREND_M", "MIDDLE_M", "LENGTH_M", "MIN_BANDS", "MIN_NOISE"),
     "measured_air": ("DEPARTURE_K", "DEPARTURE_MPS", "MAX_ERROR_K", "MAX_GROWTH_ERROR_PER_S"),
 }
 """Module of ``descentflow.air`` -> its constants."""

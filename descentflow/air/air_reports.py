@@ -67,8 +67,8 @@ class AirReports:
     scatter: float
 
 
-def temperature_reports(grid: LevelGrid) -> AirReports | None:
-    """Temperature deviation (K) by true airspeed and Mach number, or calibrated airspeed; None without true airspeed.
+def temperature_reports(grid: LevelGrid) -> AirReports:
+    """Temperature deviation (K) by true airspeed and Mach number, or calibrated airspeed.
 
     Example:
         >>> levels_fl = torch.arange(150.0, 200.0).double()
@@ -77,8 +77,6 @@ def temperature_reports(grid: LevelGrid) -> AirReports | None:
         >>> temperature_reports(grid).values.shape
         torch.Size([1, 10])
     """
-    if "TAS" not in grid.values:
-        return None
     tas, cas = grid.values["TAS"], grid.values["IAS"]
     by_cas = cas_to_mach(cas * KT_MPS, grid.altitude_m)
     reported = grid.values.get("Mach", torch.full_like(tas, torch.nan))
@@ -99,8 +97,8 @@ def temperature_reports(grid: LevelGrid) -> AirReports | None:
     return _banded(grid, _possible(temperature - isa_temperature_k(grid.altitude_m), MAX_DEVIATION_K), parts)
 
 
-def tailwind_reports(grid: LevelGrid) -> AirReports | None:
-    """Wind along the track (m/s) by groundspeed, true airspeed, track and heading; None without the first two.
+def tailwind_reports(grid: LevelGrid) -> AirReports:
+    """Wind along the track (m/s) by groundspeed, true airspeed, track and heading.
 
     Flights that do not report track and heading count as pointing along their track.
 
@@ -112,8 +110,6 @@ def tailwind_reports(grid: LevelGrid) -> AirReports | None:
         >>> round(float(tailwind_reports(grid).values.mean() / 0.514444))
         20
     """
-    if "TAS" not in grid.values or "groundspeed" not in grid.values:
-        return None
     tas, groundspeed = grid.values["TAS"], grid.values["groundspeed"]
     along = level_part_kt(grid.values) * drift_cosine(grid.values)
     weight = torch.full_like(tas, KT_MPS)

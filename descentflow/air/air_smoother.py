@@ -31,9 +31,9 @@ DEPARTURE_K, DEPARTURE_MPS = 2.0, 3.0
 """Spread of the departures of temperature, and of wind: of its growth that is 0.9 kt for each 1,000 ft."""
 MIN_BANDS = 4
 """Bands that a flight must show to say anything of its air: 2,000 ft, the least that has a slope."""
-LEAST_NOISE = 0.01
+MIN_NOISE = 0.01
 """Of a band, in its unit: reports without any scatter still have some."""
-BLOCK = 256
+SMOOTHED_FLIGHTS = 256
 """Flights smoothed at a time."""
 
 
@@ -58,6 +58,11 @@ class Smoothed(NamedTuple):
         """Those of these flights."""
         chosen = torch.isin(self.flights, flights)
         return Smoothed(*(values[chosen] for values in self))
+
+    def still(self) -> "Smoothed":
+        """Zero of the same flights, without any error."""
+        zero = torch.zeros_like(self.values)
+        return Smoothed(self.flights, zero, zero, zero)
 
 
 @dataclass(frozen=True)
@@ -107,7 +112,7 @@ class AirSmoother:
             altitude_m: (L,) pressure altitudes.
         """
         told = torch.nonzero(reports.seen.sum(1) >= MIN_BANDS)[:, 0]
-        parts = [self._smoothed(_rows(reports, block), altitude_m) for block in torch.split(told, BLOCK)]
+        parts = [self._smoothed(_rows(reports, block), altitude_m) for block in torch.split(told, SMOOTHED_FLIGHTS)]
         empty = torch.zeros(0, len(altitude_m), dtype=torch.float64)
         columns = [torch.cat(column) for column in zip(*parts, strict=True)] if parts else [empty] * 3
         return Smoothed(told, *columns)
@@ -142,7 +147,7 @@ class AirSmoother:
         both = reports.seen[:, :, None] & reports.seen[:, None, :]
         whole = self._kernel(reports.altitude_m, reports.altitude_m) + reports.rounding
         identity = torch.eye(len(reports.altitude_m), dtype=torch.float64)
-        return torch.where(both, whole + (self.noise**2 + LEAST_NOISE**2) * identity, identity)
+        return torch.where(both, whole + (self.noise**2 + MIN_NOISE**2) * identity, identity)
 
 
 def _rows(reports: AirReports, index: Tensor) -> AirReports:

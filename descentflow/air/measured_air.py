@@ -7,8 +7,8 @@ import polars as pl
 import torch
 from torch import Tensor
 
-from descentflow.air.air_reports import tailwind_reports, temperature_reports
-from descentflow.air.air_smoother import DEPARTURE_K, DEPARTURE_MPS, AirSmoother
+from descentflow.air.air_reports import AirReports, tailwind_reports, temperature_reports
+from descentflow.air.air_smoother import DEPARTURE_K, DEPARTURE_MPS, AirSmoother, Smoothed
 from descentflow.air.level_air import LevelAir
 from descentflow.core.errors import DataError
 from descentflow.measurements.level_channels import LevelGrid
@@ -70,28 +70,27 @@ def measured_airs(frame: pl.DataFrame, levels_fl: Tensor, *, wind: bool | None =
         1
     """
     grid = _grid(frame, float(levels_fl[0]), float(levels_fl[-1]))
-    temperature, tailwind = (None, None) if grid is None else (temperature_reports(grid), tailwind_reports(grid))
-    if grid is None or temperature is None or (wind and tailwind is None):
+    needed = {"TAS", "groundspeed"} if wind else {"TAS"}
+    if grid is None or not needed <= grid.values.keys():
         raise DataError(
             f"descents without true airspeed (TAS){' and groundspeed' if wind else ''}",
             expected="reports of TAS, with a Mach number or IAS, and of groundspeed, for an air as it was measured",
             mend="prepare rows with Mode S reports, or fit with data.air=standard",
         )
-    warm = AirSmoother.learnt(temperature, DEPARTURE_K).smooth(temperature, grid.altitude_m)
-    blown = None
-    if tailwind is not None and wind is not False:
-        blown = AirSmoother.learnt(tailwind, DEPARTURE_MPS).smooth(tailwind, grid.altitude_m)
-    told = warm.flights if blown is None else warm.flights[torch.isin(warm.flights, blown.flights)]
-    warm = warm.of(told)
-    known = warm.error <= MAX_ERROR_K
-    tail, growth_error = torch.zeros_like(warm.values), torch.zeros_like(warm.values)
-    if blown is not None:
-        blown = blown.of(told)
-        known &= blown.slope_error_per_m <= MAX_GROWTH_ERROR_PER_S
-        tail, growth_error = blown.values, blown.slope_error_per_m
-    names = tuple(grid.flight_ids[i] for i in told.tolist())
-    air = LevelAir(held(warm.values, known), held(tail, known))
-    return FlightAirs(names, air, known, warm.error, growth_error, len(grid.flight_ids) - len(told), blown is not None)
+    blows = wind is not False and "groundspeed" in grid.values
+    warm = _smoothed(temperature_reports(grid), DEPARTURE_K, grid)
+    blown = _smoothed(tailwind_reports(grid), DEPARTURE_MPS, grid) if blows else warm.still()
+    both = warm.flights[torch.isin(warm.flights, blown.flights)]
+    warm, blown = warm.of(both), blown.of(both)
+    known = (warm.error <= MAX_ERROR_K) & (blown.slope_error_per_m <= MAX_GROWTH_ERROR_PER_S)
+    names = tuple(grid.flight_ids[i] for i in both.tolist())
+    air = LevelAir(held(warm.values, known), held(blown.values, known))
+    without = len(grid.flight_ids) - len(both)
+    return FlightAirs(names, air, known, warm.error, blown.slope_error_per_m, without, blows)
+
+
+def _smoothed(reports: AirReports, departure: float, grid: LevelGrid) -> Smoothed:
+    return AirSmoother.learnt(reports, departure).smooth(reports, grid.altitude_m)
 
 
 def held(values: Tensor, known: Tensor) -> Tensor:

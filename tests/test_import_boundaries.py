@@ -189,6 +189,15 @@ def test_loading_a_density_imports_no_trainer() -> None:
     assert heavy_modules(code) - {"polars"} == {"torch"}
 
 
+def test_a_diagnosis_of_flights_imports_no_model_and_no_reader_of_rows() -> None:
+    code = "import sys, descentflow.diagnosis.diagnose\nprint(*(m for m in sys.modules if 'descentflow.' in m))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = {name.removeprefix("descentflow.") for name in done.stdout.split()}
+    models = ("densities.checkpoint", "generation", "representation", "positions", "training", "evaluation", "air")
+    others = (*models, "surveillance.formats", "surveillance.prepare")
+    assert [name for name in loaded if any(inside(name, parent) for parent in others)] == []
+
+
 def test_help_imports_nothing_heavy() -> None:
     assert heavy_modules("from descentflow.cli import main; main(['--help'])") == set()
     assert heavy_modules("from descentflow.cli import main; main(['fit', '--help'])") == set()

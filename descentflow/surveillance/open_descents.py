@@ -18,7 +18,6 @@ from descentflow.surveillance.descents.prepared_descents import (
     top_levels,
 )
 from descentflow.surveillance.descents.store import KEY, MANIFEST, SCHEMA_VERSION
-from descentflow.surveillance.prepare import prepare
 from descentflow.surveillance.unpacking.streams import whole_input
 
 Say = Callable[[str], None]
@@ -184,6 +183,9 @@ def _cleaned(
         changed = ", ".join(f"{name} {value}" for name, (_, value) in differences.items())
         say = progress or (lambda _: None)
         say(f"cleaning rows with {changed or 'the default settings'}")
+        # Here and not above: prepared descents must not pay for the reading of rows.
+        from descentflow.surveillance.prepare import prepare
+
         return prepare(source, cleaning=cleaning, columns=columns, progress=say)
     if columns:
         words = ", ".join(f"{name}={column}" for name, column in columns.items())

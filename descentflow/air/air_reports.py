@@ -49,15 +49,6 @@ class AirReports:
         rounding: (n, B, B) covariance of the errors that rounding leaves in them.
         scatter: Robust standard deviation of a band about the median of the six around, which errs too: some 12 % more
             than of a band itself.
-
-    Example:
-        >>> from descentflow.measurements.quantities import grid_of
-        >>> from descentflow.measurements.quantity_registry import CHANNELS
-        >>> import polars as pl
-        >>> grid = grid_of(pl.read_parquet("descents.parquet"), 150, 340, CHANNELS)
-        >>> deviation = temperature_reports(grid)  # the flights of the example flew in standard air
-        >>> abs(float(deviation.values[deviation.seen].median())) < 0.5
-        True
     """
 
     altitude_m: Tensor

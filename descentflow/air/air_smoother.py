@@ -38,13 +38,7 @@ SMOOTHED_FLIGHTS = 256
 
 
 class Smoothed(NamedTuple):
-    """Profiles (m, L) of the flights that say something, and their standard errors.
-
-    Example:
-        >>> levels = torch.zeros(1, 3).double()
-        >>> Smoothed(torch.tensor([0]), levels, levels + 0.5, levels).error.amax()
-        tensor(0.5000, dtype=torch.float64)
-    """
+    """Profiles (m, L) of the flights that say something, and their standard errors."""
 
     flights: Tensor
     """(m,) positions of the flights."""

@@ -25,17 +25,7 @@ from descentflow.physics.performance_model import PerformanceModel
 
 
 class InAir(NamedTuple):
-    """Effect of an air at a CAS, (n, L) each; the first four in standard air and then in the air.
-
-    Example:
-        >>> from descentflow.aircraft_types.registry import aircraft
-        >>> import torch
-        >>> levels_fl = torch.arange(150.0, 161.0).double()
-        >>> warm = LevelAir.uniform(levels_fl, deviation_k=10.0)
-        >>> found = in_air(aircraft("A320"), torch.full((1, 11), 140.0).double(), levels_fl * 30.48, warm)
-        >>> round(float((found.tas_mps / found.standard_tas_mps).mean()), 3)  # sqrt(T / T0)
-        1.019
-    """
+    """Effect of an air at a CAS, (n, L) each; the first four in standard air and then in the air."""
 
     standard_tas_mps: Tensor
     tas_mps: Tensor

@@ -38,12 +38,6 @@ class FlightPaths(NamedTuple):
         longitude: Degrees; across the date line it goes on beyond 180.
         track: Radians; NaN where neither reports nor places tell it.
         known: Between the highest and the lowest level whose place is known.
-
-    Example:
-        >>> grid = LevelGrid.of_frame(pl.read_parquet("descents.parquet"), 150, 340, ["latitude", "longitude", "track"])
-        >>> paths = paths_of_flights(grid, grid.time_s.numpy())
-        >>> paths.known.shape, bool(np.isfinite(paths.latitude).all())
-        ((120, 191), True)
     """
 
     unix_s: Array
@@ -120,14 +114,6 @@ def paths_of_flights(grid: LevelGrid, unix_s: Array) -> FlightPaths:
     Args:
         grid: With ``latitude``, ``longitude`` and, where it is reported, ``track``.
         unix_s: (n, L) times, NaN where a flight was not seen.
-
-    Example:
-        >>> levels = torch.arange(150.0, 153.0).double()
-        >>> values = {name: torch.tensor([[51.0, torch.nan, 52.0]]).double() for name in ("latitude", "longitude")}
-        >>> time = torch.tensor([[20.0, 10.0, 0.0]]).double()
-        >>> grid = LevelGrid(levels, time, values, torch.zeros(1), ("one",))
-        >>> paths_of_flights(grid, time.numpy()).latitude
-        array([[51. , 51.5, 52. ]])
     """
     latitude, longitude = (grid.values[name].numpy() for name in PLACED)
     track = np.radians(grid.values["track"].numpy()) if "track" in grid.values else np.full_like(latitude, np.nan)
@@ -176,13 +162,6 @@ def along_track(east_mps: Array, north_mps: Array, track: Array) -> Array:
         east_mps: (n, L) wind towards east.
         north_mps: (n, L) wind towards north.
         track: (n, L) radians.
-
-    Example:
-        >>> east, turning = np.full((1, 3), 20.0), np.radians([[0.0, 45.0, 90.0]])
-        >>> along_track(east, 0 * east, turning).round(1)  # the mean of 0, 14.1 and 20 m/s
-        array([[11.4, 11.4, 11.4]])
-        >>> along_track(np.array([[10.0, 15.0, 20.0]]), 0 * east, np.full((1, 3), np.pi / 2))
-        array([[10., 15., 20.]])
     """
     sine, cosine = np.sin(track), np.cos(track)
     along = east_mps * sine + north_mps * cosine

@@ -22,12 +22,6 @@ class KeptAir:
         source: ``measured`` by the flights' own reports, or by a weather ``field``.
         wind: Whether the wind was known; still air if not.
         training: (m, L) airs of the training flights, on the decoder's grid.
-
-    Example:
-        >>> levels_fl = torch.arange(150, 341)
-        >>> kept = KeptAir("measured", False, LevelAir.uniform(levels_fl, deviation_k=10.0))
-        >>> KeptAir.from_state(kept.to_state(), len(levels_fl)).training.deviation_k.shape
-        torch.Size([1, 191])
     """
 
     source: Literal["measured", "field"]
@@ -48,15 +42,7 @@ class KeptAir:
 
     @classmethod
     def from_state(cls, state: dict[str, Any], n_levels: int) -> "KeptAir":
-        """Rebuild from :meth:`to_state`.
-
-        Args:
-            state: Of a checkpoint.
-            n_levels: L, of the decoder's grid.
-
-        Raises:
-            CheckpointError: If it is not what :meth:`to_state` gives.
-        """
+        """Rebuild from :meth:`to_state`."""
         deviation, tailwind = state.get("deviation_k"), state.get("tailwind_mps")
         source, wind = state.get("source"), state.get("wind")
         whole = (

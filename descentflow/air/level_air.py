@@ -58,12 +58,6 @@ class AirSlopes:
     Attributes:
         deviation_k_per_m: Of the temperature deviation.
         tailwind_per_s: Of the wind along the track, m/s per m.
-
-    Example:
-        >>> levels_fl = torch.arange(150, 351).double()
-        >>> air = LevelAir.uniform(levels_fl, deviation_k=10.0)
-        >>> bool(air.slopes(levels_fl * 30.48).deviation_k_per_m.abs().max() < 1e-12)
-        True
     """
 
     deviation_k_per_m: Tensor

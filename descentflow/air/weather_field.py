@@ -22,13 +22,7 @@ _HELD = 4
 
 
 class Points(NamedTuple):
-    """Places of flights, of one shape together: seconds since 1970, flight level, degrees.
-
-    Example:
-        >>> across = Points(0.0, 300.0, np.full(2, 52.0), np.array([4.0, 5.0]))
-        >>> across.rows(np.array([False, True])).level_fl
-        array([300.])
-    """
+    """Places of flights, of one shape together: seconds since 1970, flight level, degrees."""
 
     unix_s: Array | float
     level_fl: Array | float

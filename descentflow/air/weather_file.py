@@ -39,14 +39,6 @@ class WeatherFile:
         path: The file.
         unix_s: (t,) seconds since 1970, in the order of the file; None where it has no time.
         variables: Those of :data:`~.weather_layout.NAMES` that it has, as xarray's arrays.
-
-    Example:
-        >>> import xarray
-        >>> axes = {"level": [500.0, 250.0], "latitude": [52.0, 50.0], "longitude": [4.0, 6.0]}
-        >>> warm = xarray.Dataset({"t": (tuple(axes), np.full((2, 2, 2), 250.0))}, axes)
-        >>> file = weather_file_of(warm, "warm.nc")
-        >>> file.axes[0].round(), file.axes[1], file.at_time("air_temperature", 0).shape
-        (array([183., 340.]), array([50., 52.]), (2, 2, 2))
     """
 
     path: str
@@ -65,15 +57,7 @@ class WeatherFile:
         return tuple(axis.values for axis in self._places.values())
 
     def at_time(self, name: str, number: int) -> Array:
-        """A field (k, p, q) on the ascending axes at one time of the file, in K or m/s; NaN where it has no value.
-
-        Args:
-            name: Standard name, one of :attr:`variables`.
-            number: Of the time; 0 where the file has none.
-
-        Raises:
-            DataError: If the file is damaged there, no air has such values, or a place that is there twice has two.
-        """
+        """A field (k, p, q) on the ascending axes at one time of the file, in K or m/s; NaN where it has no value."""
         with readable(self.path):
             variable = self.variables[name]
             if self._time is not None:
@@ -89,25 +73,7 @@ class WeatherFile:
 
 @contextmanager
 def opened(source: Source) -> Iterator[list[WeatherFile]]:
-    """Open NetCDF (``.nc``) by netCDF4 or h5netcdf, and GRIB (``.grib``, ``.grib2``) by cfgrib.
-
-    Args:
-        source: A file, a folder of files, or several. GRIB is a part for each variable, which may have levels of its
-            own.
-
-    Raises:
-        ConfigError: If a library is missing.
-        DataError: If a folder holds no file, one cannot be read, or is not laid out by pressure level, latitude and
-            longitude.
-
-    Example:
-        >>> import xarray
-        >>> axes = {"level": [500.0, 250.0], "latitude": [52.0, 50.0], "longitude": [4.0, 6.0]}
-        >>> xarray.Dataset({"t": (tuple(axes), np.full((2, 2, 2), 250.0))}, axes).to_netcdf("warm.nc")
-        >>> with opened("warm.nc") as parts:
-        ...     [list(part.variables) for part in parts]
-        [['air_temperature']]
-    """
+    """Open NetCDF (``.nc``) by netCDF4 or h5netcdf, and GRIB (``.grib``, ``.grib2``) by cfgrib."""
     pyproj()
     xarray, parts = optional_library("xarray", extra="wind"), []
     with ExitStack() as stack:
@@ -121,14 +87,7 @@ def opened(source: Source) -> Iterator[list[WeatherFile]]:
 
 @contextmanager
 def readable(path: str | Path) -> Iterator[None]:
-    """Turn whatever libraries raise for a damaged file into one line, and keep their warnings from the terminal.
-
-    Example:
-        >>> with readable("a.nc"):
-        ...     raise OSError("no HDF5")
-        Traceback (most recent call last):
-        descentflow.core.errors.DataError: weather a.nc: no HDF5; expected a NetCDF or GRIB file ...
-    """
+    """Turn whatever libraries raise for a damaged file into one line, and keep their warnings from the terminal."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -144,18 +103,7 @@ def readable(path: str | Path) -> Iterator[None]:
 
 
 def weather_file_of(data: Any, path: str) -> WeatherFile:
-    """The same of an `xarray.Dataset`.
-
-    Raises:
-        DataError: If it is not laid out by pressure level, latitude and longitude.
-
-    Example:
-        >>> import xarray
-        >>> axes = {"level": [500.0], "latitude": [52.0, 50.0], "longitude": [350.0, 10.0]}
-        >>> warm = xarray.Dataset({"t": (tuple(axes), np.full((1, 2, 2), 250.0))}, axes)
-        >>> weather_file_of(warm, "warm.nc").axes[2]
-        array([-10.,  10.])
-    """
+    """The same of an `xarray.Dataset`."""
     others = [name for name, size in data.sizes.items() if size == 1 and name not in chain(*AXES.values(), [VERSION])]
     data = data.squeeze(others)
     named = {axis: name for axis in AXES if (name := layout.axis_name(data, axis, path)) is not None}
@@ -174,22 +122,12 @@ def weather_file_of(data: Any, path: str) -> WeatherFile:
 
 
 def names_weather(source: object) -> TypeGuard[str | Path]:
-    """True for the path of such a file or of a folder, as a command or an argument names it.
-
-    Example:
-        >>> names_weather("era5.nc"), names_weather("training")
-        (True, False)
-    """
+    """True for the path of such a file or of a folder, as a command or an argument names it."""
     return isinstance(source, str | Path) and (Path(source).suffix.lower() in SUFFIXES or Path(source).is_dir())
 
 
 def same(one: Array, other: Array) -> bool:
-    """True for two fields that differ by no more than their packing, holes included.
-
-    Example:
-        >>> same(np.array([250.0, np.nan]), np.array([250.01, np.nan]))
-        True
-    """
+    """True for two fields that differ by no more than their packing, holes included."""
     return one.shape == other.shape and np.allclose(one, other, rtol=0, atol=SAME, equal_nan=True)
 
 

@@ -37,13 +37,7 @@ _AIR_K, _LOWEST_HPA = (150.0, 350.0), (150.0, 1100.0)
 
 
 class Axis(NamedTuple):
-    """An axis in ascending order, each place once.
-
-    Example:
-        >>> axis = Axis.of(np.array([3.0, 1.0, 3.0]))
-        >>> axis.values, axis.order, axis.again, axis.first
-        (array([1., 3.]), array([1, 0]), array([2]), array([0]))
-    """
+    """An axis in ascending order, each place once."""
 
     values: Array
     order: NDArray[np.int64]
@@ -80,16 +74,7 @@ class Axis(NamedTuple):
 
 
 def axis_name(data: Any, axis: str, path: str) -> str | None:
-    """Name of the coordinate that is an axis of a dataset; None for a time that it has not.
-
-    Raises:
-        DataError: If there is none, or it has two dimensions.
-
-    Example:
-        >>> import xarray
-        >>> axis_name(xarray.Dataset(coords={"lat": [50.0]}), "latitude", "a.nc")
-        'lat'
-    """
+    """Name of the coordinate that is an axis of a dataset; None for a time that it has not."""
     found = [name for name in AXES[axis] if name in data.coords]
     if not found and axis != "time":
         raise unusable(f"{path} without a coordinate {' or '.join(AXES[axis])}")
@@ -99,16 +84,7 @@ def axis_name(data: Any, axis: str, path: str) -> str | None:
 
 
 def place_axis(coordinate: Any, axis: str, path: str) -> Axis:
-    """The axis of flight levels, latitudes or longitudes that a coordinate gives.
-
-    Raises:
-        DataError: If it is none.
-
-    Example:
-        >>> import xarray
-        >>> place_axis(xarray.DataArray([30000.0, 50000.0], attrs={"units": "Pa"}), "pressure", "a.nc").values.round()
-        array([183., 301.])
-    """
+    """The axis of flight levels, latitudes or longitudes that a coordinate gives."""
     unit, values = unit_of(coordinate), np.atleast_1d(coordinate.to_numpy())
     if values.dtype.kind not in "fiu" or not values.size or not np.isfinite(values).all():
         raise unusable(f"{path}: {coordinate.name} with no values, or with some that are no numbers")
@@ -125,16 +101,7 @@ def place_axis(coordinate: Any, axis: str, path: str) -> Axis:
 
 
 def seconds_of(time: Any, path: str) -> Array:
-    """Seconds since 1970, (t,), of a coordinate of times.
-
-    Raises:
-        DataError: If it holds anything else.
-
-    Example:
-        >>> import xarray
-        >>> seconds_of(xarray.DataArray(np.array(["1970-01-01T01"], dtype="datetime64[ns]")), "a.nc")
-        array([3600.])
-    """
+    """Seconds since 1970, (t,), of a coordinate of times."""
     stamps = np.atleast_1d(time.to_numpy())
     if stamps.dtype.kind != "M" or not stamps.size or np.isnat(stamps).any():
         raise unusable(f"{path}: {time.name} with no values, or with some that are no times of the calendar")
@@ -142,18 +109,7 @@ def seconds_of(time: Any, path: str) -> Array:
 
 
 def variable_of(data: Any, standard: str, dimensions: set[str], path: str) -> Any | None:
-    """The variable of a standard name over all dimensions; None if there is none.
-
-    Raises:
-        DataError: If there are two, it has other dimensions or an unknown unit, or its names contradict each other.
-
-    Example:
-        >>> import xarray
-        >>> winds = xarray.Dataset({"u": ("level", [7.0], {"units": "furlong"})})
-        >>> variable_of(winds, "eastward_wind", {"level"}, "a.nc")
-        Traceback (most recent call last):
-        descentflow.core.errors.DataError: a.nc: eastward_wind as u over level (float64, unit furlong); expected ...
-    """
+    """The variable of a standard name over all dimensions; None if there is none."""
     found = [one for one in data.data_vars.values() if _standard_name(one, path) == standard]
     whole = [one for one in found if set(one.dims) - {VERSION} == dimensions and one.dtype.kind in "fiu"]
     whole = [one for one in whole if unit_of(one) in _units(standard)]
@@ -166,16 +122,7 @@ def variable_of(data: Any, standard: str, dimensions: set[str], path: str) -> An
 
 
 def values_of(variable: Any, standard: str, path: str) -> Array:
-    """Values in K or m/s; NaN where there is none.
-
-    Raises:
-        DataError: If no air has such values.
-
-    Example:
-        >>> import xarray
-        >>> values_of(xarray.DataArray([-56.5], attrs={"units": "degC"}), "air_temperature", "a.nc")
-        array([216.65])
-    """
+    """Values in K or m/s; NaN where there is none."""
     values: Array = variable.to_numpy().astype(np.float64)
     unit = unit_of(variable)
     number = _units(standard)[unit]
@@ -192,23 +139,12 @@ def values_of(variable: Any, standard: str, path: str) -> Array:
 
 
 def unit_of(variable: Any) -> str:
-    """Unit in small letters, without blanks and signs of powers; empty if there is none.
-
-    Example:
-        >>> import xarray
-        >>> unit_of(xarray.DataArray(1.0, attrs={"units": "m s**-1"}))
-        'ms-1'
-    """
+    """Unit in small letters, without blanks and signs of powers; empty if there is none."""
     return str(variable.attrs.get("units", "")).lower().replace("**", "").replace("^", "").replace(" ", "")
 
 
 def unusable(got: str) -> DataError:
-    """The error for a file that is not such a field.
-
-    Example:
-        >>> str(unusable("a.nc without winds")).split(";")[0]
-        'a.nc without winds'
-    """
+    """The error for a file that is not such a field."""
     return DataError(
         got,
         expected="temperature (K, degC) or both winds (m/s, kt) with units, by pressure level, latitude and longitude",

@@ -26,12 +26,7 @@ INT64_MAX = (1 << 63) - 1
 
 
 class Within(NamedTuple):
-    """Least and greatest value of a number, in its annotation.
-
-    Example:
-        >>> Within(1).words, Within(0, 1).words
-        ('1 or more', 'from 0 to 1')
-    """
+    """Least and greatest value of a number, in its annotation."""
 
     low: float
     high: float = inf
@@ -112,33 +107,13 @@ def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def checked_settings(settings: type[T]) -> type[T]:
-    """Let a dataclass refuse fields that are not of the annotated kinds.
-
-    Example:
-        >>> from dataclasses import dataclass
-        >>> @checked_settings
-        ... @dataclass(frozen=True)
-        ... class Batches:
-        ...     size: Count = 512
-        >>> Batches(0)
-        Traceback (most recent call last):
-        ...
-        descentflow.core.errors.ConfigError: size = 0; expected a whole number, 1 or more; to mend it, see help(Batches)
-    """
+    """Let a dataclass refuse fields that are not of the annotated kinds."""
     settings.__init__ = checked_arguments(settings.__init__)  # type: ignore[method-assign]
     return settings
 
 
 def kind_of(hint: Any) -> Kind:
-    """Kind of an annotation; an `Annotated` one may have limits (:class:`Within`) or a description of its own.
-
-    Example:
-        >>> kind = kind_of(Sequence[str | Path] | Literal["all"] | None)
-        >>> kind.words
-        "several, each a path, or 'all' or None"
-        >>> kind.takes(["a.nc", Path("b.nc")]), kind.takes("every"), kind.takes(float("nan"))
-        (True, False, False)
-    """
+    """Kind of an annotation; an `Annotated` one may have limits (:class:`Within`) or a description of its own."""
     origin, inside = get_origin(hint), get_args(hint)
     if origin is Annotated:
         plain, more = kind_of(inside[0]), inside[1]

@@ -23,17 +23,7 @@ class DrawNumbers(NamedTuple):
     first: int = 0
 
     def uniform(self, count: int, stream: int) -> Tensor:
-        """A uniform number in [0, 1) for each of the next ``count`` draws: (count,) float64 on the CPU.
-
-        Args:
-            count: Draws in the batch.
-            stream: Independent sequences, numbered from zero.
-
-        Example:
-            >>> whole = DrawNumbers(seed=3).uniform(10, stream=0)
-            >>> torch.equal(whole[6:], DrawNumbers(seed=3, first=6).uniform(4, stream=0))
-            True
-        """
+        """A uniform number in [0, 1) for each of the next ``count`` draws: (count,) float64 on the CPU."""
         bits = np.random.Philox(key=np.array([self.seed % SEEDS, stream], dtype=np.uint64))
         bits.advance(self.first // NUMBERS_PER_BLOCK)
         skipped = self.first % NUMBERS_PER_BLOCK
@@ -45,25 +35,11 @@ FIRST_DRAWS = DrawNumbers()
 
 
 def seed_for_index(seed: int, *place: int) -> int:
-    """A seed for one of many things that are numbered (an epoch, a batch), independent of those of the others.
-
-    Args:
-        seed: Of all of them, any whole number.
-        place: Numbers from zero.
-
-    Example:
-        >>> seed_for_index(0, 1, 2) == seed_for_index(0, 2, 1), seed_for_index(-1, 0) >= 0
-        (False, True)
-    """
+    """A seed for one of many things that are numbered (an epoch, a batch), independent of those of the others."""
     state = np.random.SeedSequence([seed % SEEDS, *place]).generate_state(1, np.uint64)
     return int(state[0]) >> 1
 
 
 def seed_for_name(seed: int, name: str) -> int:
-    """The seed of one of many that are drawn for, a flight for instance, each with draws of its own.
-
-    Example:
-        >>> seed_for_name(0, "KLM204") == seed_for_name(0, "KLM205")
-        False
-    """
+    """The seed of one of many that are drawn for, a flight for instance, each with draws of its own."""
     return int.from_bytes(blake2b(f"{seed} {name}".encode(), digest_size=7).digest())

@@ -28,16 +28,7 @@ OF_RUST = re.compile(r"\(os error (\d+)\)")
 
 
 class Claim:
-    """A name that one run has at a time: the lock of a file beside, which goes when it is let go.
-
-    Example:
-        >>> first, second = Claim(Path("note.lock")), Claim(Path("note.lock"))
-        >>> first.take(), second.take()
-        (True, False)
-        >>> first.let_go()
-        >>> Path("note.lock").exists()
-        False
-    """
+    """A name that one run has at a time: the lock of a file beside, which goes when it is let go."""
 
     def __init__(self, path: Path) -> None:
         self._lock = FileLock(path, is_singleton=False)
@@ -99,20 +90,7 @@ def whole_file(path: str | Path) -> Iterator[Path]:
 
 
 def remove_left(folder: Path, pattern: str = "**/*") -> None:
-    """Remove temporary files that killed runs left, and that no run writes again; one that is being written stays.
-
-    Args:
-        folder: Where they are.
-        pattern: Of the files in it.
-
-    Example:
-        >>> place = Path("of_a_killed_run")
-        >>> place.mkdir()
-        >>> _ = (place / ".best.descentflow-part0.ckpt").write_text("half")
-        >>> remove_left(place)
-        >>> list(place.iterdir())
-        []
-    """
+    """Remove temporary files that killed runs left, and that no run writes again; one that is being written stays."""
     for path in folder.glob(pattern):
         if TEMPORARY.match(path.name):
             _remove_unclaimed(path.with_name(path.name.removesuffix(LOCK)))
@@ -202,29 +180,13 @@ def _told(target: Path) -> Iterator[None]:
 
 
 def system_number(error: BaseException) -> int:
-    """The system's number of an error, which Polars gives in the text only, and not always as an `OSError`; else 0.
-
-    Example:
-        >>> system_number(ValueError("parquet: No space left on device (os error 28)"))
-        28
-    """
+    """The system's number of an error, which Polars gives in the text only, and not always as an `OSError`; else 0."""
     named = OF_RUST.search(str(error))
     return (isinstance(error, OSError) and error.errno) or (int(named[1]) if named else 0)
 
 
 def check_output(path: str | Path) -> Path:
-    """Refuse an output that cannot be written, before minutes of work go into it.
-
-    Raises:
-        DataError: If its folder does not exist or may not be written, or it is itself a folder, a device or a file that
-            may not be written, or its name is none that files can have.
-
-    Example:
-        >>> check_output("nowhere/samples.parquet")
-        Traceback (most recent call last):
-        ...
-        descentflow.core.errors.DataError: output nowhere/samples.parquet in a folder that does not exist; ...
-    """
+    """Refuse an output that cannot be written, before minutes of work go into it."""
     target = Path(path)
     _check_name(target)
     if not target.parent.is_dir():
@@ -248,22 +210,7 @@ def check_output(path: str | Path) -> Path:
 
 
 def check_folder(path: str | Path, *names: str) -> Path:
-    """Refuse a folder of outputs that cannot be made or written, before minutes of work go into it.
-
-    Args:
-        path: Of the folder, which need not exist.
-        names: Of the files that will be written into it.
-
-    Raises:
-        DataError: If it, or the folder that it is to be made in, is a file or may not be written; or if a file of one
-            of these names is there that may not.
-
-    Example:
-        >>> check_folder("rows.parquet")
-        Traceback (most recent call last):
-        ...
-        descentflow.core.errors.DataError: output rows.parquet is a file; expected a folder; ...
-    """
+    """Refuse a folder of outputs that cannot be made or written, before minutes of work go into it."""
     target = Path(path)
     _check_name(target)
     there = next(place for place in (target, *target.absolute().parents) if place.exists())
@@ -296,12 +243,7 @@ def _check_name(target: Path) -> None:
 
 
 def is_name(path: str | os.PathLike[str]) -> bool:
-    """Test for a name that the usual file systems can hold; an empty text would be the working directory.
-
-    Example:
-        >>> is_name("rows.parquet"), is_name("x" * 256), is_name("")
-        (True, False, False)
-    """
+    """Test for a name that the usual file systems can hold; an empty text would be the working directory."""
     try:
         parts = [os.fsencode(part) for part in Path(path).parts] if path != "" else [b"\0"]
     except (TypeError, UnicodeEncodeError):

@@ -12,21 +12,7 @@ from descentflow.core.errors import ConfigError, DescentflowError
 
 
 def module_of_file(path: str | Path, holds: str) -> ModuleType:
-    """Run a Python file. Its module has a name by the file's, by which classes of it are found again.
-
-    Args:
-        path: Of the file.
-        holds: Words for what is looked for in it, for the error.
-
-    Raises:
-        ConfigError: If there is no such file or it fails; the error names the file's own line.
-
-    Example:
-        >>> _ = Path("own.py").write_text("ONE = 1")
-        >>> module = module_of_file("own.py", "numbers")
-        >>> module.__name__, module.ONE
-        ('descentflow_user_own', 1)
-    """
+    """Run a Python file. Its module has a name by the file's, by which classes of it are found again."""
     source = Path(path)
     if not source.is_file() or source.suffix != ".py":
         what = "no Python file" if source.is_file() else "no such file"
@@ -47,20 +33,7 @@ def module_of_file(path: str | Path, holds: str) -> ModuleType:
 
 @contextmanager
 def lines_named(source: str | Path | None) -> Iterator[None]:
-    """Errors that the code of a user's file raises become errors that name its line.
-
-    Args:
-        source: The file; None for no file.
-
-    Raises:
-        ConfigError: In place of such an error.
-
-    Example:
-        >>> with lines_named(None):
-        ...     1 / 0
-        Traceback (most recent call last):
-        ZeroDivisionError: division by zero
-    """
+    """Errors that the code of a user's file raises become errors that name its line."""
     try:
         yield
     except DescentflowError:
@@ -72,12 +45,7 @@ def lines_named(source: str | Path | None) -> Iterator[None]:
 
 
 def failed(source: Path, error: Exception) -> ConfigError:
-    """An error of the user's file, with its own line.
-
-    Example:
-        >>> print(failed(Path("own.py"), ValueError("no")))
-        own.py: ValueError: no; expected a file that runs; to mend it, correct that line
-    """
+    """An error of the user's file, with its own line."""
     lines = _lines(source, error)
     line = error.lineno if isinstance(error, SyntaxError) else (lines[-1] if lines else None)
     place = f"{source}" if line is None else f"{source}, line {line}"

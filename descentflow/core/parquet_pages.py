@@ -27,20 +27,6 @@ def check_pages(source: Path | bytes) -> None:
     Polars takes such a number for one near 2^64, asks for so much memory and ends the process by a signal, which no
     caller can catch. Only the headers of the pages are read, some 100 bytes of each megabyte; the format is that of
     `parquet.thrift` in Apache Parquet.
-
-    Args:
-        source: The file, or its content.
-
-    Raises:
-        DamagedParquetError: If the file is damaged there, or is no Parquet file; as an OSError, which
-            :func:`~descentflow.surveillance.unpacking.streams.whole_input` makes a message of.
-
-    Example:
-        >>> check_pages(Path("rows.parquet"))
-        >>> check_pages(Path("rows.parquet").read_bytes()[:1000])
-        Traceback (most recent call last):
-        ...
-        descentflow.core.parquet_pages.DamagedParquetError: Parquet without its end
     """
     with _content(source) as content:
         if len(content) < len(MAGIC) + TAIL or content[-len(MAGIC) :] != MAGIC:
@@ -58,14 +44,7 @@ def check_pages(source: Path | bytes) -> None:
 
 
 class DamagedParquetError(OSError):
-    """A Parquet file that cannot be read as one.
-
-    Example:
-        >>> check_pages(b"PAR1")
-        Traceback (most recent call last):
-        ...
-        descentflow.core.parquet_pages.DamagedParquetError: Parquet without its end
-    """
+    """A Parquet file that cannot be read as one."""
 
 
 @contextmanager

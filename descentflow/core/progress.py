@@ -31,12 +31,6 @@ class Stage:
         total: How much there is to do, in units; None if that is not known.
         unit: What is counted, in the plural.
         done: How much has been done.
-
-    Example:
-        >>> stage = Stage("drawing descents", total=200, unit="descents")
-        >>> stage.advance(50)
-        >>> print(stage.as_text())
-        drawing descents, 50 of 200 descents (25 %), 0 s
     """
 
     text: str
@@ -59,16 +53,7 @@ class Stage:
         self.done += 1
 
     def part(self, text: str, total: int | None = None, unit: str = "") -> Callable[[int], None]:
-        """A progress callback for a part of the stage, which is shown as soon as the callback is called.
-
-        Example:
-            >>> stage = Stage("evaluating")
-            >>> drawn, compared = stage.part("drawing", 100, "samples"), stage.part("comparing", 8, "comparisons")
-            >>> drawn(100)
-            >>> compared(2)
-            >>> print(stage.as_text())
-            comparing, 2 of 8 comparisons (25 %), 0 s
-        """
+        """A progress callback for a part of the stage, which is shown as soon as the callback is called."""
         own = Stage(text, total, unit, began=0.0)
 
         def advance(n: int = 1) -> None:
@@ -184,18 +169,7 @@ def _is_terminal() -> bool:
 
 @contextmanager
 def display(name: str, *, quiet: bool = False, after_s: float = AFTER_S) -> Iterator[None]:
-    """Show the stages inside the block on stderr. Inside another display it is a stage of that one.
-
-    Args:
-        name: What runs, before every line.
-        quiet: Show nothing, here and in all that the block calls.
-        after_s: Seconds before anything is shown.
-
-    Example:
-        >>> import descentflow as df
-        >>> with display("my program", quiet=True):
-        ...     model = df.fit("descents.parquet", model="gaussian")
-    """
+    """Show the stages inside the block on stderr. Inside another display it is a stage of that one."""
     if _shown:
         with stage(name):
             yield
@@ -212,20 +186,7 @@ def display(name: str, *, quiet: bool = False, after_s: float = AFTER_S) -> Iter
 
 @contextmanager
 def stage(text: str, total: int | None = None, unit: str = "") -> Iterator[Stage]:
-    """Say what is being done inside the block; shown by the display around it, or by one of its own.
-
-    Args:
-        text: In a few words.
-        total: How much there is to do; None if that is not known.
-        unit: What is counted, in the plural.
-
-    Example:
-        >>> with stage("flying", total=3, unit="flights") as flown:
-        ...     for number in range(3):
-        ...         flown.advance()
-        >>> flown.done
-        3
-    """
+    """Say what is being done inside the block; shown by the display around it, or by one of its own."""
     if not _shown:
         with display("descentflow"), stage(text, total, unit) as own:
             yield own

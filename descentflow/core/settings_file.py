@@ -11,22 +11,7 @@ EXPONENT = re.compile(r"[-+]?[0-9]+[eE][-+]?[0-9]+$")
 
 
 def read_settings(path: Path) -> dict[str, Any]:
-    """Read a YAML file of settings.
-
-    Args:
-        path: The file. 1e-3 is the number that the command line reads too, though YAML 1.1 wants 1.0e-3.
-
-    Returns:
-        Name to value; empty for an empty file. Nothing in the file is executed.
-
-    Raises:
-        ConfigError: If the file cannot be read, is no YAML, or is no mapping of names to values.
-
-    Example:
-        >>> _ = Path("cleaning.yaml").write_text("transient_s: 6e1")
-        >>> read_settings(Path("cleaning.yaml"))
-        {'transient_s': 60.0}
-    """
+    """Read a YAML file of settings."""
     # A tenth of a second of imports that a command without a settings file need not pay.
     yaml: Any = import_module("yaml")
     loader: Any = type("Loader", (yaml.SafeLoader,), {})
@@ -48,13 +33,6 @@ def read_settings(path: Path) -> dict[str, Any]:
 
 
 def settings_text(settings: dict[str, Any]) -> str:
-    """Settings as YAML, in their order.
-
-    Example:
-        >>> print(settings_text({"seed": 3, "context": ["hour"]}), end="")
-        seed: 3
-        context:
-        - hour
-    """
+    """Settings as YAML, in their order."""
     text: str = import_module("yaml").safe_dump(settings, sort_keys=False)
     return text

@@ -16,22 +16,7 @@ from descentflow.core.files import whole_file
 
 
 def optional_library(name: str, extra: str | None = None) -> ModuleType:
-    """Import a library that descentflow does not depend on.
-
-    Args:
-        name: The library.
-        extra: The extra that it belongs to; of the same name if absent.
-
-    Raises:
-        ConfigError: If it is not installed.
-
-    Example:
-        >>> optional_library("no_such_library", extra="modes")
-        Traceback (most recent call last):
-        ...
-        descentflow.core.errors.ConfigError: the library no_such_library is not installed; expected it for what was \
-asked for; to mend it, pip install 'rs1090<0.8,>=0.7'
-    """
+    """Import a library that descentflow does not depend on."""
     try:
         return import_module(name)
     except ImportError as error:
@@ -43,15 +28,7 @@ asked for; to mend it, pip install 'rs1090<0.8,>=0.7'
 
 
 def pyproj() -> ModuleType:
-    """The library pyproj, before ecCodes: loaded after the PROJ of ecCodes' wheel, it ends the process.
-
-    Raises:
-        ConfigError: If another module has imported ecCodes before.
-
-    Example:
-        >>> round(pyproj().Geod(ellps="WGS84").inv(0, 0, 0, 1)[2])
-        110574
-    """
+    """The library pyproj, before ecCodes: loaded after the PROJ of ecCodes' wheel, it ends the process."""
     if "eckitlib" in sys.modules and "pyproj" not in sys.modules:
         raise ConfigError(
             "cfgrib or eccodes imported before pyproj, which then ends the process",
@@ -71,15 +48,7 @@ def _requirements(extra: str) -> list[str]:
 
 
 def to_pandas(table: pl.DataFrame) -> Any:
-    """The table as a `pandas.DataFrame`: missing numbers become NaN, missing texts None; pyarrow is not needed.
-
-    Raises:
-        ConfigError: If pandas is not installed.
-
-    Example:
-        >>> to_pandas(pl.DataFrame({"flight_id": ["a", None], "IAS": [250.0, None]})).isna().sum().to_dict()
-        {'flight_id': 1, 'IAS': 1}
-    """
+    """The table as a `pandas.DataFrame`: missing numbers become NaN, missing texts None; pyarrow is not needed."""
     pandas = optional_library("pandas")
     return pandas.DataFrame({column.name: _pandas_column(column, pandas) for column in table.iter_columns()})
 
@@ -93,12 +62,7 @@ def _pandas_column(column: pl.Series, pandas: Any) -> Any:
 
 
 def is_pandas(table: Any) -> bool:
-    """True for a `pandas.DataFrame`; pandas is not imported to find out.
-
-    Example:
-        >>> is_pandas(pl.DataFrame())
-        False
-    """
+    """True for a `pandas.DataFrame`; pandas is not imported to find out."""
     return type(table).__name__ == "DataFrame" and type(table).__module__.partition(".")[0] == "pandas"
 
 
@@ -106,11 +70,6 @@ def held_table(value: Any) -> Any:
     """A table in memory, of pandas, xarray or lazy Polars, as one of Polars; anything else as it is.
 
     Named indices of pandas and coordinates of xarray become columns.
-
-    Example:
-        >>> table = to_pandas(pl.DataFrame({"level_fl": [100, 350], "deviation_k": [10.0, 20.0]}))
-        >>> held_table(table.set_index("level_fl")).columns, held_table("air.csv")
-        (['level_fl', 'deviation_k'], 'air.csv')
     """
     if isinstance(value, pl.LazyFrame):
         return value.collect()
@@ -126,11 +85,6 @@ def from_pandas(table: Any) -> pl.DataFrame:
     """A `pandas.DataFrame` as a polars table without its index; missing values become null.
 
     Times become UTC, in which those without a time zone are taken to be.
-
-    Example:
-        >>> rows = pl.DataFrame({"icao24": ["4ca001", None], "IAS": [250.0, None]})
-        >>> from_pandas(to_pandas(rows)).equals(rows)
-        True
     """
     return pl.DataFrame({str(name): _polars_column(table[name]) for name in table.columns})
 
@@ -147,23 +101,7 @@ def _polars_column(column: Any) -> pl.Series:
 def to_dataset(
     table: pl.DataFrame, dims: tuple[str, str], variables: Sequence[str], units: Mapping[str, str] | None = None
 ) -> Any:
-    """An `xarray.Dataset` of a table with one row per pair of two columns, NaN where the table has no row.
-
-    Args:
-        table: At most one row for each pair of values of `dims`.
-        dims: Columns that become the dimensions, for instance `("flight_id", "level_fl")`; both are sorted.
-        variables: Columns of numbers that become variables of these dimensions.
-        units: Column -> its unit, kept as the attribute `units`.
-
-    Raises:
-        ConfigError: If xarray is not installed.
-
-    Example:
-        >>> rows = pl.DataFrame({"flight_id": ["a", "a", "b"], "level_fl": [150, 160, 150], "IAS": [250.0, 255, 280]})
-        >>> to_dataset(rows, ("flight_id", "level_fl"), ["IAS"])["IAS"].values
-        array([[250., 255.],
-               [280.,  nan]])
-    """
+    """An `xarray.Dataset` of a table with one row per pair of two columns, NaN where the table has no row."""
     xarray = optional_library("xarray")
     numpy = import_module("numpy")
     values = [table[name].unique().sort() for name in dims]
@@ -180,11 +118,6 @@ def safe_in_spreadsheets(table: pl.DataFrame) -> pl.DataFrame:
     """The table with an apostrophe before texts that a spreadsheet would take for a formula and execute.
 
     Names of flights and operators are written by strangers. Numbers are left alone, those written as text too.
-
-    Example:
-        >>> table = pl.DataFrame({"flight_id": ["AB12", "=cmd|'/c calc'!A1", "-4"]})
-        >>> safe_in_spreadsheets(table)["flight_id"].to_list()
-        ['AB12', "'=cmd|'/c calc'!A1", '-4']
     """
     changed = []
     for name in (name for name, kind in table.schema.items() if kind == pl.String):
@@ -202,23 +135,7 @@ FORMULA = r"^[=+\-@\t\r]"
 def write_table(
     table: pl.DataFrame, path: str | Path, metadata: Mapping[str, str] | None = None, beside: str = ""
 ) -> None:
-    """Write a table as Parquet or CSV (safe in spreadsheets), by the file's extension, whole or not at all.
-
-    Args:
-        table: The table.
-        path: The file.
-        metadata: Names and texts that Parquet keeps.
-        beside: Other extensions, which the caller writes: the message names them.
-
-    Raises:
-        ConfigError: If the extension is neither ``.parquet`` nor ``.csv``.
-        DataError: If the folder does not exist.
-
-    Example:
-        >>> write_table(pl.DataFrame({"level_fl": [150]}), "levels.csv")
-        >>> Path("levels.csv").read_text().split()
-        ['level_fl', '150']
-    """
+    """Write a table as Parquet or CSV (safe in spreadsheets), by the file's extension, whole or not at all."""
     suffix = Path(path).suffix
     if suffix not in (".parquet", ".csv"):
         raise ConfigError(

@@ -13,16 +13,6 @@ def as_tensors(*values: Number) -> list[Tensor]:
     Floats, scalar tensors and integer tensors take the precision of the first floating tensor among the values that has
     dimensions (else of the first one), floats also its device; when there is none they become float64, the precision
     in which altitudes in metres and pressures in pascals keep their digits.
-
-    Args:
-        values: Floats or tensors of any shape.
-
-    Returns:
-        Tensors in the order given.
-
-    Example:
-        >>> [v.dtype for v in as_tensors(1.0, torch.ones(2, dtype=torch.float32))]
-        [torch.float32, torch.float32]
     """
     like = None
     for value in values:
@@ -45,21 +35,11 @@ def _one(value: Number, dtype: torch.dtype, device: torch.device | None) -> Tens
 
 
 def safe_sqrt(value: Tensor) -> Tensor:
-    """Square root that is zero, with zero gradient, where the value is not positive (a standing aircraft).
-
-    Example:
-        >>> safe_sqrt(torch.tensor([0.0, 4.0])).tolist()
-        [0.0, 2.0]
-    """
+    """Square root that is zero, with zero gradient, where the value is not positive (a standing aircraft)."""
     positive = value > 0
     return torch.where(positive, torch.where(positive, value, 1.0).sqrt(), 0.0)
 
 
 def broadcast(*values: Tensor) -> list[Tensor]:
-    """Return every tensor expanded to the common shape.
-
-    Example:
-        >>> [tuple(v.shape) for v in broadcast(torch.ones(2, 1), torch.ones(3))]
-        [(2, 3), (2, 3)]
-    """
+    """Return every tensor expanded to the common shape."""
     return list(torch.broadcast_tensors(*values))  # type: ignore[no-untyped-call]

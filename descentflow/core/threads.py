@@ -16,12 +16,6 @@ def one_thread_unless_told() -> None:
     """Let torch use one thread, unless OMP_NUM_THREADS is set.
 
     Arrays of a few hundred flights are too small to share: on two busy cores a training step took nine times longer.
-
-    Example:
-        >>> import torch
-        >>> one_thread_unless_told()
-        >>> torch.get_num_threads() == 1 or "OMP_NUM_THREADS" in os.environ
-        True
     """
     import torch
 
@@ -31,14 +25,7 @@ def one_thread_unless_told() -> None:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Keep torch to one thread inside the block: on a few thousand numbers a second one costs ten times what it saves.
-
-    Example:
-        >>> import torch
-        >>> with one_thread():
-        ...     torch.get_num_threads()
-        1
-    """
+    """Keep torch to one thread inside the block: with a few thousand numbers a second one costs ten times its gain."""
     import torch
 
     threads = torch.get_num_threads()
@@ -54,14 +41,6 @@ def one_thread_where_they_spin() -> Iterator[None]:
     """Keep torch to one thread inside the block if its threads spin while they wait, see :data:`SPIN`.
 
     On two cores busy with other work a thousand descents took 1.7 s instead of 0.1 s, scores 75 s instead of 14 s.
-
-    Example:
-        >>> import torch
-        >>> @one_thread_where_they_spin()
-        ... def threads():
-        ...     return torch.get_num_threads()
-        >>> threads() in (1, torch.get_num_threads())
-        True
     """
     with one_thread() if SPIN else nullcontext():
         yield

@@ -55,13 +55,7 @@ class Speeds:
 
 @dataclass(frozen=True)
 class Company:
-    """The procedures of one company, for low, average and high masses.
-
-    Example:
-        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-        >>> apf_of(open_aircraft("A320")).default.high.des_mach
-        0.77
-    """
+    """The procedures of one company, for low, average and high masses."""
 
     code: str
     letters: str
@@ -74,13 +68,7 @@ class Company:
 
 @dataclass(frozen=True)
 class Apf:
-    """The content of an APF file.
-
-    Example:
-        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-        >>> apf_of(open_aircraft("A320")).typecode
-        'A320'
-    """
+    """The content of an APF file."""
 
     typecode: str
     companies: tuple[Company, ...]

@@ -12,12 +12,7 @@ _FIELD, _GAP = 10, 3
 
 @dataclass(frozen=True)
 class Line:
-    """One line with its file and number.
-
-    Example:
-        >>> Line(Path("A320__.OPF"), 21, "CD     .12260E+03").real(0, "wing area")
-        122.6
-    """
+    """One line with its file and number."""
 
     path: Path
     number: int
@@ -36,11 +31,7 @@ class Line:
         return self.text[first:last].strip()
 
     def integer(self, first: int, last: int, what: str) -> int:
-        """Whole number in a range of columns.
-
-        Raises:
-            AircraftError: If there is none.
-        """
+        """Whole number in a range of columns."""
         text = self.cut(first, last)
         if not text.isdecimal():
             self.fail(f"{what} {text!r}", f"a whole number in columns {first + 1} to {last}")
@@ -50,9 +41,6 @@ class Line:
         """Number in the given ``3X, E10.5`` field, counted from zero after column ``first``.
 
         The blanks on either side are checked too: a line that slipped by a column could read as another number.
-
-        Raises:
-            AircraftError: If the field is blank, is no number or is out of place.
         """
         start = first + place * (_GAP + _FIELD) + _GAP
         stop = start + _FIELD
@@ -70,16 +58,7 @@ class Line:
 
 
 def read_lines(path: Path) -> list[Line]:
-    """Read a whole file (Latin-1, any line ends).
-
-    Raises:
-        AircraftError: If the file cannot be opened.
-
-    Example:
-        >>> _ = Path("A320__.OPF").write_text(chr(10).join(["CC comment", "CD data"]))
-        >>> [line.text for line in read_lines(Path("A320__.OPF"))]
-        ['CC comment', 'CD data']
-    """
+    """Read a whole file (Latin-1, any line ends)."""
     try:
         text = path.read_bytes().decode("latin-1")
     except OSError as error:
@@ -92,16 +71,7 @@ def read_lines(path: Path) -> list[Line]:
 
 
 def data_lines(lines: list[Line]) -> list[Line]:
-    """Keep the lines that carry data: those that start with CD.
-
-    Raises:
-        AircraftError: If there is none.
-
-    Example:
-        >>> lines = [Line(Path("A320__.OPF"), 1, "CC comment"), Line(Path("A320__.OPF"), 2, "CD data")]
-        >>> [line.number for line in data_lines(lines)]
-        [2]
-    """
+    """Keep the lines that carry data: those that start with CD."""
     kept = [line for line in lines if line.text.startswith("CD")]
     if not kept:
         path = lines[0].path if lines else "file"
@@ -114,12 +84,7 @@ def data_lines(lines: list[Line]) -> list[Line]:
 
 
 def header(lines: list[Line], key: str) -> str:
-    """Text after ``key:`` in the comment lines, such as a modification date; empty where the file has none.
-
-    Example:
-        >>> header([Line(Path("A320__.OPF"), 1, "CC  Creation_date: Apr 30 2002 /")], "Creation_date")
-        'Apr 30 2002'
-    """
+    """Text after ``key:`` in the comment lines, such as a modification date; empty where the file has none."""
     for line in lines:
         if line.text.startswith("CC") and f"{key}:" in line.text:
             return line.text.split(f"{key}:", 1)[1].rstrip("/ ").strip()
@@ -127,15 +92,7 @@ def header(lines: list[Line], key: str) -> str:
 
 
 def e10(value: float) -> str:
-    """Write a number in BADA's ten columns: five digits, four when negative (``.58000E+02``, ``-.3885E+02``).
-
-    Raises:
-        AircraftError: If the number is not finite or too large or small for two digits of exponent.
-
-    Example:
-        >>> e10(58.0), e10(-38.85), e10(0.0)
-        ('.58000E+02', '-.3885E+02', '.00000E+00')
-    """
+    """Write a number in BADA's ten columns: five digits, four when negative (``.58000E+02``, ``-.3885E+02``)."""
     digits = 4 if value < 0 else 5
     if value == 0:
         return ".00000E+00"

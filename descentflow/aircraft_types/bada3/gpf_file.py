@@ -13,13 +13,7 @@ _PISTON = {"piston", "pst"}
 
 @dataclass(frozen=True)
 class GlobalRow:
-    """One parameter and the flights, engines and phases it holds for.
-
-    Example:
-        >>> _ = Path("BADA.GPF").write_text("CD acc_long_max civ jet,turbo,piston climb,des .20000E+01 /")
-        >>> sorted(read_gpf_rows("BADA.GPF")[0].phases)
-        ['climb', 'des']
-    """
+    """One parameter and the flights, engines and phases it holds for."""
 
     name: str
     flights: frozenset[str]
@@ -29,22 +23,7 @@ class GlobalRow:
 
 
 def read_gpf_rows(path: str | Path) -> tuple[GlobalRow, ...]:
-    """Read every parameter of a GPF file.
-
-    Args:
-        path: File ``BADA.GPF``.
-
-    Returns:
-        The rows in the file's order.
-
-    Raises:
-        AircraftError: If a line is out of its columns or holds no number; the message names file and line.
-
-    Example:
-        >>> _ = Path("BADA.GPF").write_text("CD acc_long_max civ jet,turbo,piston climb,des .20000E+01 /")
-        >>> [(row.name, row.value) for row in read_gpf_rows("BADA.GPF")]
-        [('acc_long_max', 2.0)]
-    """
+    """Read every parameter of a GPF file."""
     return tuple(_row(line) for line in data_lines(read_lines(Path(path))))
 
 

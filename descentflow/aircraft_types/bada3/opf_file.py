@@ -55,11 +55,6 @@ class Opf:
 
     ``numbers`` is keyed by the names of the coefficients, and by names of their own for what a descent does not use
     (ground dimensions, the unused fields), so that writing a file back gives the same file.
-
-    Example:
-        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-        >>> opf_of(open_aircraft("A320")).numbers["mass_reference_kg"]
-        61300.0
     """
 
     typecode: str

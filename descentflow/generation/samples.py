@@ -7,6 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import polars as pl
 import torch
 from torch import Tensor
@@ -223,6 +224,46 @@ class Samples(InNotebook):
 
 
 _ENDS = torch.tensor([0.05, 0.5, 0.95], dtype=torch.float64)
+
+
+@dataclass(frozen=True, repr=False)
+class GeneratedSamples(Samples):
+    """n descents that meet what was asked; all that :class:`Samples` does.
+
+    Attributes:
+        asked: What they meet, in words, with the level of every speed.
+        first: Number of the first; the others follow.
+        effective: (n,) effective proposals that each was chosen among, 1 for all where they are drawn in closed form.
+        proposals: Proposals that each was chosen among, at least; 1 in closed form.
+
+    Example:
+        >>> import descentflow as df
+        >>> one = df.Generator("best.ckpt", seed=1).next(entry_fl=330, cas_kt=(275, 285))
+        >>> one.asked, one.proposals
+        (('entry at FL330', 'cas_kt 275 to 285 at FL234'), 1)
+    """
+
+    asked: tuple[str, ...] = ()
+    first: int = 0
+    effective: np.ndarray = field(default_factory=lambda: np.ones(0))
+    proposals: int = 1
+
+    def __str__(self) -> str:
+        """The samples, what was asked, and the effective proposals."""
+        lines = [super().__str__(), "asked: " + ("; ".join(self.asked) or "nothing")]
+        if self.proposals > 1:
+            least, middle = float(self.effective.min()), float(np.median(self.effective))
+            lines.append(
+                f"each chosen among {self.proposals} proposals or more, {middle:.0f} of them effective (median; "
+                f"{least:.0f} at least)"
+                + "; under a Gaussian or a mixture clearances take 16 or one"
+                * (self.proposals > 16)
+            )
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        """As printed."""
+        return str(self)
 
 
 def origin_of(density: Density, seed: int) -> dict[str, str]:

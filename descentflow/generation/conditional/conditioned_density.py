@@ -6,7 +6,6 @@ from math import inf
 import numpy as np
 import torch
 from scipy.special import ndtri
-from torch import Tensor
 
 from descentflow.densities.density import Density
 from descentflow.densities.entry_gate import EntryGate
@@ -53,25 +52,26 @@ class FreeTarget:
 
     Args:
         density: What the weights are drawn from.
-        log_entries: (L,) log shares of the levels of entry.
-        context: (1, c) of the density; None if it takes none.
+        request: Of an entry and a context alone.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
         >>> model = load_model("best.ckpt")
-        >>> levels_fl = model.representation.decoder.levels_fl
-        >>> target = FreeTarget(model, torch.where(levels_fl == 330, 0.0, -torch.inf).numpy(), None)
+        >>> target = FreeTarget(model, Request(entry=180))
         >>> drawn = target.draw(np.full((1, target.width), 0.5))
-        >>> bool(levels_fl[drawn.flown.entry[0]] == 330), drawn.u.shape[1] == target.width - 2
-        (True, True)
+        >>> drawn.flown.entry, drawn.u.shape[1] == target.width - 2
+        (tensor([180]), True)
     """
 
     proposals = 1
 
-    def __init__(self, density: Density, log_entries: Array, context: Tensor | None) -> None:
+    def __init__(self, density: Density, request: Request) -> None:
         """Hold what is drawn of."""
-        self.density, self.context, self.decoder = density, context, density.representation.decoder
-        self.up_to = np.exp(log_entries).cumsum()
+        self.density, self.context, self.decoder = density, request.context, density.representation.decoder
+        shares = np.exp(entry_shares(density.representation.plausibility))
+        if request.entry is not None:
+            shares = (np.arange(len(shares)) == request.entry).astype(np.float64)
+        self.up_to = shares.cumsum()
         self.width = 2 + self.decoder.dimension + self.decoder.n_white
 
     @torch.no_grad()

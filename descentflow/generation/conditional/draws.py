@@ -13,6 +13,7 @@ from descentflow.generation.conditional.latent_density import Array
 from descentflow.generation.samples import RejectionReport
 from descentflow.representation.decoder.trajectories import Trajectories, concatenate
 from descentflow.representation.plausibility import RULES
+from descentflow.representation.representation import Representation
 
 FIRST_STREAM = 1 << 32
 """Streams of random numbers below it are those of corrections."""
@@ -67,6 +68,38 @@ Judge = Callable[[Trajectories, np.ndarray], np.ndarray]
 """Rules (n, r) that descents break; the second argument is each one's number."""
 
 
+def judge_of(representation: Representation, seed: int, *, flown: bool) -> Judge:
+    """The bounds of a model; after a part was flown only whether descents go on to descend, as prediction asks.
+
+    Args:
+        representation: The model's.
+        seed: Of corrections.
+        flown: Whether a part was flown.
+    """
+
+    def broken(descents: Trajectories, numbers: np.ndarray) -> np.ndarray:
+        whole = corrected(representation, seed, descents, numbers)
+        found: np.ndarray = representation.plausibility.broken_rules(whole).numpy()
+        return found
+
+    def rises(descents: Trajectories, numbers: np.ndarray) -> np.ndarray:
+        rules = np.zeros((len(numbers), len(RULES)), dtype=bool)
+        rules[:, RULES.index("descends_too_slowly")] = (~(descents.rate_mps < 0) & descents.mask).any(1).numpy()
+        return rules
+
+    return rises if flown else broken
+
+
+def corrected(representation: Representation, seed: int, flown: Trajectories, numbers: np.ndarray) -> Trajectories:
+    """Descents with the effects of a correction, of which each has its part by its number (n,)."""
+    correction, aircraft = representation.correction, representation.decoder.aircraft
+    if correction is None:
+        return flown
+    each = (flown.subset(torch.tensor([i])) for i in range(len(flown)))
+    drawn = (DrawNumbers(seed, int(number)) for number in numbers)
+    return concatenate([correction.apply(aircraft, *both) for both in zip(each, drawn, strict=True)])
+
+
 class Accepted(NamedTuple):
     """n draws, the effective ones (n,) of as many proposals or more that each was chosen among, and the account.
 
@@ -119,9 +152,8 @@ def accepted(target: Target, seed: int, numbers: np.ndarray, judge: Judge) -> Ac
         >>> from descentflow.generation.conditional.conditioned_density import conditioned_target
         >>> model = load_model("best.ckpt")
         >>> target = conditioned_target(Request(entry=180), latent_density(model, None), model)
-        >>> bounds = model.representation.plausibility
-        >>> found = accepted(target, 0, np.arange(50), lambda flown, _: bounds.broken_rules(flown).numpy())
-        >>> found.report.accepted, bool(bounds.broken_rules(found.drawn.flown).any())
+        >>> found = accepted(target, 0, np.arange(50), judge_of(model.representation, 0, flown=False))
+        >>> found.report.accepted, bool(model.representation.plausibility.broken_rules(found.drawn.flown).any())
         (50, False)
     """
     equal = target.proposals == 1

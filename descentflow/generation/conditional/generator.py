@@ -3,7 +3,7 @@
 import threading
 from collections.abc import Mapping
 from copy import deepcopy
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Annotated, Any, TypedDict, Unpack
 
 import numpy as np
@@ -11,30 +11,26 @@ import polars as pl
 import torch
 
 from descentflow.core.arguments import Count, Numbered, Within, checked_arguments
-from descentflow.core.counter_random import DrawNumbers
 from descentflow.core.errors import ConfigError
 from descentflow.core.threads import one_thread_where_they_spin
 from descentflow.densities.checkpoint import as_density
 from descentflow.densities.density import Density
 from descentflow.generation.conditional.conditioned_density import (
-    PROPOSALS,
     ConditionedTarget,
     FreeTarget,
     NothingPlausible,
     conditioned_target,
-    entry_shares,
 )
 from descentflow.generation.conditional.constraints import Band, BySpeed, Request, point_asked, speeds_asked
-from descentflow.generation.conditional.draws import Accepted, Judge, NoneLeft, accepted
+from descentflow.generation.conditional.draws import Accepted, NoneLeft, accepted, corrected, judge_of
 from descentflow.generation.conditional.flown_so_far import FlownSoFar, flown_so_far
 from descentflow.generation.conditional.latent_density import LatentDensity, latent_density, latent_density_after
 from descentflow.generation.conditional.nearest_plausible import implausible
 from descentflow.generation.given_temperature import given_deviation_k, in_given_air
 from descentflow.generation.sample_contexts import context_rows, entry_levels
-from descentflow.generation.samples import Samples, origin_of
-from descentflow.representation.decoder.trajectories import Trajectories, concatenate
+from descentflow.generation.samples import GeneratedSamples, origin_of
+from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.representation.own_air import check_standard_air
-from descentflow.representation.plausibility import RULES
 
 NoiseMultiple = Annotated[float, Within(1e-4, 1e4)]
 """Of a variance: a hundredth of the noise, to a hundred times it."""
@@ -62,46 +58,6 @@ class Asked(TypedDict, total=False):
     context: Mapping[str, Any] | pl.DataFrame | None
     flown: FlownSoFar | None
     number: int | None
-
-
-@dataclass(frozen=True, repr=False)
-class GeneratedSamples(Samples):
-    """n descents that meet what was asked; all that :class:`~descentflow.generation.samples.Samples` does.
-
-    Attributes:
-        asked: What they meet, in words, with the level of every speed.
-        first: Number of the first; the others follow.
-        effective: (n,) effective proposals that each was chosen among, 1 for all where they are drawn in closed form.
-        proposals: Proposals that each was chosen among, at least; 1 in closed form.
-
-    Example:
-        >>> import descentflow as df
-        >>> one = df.Generator("best.ckpt", seed=1).next(entry_fl=330, cas_kt=(275, 285))
-        >>> one.asked, one.proposals
-        (('entry at FL330', 'cas_kt 275 to 285 at FL234'), 1)
-    """
-
-    asked: tuple[str, ...] = ()
-    first: int = 0
-    effective: np.ndarray = field(default_factory=lambda: np.ones(0))
-    proposals: int = 1
-
-    def __str__(self) -> str:
-        """The samples, what was asked, and the effective proposals."""
-        lines = [super().__str__(), "asked: " + ("; ".join(self.asked) or "nothing")]
-        if self.proposals > 1:
-            least, middle = float(self.effective.min()), float(np.median(self.effective))
-            lines.append(
-                f"each chosen among {self.proposals} proposals or more, {middle:.0f} of them effective (median; "
-                f"{least:.0f} at least)"
-                + "; under a Gaussian or a mixture clearances take 16 or one"
-                * (self.proposals > PROPOSALS)
-            )
-        return "\n".join(lines)
-
-    def __repr__(self) -> str:
-        """As printed."""
-        return str(self)
 
 
 class Generator:
@@ -238,7 +194,7 @@ class Generator:
             self._next += n if number is None else 0
         numbers = np.arange(first, first + n)
         found = self._accepted(request, numbers)
-        descents = self._corrected(found.drawn.flown, numbers)
+        descents = corrected(self.representation, self.seed, found.drawn.flown, numbers)
         return GeneratedSamples(
             found.drawn.u[:, : self.decoder.dimension].clone(),
             in_given_air(descents, torch.full((n,), request.deviation_k)) if request.deviation_k else descents,
@@ -292,7 +248,12 @@ class Generator:
     def _accepted(self, request: Request, numbers: np.ndarray) -> Accepted:
         culprit = request.speeds[-1] if request.speeds else None
         try:
-            return accepted(self._target(request), self.seed, numbers, self._judge(request))
+            return accepted(
+                self._target(request),
+                self.seed,
+                numbers,
+                judge_of(self.representation, self.seed, flown=request.flown is not None),
+            )
         except NothingPlausible as error:
             culprit = error.culprit
         except NoneLeft:
@@ -309,30 +270,6 @@ class Generator:
 
         raise implausible(request, culprit, draws, self.levels_fl)
 
-    def _judge(self, request: Request) -> Judge:
-        """The bounds; after a part was flown only whether descents go on to descend, as prediction asks."""
-
-        def broken(flown: Trajectories, numbers: np.ndarray) -> np.ndarray:
-            found: np.ndarray = self.bounds.broken_rules(self._corrected(flown, numbers)).numpy()
-            return found
-
-        def rises(flown: Trajectories, numbers: np.ndarray) -> np.ndarray:
-            rules = np.zeros((len(flown), len(RULES)), dtype=bool)
-            rules[:, RULES.index("descends_too_slowly")] = (~(flown.rate_mps < 0) & flown.mask).any(1).numpy()
-            return rules
-
-        return broken if request.flown is None else rises
-
-    def _corrected(self, flown: Trajectories, numbers: np.ndarray) -> Trajectories:
-        """Descents with the effects of a correction, of which each has its part by its number."""
-        correction = self.representation.correction
-        if correction is None:
-            return flown
-        aircraft = self.decoder.aircraft
-        each = (flown.subset(torch.tensor([i])) for i in range(len(flown)))
-        numbered = (DrawNumbers(self.seed, int(number)) for number in numbers)
-        return concatenate([correction.apply(aircraft, *both) for both in zip(each, numbered, strict=True)])
-
     def _target(self, request: Request) -> ConditionedTarget | FreeTarget:
         """The density given a request, kept for the next call that asks the same."""
         if request.flown is not None:
@@ -347,10 +284,7 @@ class Generator:
 
     def _made(self, request: Request) -> ConditionedTarget | FreeTarget:
         if request.is_free and self.density.mixture is None:
-            shares = entry_shares(self.bounds)
-            if request.entry is not None:
-                shares = np.where(np.arange(len(shares)) == request.entry, 0.0, -np.inf)
-            return FreeTarget(self.density, shares, request.context)
+            return FreeTarget(self.density, request)
         if (latent := self._latent.get(request.key)) is None:
             latent = self._latent[request.key] = latent_density(self.density, request.context, self.seed)
         return conditioned_target(request, latent, self.density)

@@ -1,7 +1,7 @@
 """Densities over the weights of a flight: log density, sampling and checkpoints; :mod:`descentflow.training` fits them.
 
 Reading order: :mod:`~descentflow.densities.density` (what every density offers),
-:mod:`~descentflow.densities.transformed` (those that map standard normals), :mod:`~descentflow.densities.gaussian`,
+:mod:`~descentflow.densities.gaussian` (those that map standard normals, and the simplest of them),
 :mod:`~descentflow.densities.mixture` (with :mod:`~descentflow.densities.entry_gate` and
 :mod:`~descentflow.densities.mixture_parameters`), :mod:`~descentflow.densities.em` (its fit; the steps are in
 :mod:`~descentflow.densities.em_steps` and :mod:`~descentflow.densities.regression_steps`),

@@ -6,8 +6,8 @@ import normflows as nf
 import torch
 from torch import Tensor, nn
 
-from descentflow.densities.affine_pass import AffinePass
-from descentflow.densities.flow_draw import FlowDraw
+from descentflow.densities.affine_pass import AffinePass, FlowDraw
+from descentflow.densities.gaussian import TransformedDensity, standard_normal
 from descentflow.densities.importance import widened
 from descentflow.densities.layers import (
     Bounded,
@@ -22,7 +22,6 @@ from descentflow.densities.layers import (
     turned_linear,
 )
 from descentflow.densities.mixture_parameters import Mixture, log_observed
-from descentflow.densities.transformed import TransformedDensity, standard_normal
 from descentflow.densities.weight_draws import WeightDraw
 from descentflow.representation.evidence import Evidence
 

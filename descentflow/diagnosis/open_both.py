@@ -166,7 +166,7 @@ def _with_model(
 ) -> Opened:
     # Here and not above: a comparison of flights with flights must not pay for models.
     from descentflow.diagnosis.open_simulator import input_of_model, open_simulator, own_flights, without_weather
-    from descentflow.representation.comparable_descents import comparable_descents
+    from descentflow.representation.encode_flights import comparable_descents
 
     if source.bada_dir is not None:
         raise ConfigError(

@@ -16,8 +16,7 @@ from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.scores import score
 from descentflow.generation.rejection import Sampler, sample_descents
 from descentflow.physics.nominal_descent import nominal_descent
-from descentflow.representation.comparable_descents import comparable_descents, tell_other_types
-from descentflow.representation.encode_flights import encode_flights
+from descentflow.representation.encode_flights import comparable_descents, encode_flights, tell_other_types
 from descentflow.representation.own_air import AirSource
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation

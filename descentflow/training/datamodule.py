@@ -21,11 +21,11 @@ from descentflow.core.progress import stage as progress_stage
 from descentflow.core.row_runs import first_rows
 from descentflow.measurements.quantities import reference_state
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.representation.comparable_descents import comparable_descents
 from descentflow.representation.context import ContextEncoder
 from descentflow.representation.context_columns import without_missing
 from descentflow.representation.encode_flights import (
     EncodedFlights,
+    comparable_descents,
     context_of,
     encode_flights,
     encode_parts,

@@ -8,8 +8,8 @@ from torch import Tensor
 from descentflow.representation.fpca import ppca
 from descentflow.representation.fpca.complete import leading, mean_and_covariance
 from descentflow.representation.fpca.gappy import GappyFPCA
-from descentflow.representation.fpca.judged_by_others import LENGTHS, hide, missed
 from descentflow.representation.fpca.mask_groups import MaskGroups, group_masks
+from descentflow.representation.fpca.roughness import LENGTHS, hide, missed
 
 
 def normal(*shape: int, seed: int = 0) -> Tensor:

@@ -16,8 +16,7 @@ from descentflow.physics.airspeed import cas_to_tas_mps
 from descentflow.representation.fit_representation import fit_representation
 from descentflow.representation.fpca import ppca
 from descentflow.representation.fpca.gappy import GappyFPCA
-from descentflow.representation.fpca.judged_by_others import roughness_and_length
-from descentflow.representation.fpca.roughness import smoothed, smoother
+from descentflow.representation.fpca.roughness import roughness_and_length, smoothed, smoother
 from descentflow.representation.linear_curves import evidence_of
 from descentflow.representation.plausibility import (
     MANY,

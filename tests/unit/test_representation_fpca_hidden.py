@@ -8,7 +8,7 @@ from torch import Tensor
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.units import KT_MPS
 from descentflow.representation.fpca.gappy import GappyFPCA
-from descentflow.representation.fpca.judged_by_others import MIN_SHARE_SHOWN, hide
+from descentflow.representation.fpca.roughness import MIN_SHARE_SHOWN, hide
 from studies.paper.figures.hidden_errors import gappy_figure
 from studies.paper.hidden_levels import METHODS, hidden_errors
 

@@ -8,9 +8,8 @@ from scipy.stats import binomtest, kstest, multivariate_normal, norm
 from test_residual_law import GROUPS, LAW, MIXTURE, TRILS, D, R, normal, observed
 from torch import Tensor
 
-from descentflow.densities import learn_residual_scales as learning
-from descentflow.densities.learn_residual_law import learn_residual_law
-from descentflow.densities.learn_residual_scales import learn_residual_scales
+from descentflow.densities import learn_residual_law as learning
+from descentflow.densities.learn_residual_law import learn_residual_law, learn_residual_scales
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.residual_law import ResidualLaw, given_component
@@ -71,7 +70,7 @@ def learnt(n: int) -> ResidualLaw:
 
 def test_known_scales_are_found_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of 3,000 flights. Three scales for two: variance and kurtosis of the law are asked for, not its parts."""
-    monkeypatch.setattr(learning, "MOST_FLIGHTS", 3000)
+    monkeypatch.setattr(learning, "MOST_OF_SCALES", 3000)
     found = learnt(3000)
     scales = found.scales * found.spread[0] / LAW.spread[0]
     second, fourth = (found.scale_probs @ scales**power for power in (2, 4))
@@ -97,7 +96,7 @@ def test_no_step_makes_flights_less_probable() -> None:
     shares, law, values = shares_of(u), learnt(500), []
     start = ResidualLaw(LAW.offset, LAW.slope, LAW.spread, law.scales**0.2, torch.ones(3).double() / 3)
     for _ in range(12):
-        value, start = learning._step(information, GROUPS, MIXTURE, shares, start, None)
+        value, start = learning._scale_step(information, GROUPS, MIXTURE, shares, start, None)
         values.append(value)
     assert all(later > before - 0.01 for before, later in pairwise(values))
     assert values[-1] > values[0] + 0.05

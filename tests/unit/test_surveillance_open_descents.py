@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 from descentflow.core.errors import DataError, DescentflowWarning
-from descentflow.representation.comparable_descents import comparable_descents
+from descentflow.representation.encode_flights import comparable_descents
 from descentflow.representation.read_checkpoint import load_representation
 from descentflow.representation.representation import Representation
 from descentflow.simulation.world import simulate

@@ -9,7 +9,7 @@ from scipy.special import ndtri
 
 from descentflow.densities.density import Density
 from descentflow.densities.entry_gate import EntryGate
-from descentflow.densities.transformed import TransformedDensity
+from descentflow.densities.gaussian import TransformedDensity
 from descentflow.generation.conditional.constraints import Request, SpeedAsked
 from descentflow.generation.conditional.draws import Drawn
 from descentflow.generation.conditional.latent_density import Array, LatentDensity

@@ -29,8 +29,12 @@ from descentflow.positions.ground_path import Point
 from descentflow.positions.ground_plan import NOWHERE, GroundPlan, ground_plan
 from descentflow.positions.wind import Wind
 from descentflow.reporting.in_notebook import InNotebook
-from descentflow.representation.comparable_descents import comparable_descents, tell_other_types
-from descentflow.representation.encode_flights import EncodedFlights, encode_flights
+from descentflow.representation.encode_flights import (
+    EncodedFlights,
+    comparable_descents,
+    encode_flights,
+    tell_other_types,
+)
 from descentflow.representation.profiles import Profiles
 
 if TYPE_CHECKING:

@@ -4,5 +4,5 @@ Reading order: :mod:`~descentflow.representation.fpca.gappy` (fit),
 :mod:`~descentflow.representation.fpca.basis` (what a checkpoint keeps, and how many components),
 :mod:`~descentflow.representation.fpca.ppca` (probabilistic PCA),
 :mod:`~descentflow.representation.fpca.iterative` (the paper's own algorithm),
-:mod:`~descentflow.representation.fpca.judged_by_others` (how far extrapolated levels are trusted).
+:mod:`~descentflow.representation.fpca.roughness` (smoothness, and how far extrapolated levels are trusted).
 """

@@ -4,8 +4,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from descentflow.representation.fpca.judged_by_others import TUNING_FLIGHTS, Fit, roughness_and_length
 from descentflow.representation.fpca.ppca import LEAST_NOISE, PPCA
+from descentflow.representation.fpca.roughness import TUNING_FLIGHTS, Fit, roughness_and_length
 
 LEAST_SPREAD = 1e-4
 """Share of the mean square at a level that is variance: below it, taking the mean off the products costs digits."""

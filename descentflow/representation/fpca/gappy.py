@@ -13,8 +13,7 @@ from descentflow.representation.fpca import ppca
 from descentflow.representation.fpca.basis import FunctionalBasis, explained_share, number_of_components
 from descentflow.representation.fpca.complete import CompleteProfiles
 from descentflow.representation.fpca.iterative import MAX_GROWTH, iterate
-from descentflow.representation.fpca.judged_by_others import roughness_and_length
-from descentflow.representation.fpca.roughness import smoothed
+from descentflow.representation.fpca.roughness import roughness_and_length, smoothed
 
 Method = Literal["ppca", "iterative"]
 MAX_ITERATIONS = 100
@@ -108,7 +107,7 @@ class GappyFPCA:
             method: ``ppca`` or ``iterative``.
             latent_dimension: First latent dimension tried; doubled until the wanted share is explained.
             learn_constants: Whether the weight of the prior against roughness and the length of the noise are learnt
-                from flights left out (:mod:`~descentflow.representation.fpca.judged_by_others`); without, levels are
+                from flights left out (:mod:`~descentflow.representation.fpca.roughness`); without, levels are
                 taken as they are, and one by one. Of complete profiles the components are the same.
         """
         self.explained_variance = explained_variance

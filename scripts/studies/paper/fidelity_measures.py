@@ -29,8 +29,7 @@ from descentflow.evaluation.metrics.classifier import pairs_by_entry
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.noise_floor import split_distances
 from descentflow.generation.prediction.predict import predict
-from descentflow.representation.comparable_descents import comparable_descents
-from descentflow.representation.encode_flights import encode_flights, split_by_model
+from descentflow.representation.encode_flights import comparable_descents, encode_flights, split_by_model
 from descentflow.surveillance.descents.prepared_descents import read_descents
 from studies.paper.study_plan import StudyPlan
 

@@ -10,8 +10,8 @@ from descentflow.core.errors import DataError
 from descentflow.core.units import FL_M
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.gappy import GappyFPCA
-from descentflow.representation.fpca.judged_by_others import Pattern, hide
 from descentflow.representation.fpca.ppca import observed_mean
+from descentflow.representation.fpca.roughness import Pattern, hide
 
 PATTERNS: tuple[Pattern, ...] = ("top", "random", "slow")
 """Gaps that do not depend on the flight, and tops that slow flights alone do not show."""

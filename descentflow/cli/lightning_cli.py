@@ -28,11 +28,12 @@ from descentflow.training.callbacks.kept_epochs import KeptEpochs, WholeCheckpoi
 from descentflow.training.callbacks.log_prob_writer import WriteLogProb
 from descentflow.training.callbacks.score_callback import ScoreCallback
 from descentflow.training.callbacks.show_progress import ShowProgress
-from descentflow.training.data_settings import grouped
+from descentflow.training.data_settings import grouped, groups_of
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.final_fit import fit_to_all
 from descentflow.training.models import LatentModel
 from descentflow.training.models.latent_model import check_precision
+from descentflow.training.models.optimizers import FlowSteps
 from descentflow.training.quiet import quiet
 from descentflow.training.run_folders import (
     UNNAMED,
@@ -54,8 +55,10 @@ NOTHING_KEPT = (
 )
 
 
-GROUPED = re.compile(r"(?<=^--data\.)\w+")
-"""Name of an option of the data, which may be that of a setting in a group."""
+GROUPS: dict[str, dict[str, type]] = {"data": groups_of(DescentDataModule), "model": {"steps": FlowSteps}}
+"""Groups of settings, of which a setting needs not name its own."""
+GROUPED = re.compile(r"^--(data|model)\.(init_args\.)?(\w+)")
+"""Option that may be that of a setting in a group."""
 
 
 class DescentCLI(LightningCLI):
@@ -281,8 +284,9 @@ def _in_group(name: re.Match[str]) -> str:
         >>> GROUPED.sub(_in_group, "--data.split_by=aircraft"), GROUPED.sub(_in_group, "--data.air=measured")
         ('--data.split.split_by=aircraft', '--data.air=measured')
     """
-    ((place, value),) = grouped({name[0]: None}, DescentDataModule).items()
-    return place if value is None else f"{place}.{name[0]}"
+    section, inside, own = name.groups("")
+    ((place, value),) = grouped({own: None}, GROUPS[section]).items()
+    return f"--{section}.{inside}{place}" + ("" if value is None else f".{own}")
 
 
 def _settings(name: str) -> str:
@@ -296,10 +300,19 @@ def _settings(name: str) -> str:
                 expected="settings by name, or the name of a YAML file of them",
                 mend=f"write lines of `NAME: VALUE` indented under `{section}:`, or leave the section out",
             )
-    data = settings.get("data")
-    if not isinstance(data, dict) or (in_groups := grouped(data, DescentDataModule)) == data:
-        return str(path)
-    return settings_text({**settings, "data": in_groups})
+    in_groups = _in_groups(settings)
+    return str(path) if in_groups == settings else settings_text(in_groups)
+
+
+def _in_groups(settings: dict[str, Any]) -> dict[str, Any]:
+    """Sections with the settings of data and model in their groups."""
+    data, model = settings.get("data"), settings.get("model")
+    found = dict(settings)
+    if isinstance(data, dict):
+        found["data"] = grouped(data, GROUPS["data"])
+    if isinstance(model, dict) and isinstance(model.get("init_args"), dict):
+        found["model"] = {**model, "init_args": grouped(model["init_args"], GROUPS["model"])}
+    return found
 
 
 def _class_path(name: str) -> str:
@@ -363,11 +376,10 @@ def _settings_beside(checkpoint: str, needed: bool) -> list[str]:
         if needed:
             raise
         return []
-    sections = {"data": grouped(run.get("data") or {}, DescentDataModule), "scores": run.get("scores") or {}}
     return [
         f"--{section}.{name}={value if isinstance(value, str) else json.dumps(value)}"
-        for section, settings in sections.items()
-        for name, value in settings.items()
+        for section in ("data", "scores")
+        for name, value in dict(_in_groups(run).get(section) or {}).items()
         if value is not None
     ]
 

@@ -63,15 +63,16 @@ def groups_of(kind: type) -> dict[str, type]:
     return {name: group for name, group in usual.items() if is_dataclass(group)}
 
 
-def grouped(options: Mapping[str, Any], kind: type) -> dict[str, Any]:
-    """Options of a class with those in their groups that are given by a flat name.
+def grouped(options: Mapping[str, Any], groups: Mapping[str, type]) -> dict[str, Any]:
+    """Options with those in their groups that are given by a flat name.
 
     Example:
         >>> from descentflow.training.datamodule import DescentDataModule
-        >>> grouped({"seed": 3, "air": "measured", "split": {"split_by": "aircraft"}}, DescentDataModule)
+        >>> options = {"seed": 3, "air": "measured", "split": {"split_by": "aircraft"}}
+        >>> grouped(options, groups_of(DescentDataModule))
         {'air': 'measured', 'split': {'split_by': 'aircraft', 'seed': 3}}
     """
-    group_of = {one.name: name for name, group in groups_of(kind).items() for one in fields(group)}
+    group_of = {one.name: name for name, group in groups.items() for one in fields(group)}
     found = {name: value for name, value in options.items() if name not in group_of}
     for name, value in options.items():
         if name in group_of:
@@ -94,5 +95,5 @@ def with_groups(options: Mapping[str, Any], kind: type) -> dict[str, Any]:
     groups = groups_of(kind)
     return {
         name: groups[name](**value) if name in groups and isinstance(value, Mapping) else value
-        for name, value in grouped(options, kind).items()
+        for name, value in grouped(options, groups).items()
     }

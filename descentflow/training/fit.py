@@ -117,14 +117,15 @@ def fit(
 
 def _data_module(source: Any, settings: dict[str, Any], options: dict[str, Any]) -> DescentDataModule:
     """The DataModule that was passed, or one with the options of the call over those of the settings."""
-    groups = groups_of(DescentDataModule).values()
-    known = {*signature(DescentDataModule).parameters, *(one.name for group in groups for one in fields(group))}
+    groups = groups_of(DescentDataModule)
+    flat = {one.name for group in groups.values() for one in fields(group)}
+    known = {*signature(DescentDataModule).parameters, *flat}
     known -= {"descents"}
     for name in options:
         if name not in known:
             raise _no_option(name, known | OWN_OPTIONS)
     if not isinstance(source, DescentDataModule):
-        usual = grouped(settings, DescentDataModule)
+        usual = grouped(settings, groups)
         return DescentDataModule(source, **with_groups(usual | options, DescentDataModule))
     if options:
         raise ConfigError(

@@ -58,13 +58,16 @@ def test_a_fit_without_a_config_stops_by_itself_in_a_folder_named_after_its_mode
 
 def test_a_setting_in_a_group_has_its_flat_name_in_files_and_words(tmp_path: Path, capsys) -> None:
     (tmp_path / "mine.yaml").write_text(
-        "model: {class_path: descentflow.training.models.Gaussian}\n"
+        "model: {class_path: descentflow.training.models.MaskedAffineFlow, init_args: {caution: 0.5}}\n"
         "data: {test_fraction: 0.3, split: {seed: 5, split_by: aircraft}, batch_size: 64}\n"
     )
     words = ["--config", str(tmp_path / "mine.yaml"), "--data.descents=d", "--data.seed", "7", "--data.gaps=filled"]
+    words += ["--model.shrinkage=100", "--model.init_args.n_draws", "4"]
     with pytest.raises(SystemExit):
         main(["fit", *words, "--data.batches.fewest_batches=2", "--print_config"])
-    data = yaml.safe_load(capsys.readouterr().out)["data"]
+    found = yaml.safe_load(capsys.readouterr().out)
+    data, steps = found["data"], found["model"]["init_args"]["steps"]
+    assert steps == {"weight_decay": 1e-5, "shrinkage": 100.0, "caution": 0.5, "n_draws": 4, "max_steps": 3000}
     split = {"test_fraction": 0.3, "validation_fraction": 0.1, "split_by": "aircraft", "seed": 7}
     assert (data["split"], data["batches"]) == (split, {"batch_size": 64, "fewest_batches": 2})
     assert data["components"]["gaps"] == "filled"

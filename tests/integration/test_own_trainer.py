@@ -17,6 +17,7 @@ from descentflow.training.callbacks.score_callback import ScoreCallback
 from descentflow.training.data_settings import BatchSettings
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
+from descentflow.training.models.optimizers import FlowSteps
 from descentflow.training.splitting import SplitSettings
 
 pytestmark = pytest.mark.usefixtures("components_once", "plain_figures")
@@ -161,7 +162,8 @@ def test_no_epoch_is_no_training(made: type[LatentModel[Any]], tmp_path: Path, d
 
 
 @pytest.mark.parametrize(
-    "model", [MaskedAffineFlow(n_flows=1, max_steps=None), GaussianMixture(training="svi", n_clusters=2)]
+    "model",
+    [MaskedAffineFlow(n_flows=1, steps=FlowSteps(max_steps=None)), GaussianMixture(training="svi", n_clusters=2)],
 )
 def test_a_fit_that_nothing_ends_is_refused(model: LatentModel[Any], tmp_path: Path, data: DescentDataModule) -> None:
     with pytest.raises(ConfigError, match=r"without a last epoch \(max_epochs -1\).*a number of epochs"):

@@ -8,6 +8,7 @@ from lightning.pytorch import Callback, LightningModule, Trainer
 from descentflow.core.errors import DescentflowWarning
 from descentflow.training.models import MaskedAffineFlow, SplineFlow
 from descentflow.training.models.flow_model import FEWEST_FLIGHTS
+from descentflow.training.models.optimizers import FlowSteps
 
 D = 3
 
@@ -33,7 +34,7 @@ class Rates(Callback):
 @pytest.mark.parametrize(("max_steps", "epochs"), [(None, 6), (9, 4), (8, 4), (100, 6), (1, 1)])
 def test_steps_end_training_with_a_whole_epoch(max_steps: int | None, epochs: int) -> None:
     seen, data = Rates(), toys.WeightsModule(weights(100), weights(20, 1), batch_size=50)
-    toys.fit(MaskedAffineFlow(n_flows=1, max_steps=max_steps), data, 6, callbacks=[seen])
+    toys.fit(MaskedAffineFlow(n_flows=1, steps=FlowSteps(max_steps=max_steps)), data, 6, callbacks=[seen])
     assert len(seen.rates) == epochs
     assert seen.steps == 2 * epochs
     if epochs > 1:
@@ -57,7 +58,6 @@ def test_with_too_few_flights_a_flow_is_its_gaussian(kind: type[MaskedAffineFlow
 
 def test_one_flight_more_is_trained() -> None:
     held_out = weights(50, 1)
-    model = toys.fit(
-        MaskedAffineFlow(n_flows=2, caution=0.0), toys.WeightsModule(weights(FEWEST_FLIGHTS * D), held_out), 3
-    )
+    flow, few = MaskedAffineFlow(n_flows=2, steps=FlowSteps(caution=0.0)), weights(FEWEST_FLIGHTS * D)
+    model = toys.fit(flow, toys.WeightsModule(few, held_out), 3)
     assert model.trainer.current_epoch == 3

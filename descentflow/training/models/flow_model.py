@@ -2,10 +2,11 @@
 
 import warnings
 from abc import ABC
+from dataclasses import asdict
 from typing import Any, TypeVar
 
 import torch
-from jsonargparse.typing import NonNegativeFloat, PositiveFloat, PositiveInt
+from jsonargparse.typing import PositiveFloat, PositiveInt
 from lightning.pytorch.utilities.types import OptimizerLRSchedulerConfig
 from torch import Tensor
 
@@ -17,7 +18,7 @@ from descentflow.densities.importance import estimate, propose, widened
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.regression_steps import regression
 from descentflow.training.models.latent_model import Batch, LatentModel, training_flights
-from descentflow.training.models.optimizers import adam_with_cosine
+from descentflow.training.models.optimizers import FlowSteps, SplineSteps, adam_with_cosine
 
 F = TypeVar("F", bound=FlowDensity)
 BEST = "best_epoch"
@@ -37,8 +38,9 @@ class _Flow(LatentModel[F], ABC):
     errors of its difference from the Gaussian's. With few flights a gain must be larger to be believed.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, steps: FlowSteps) -> None:
         super().__init__()
+        self.steps = steps
         self._restored = False
         self._by_flight: list[Tensor] = []
         self._wide: Mixture | None = None
@@ -55,7 +57,7 @@ class _Flow(LatentModel[F], ABC):
             loss = self.nll(batch)
         else:
             seed = self.seed_of_batch(batch_index)
-            proposals = propose(self._proposing(), evidence, int(self.hparams["n_draws"]), context, seed)
+            proposals = propose(self._proposing(), evidence, int(self.steps.n_draws), context, seed)
             found = estimate(self.density.log_prob, proposals, context)
             loss = -found.log_prob.mean()
             self.log(
@@ -113,7 +115,7 @@ class _Flow(LatentModel[F], ABC):
         log_prob, base = torch.cat(self._by_flight, 1)
         self._by_flight = []
         error = (log_prob - base).std() / len(base) ** 0.5 if self.density.whitened and len(base) > 1 else 0.0
-        bound = -log_prob.mean() + self.hparams["caution"] * error
+        bound = -log_prob.mean() + self.steps.caution * error
         self.log("val/bound", bound, sync_dist=True, batch_size=len(base))
         counts = self.trainer.state.fn == "fit" and not self.trainer.sanity_checking
         if counts and (self._best is None or float(bound) < self._best[0]):
@@ -137,14 +139,12 @@ class _Flow(LatentModel[F], ABC):
                 start = one.locs[0], slope, one.scale_trils[0]
             self.density.whiten(*start)
         # Built-in floats: the optimizer's state keeps them, and a checkpoint holds primitives only.
-        decay = float(self.hparams["weight_decay"] + self.hparams["shrinkage"] / len(evidence))
+        decay = float(self.steps.weight_decay + self.steps.shrinkage / len(evidence))
         few = self.density.whitened and len(evidence) < FEWEST_FLIGHTS * self.density.dimension
         if few:
             self._stay(len(evidence))
         rate = 0.0 if few else float(self.hparams["learning_rate"])
-        return adam_with_cosine(
-            self, rate, decay, still_first=self.density.whitened, max_steps=self.hparams["max_steps"]
-        )
+        return adam_with_cosine(self, rate, decay, still_first=self.density.whitened, max_steps=self.steps.max_steps)
 
     def _stay(self, n_flights: int) -> None:
         """End the fit with the Gaussian, and say why."""
@@ -185,14 +185,10 @@ class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
         n_flows: PositiveInt = 5,
         hidden_per_weight: PositiveInt = 2,
         learning_rate: PositiveFloat = 3e-3,
-        weight_decay: NonNegativeFloat = 1e-5,
-        shrinkage: NonNegativeFloat = 300.0,
         whitened: bool = True,
         linear: bool = True,
         turned_round: bool = True,
-        caution: NonNegativeFloat = 1.0,
-        n_draws: PositiveInt = 8,
-        max_steps: PositiveInt | None = 3000,
+        steps: FlowSteps = FlowSteps(),
     ) -> None:
         """Set the hyperparameters.
 
@@ -200,19 +196,14 @@ class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
             n_flows: Number of masked affine flows.
             hidden_per_weight: Hidden units of each flow, as a multiple of the number of weights.
             learning_rate: Of Adam, annealed to zero by a cosine that ends with the last epoch.
-            weight_decay: Of AdamW.
-            shrinkage: Added to that, divided by the number of training flights: the fewer there are, the harder a
-                whitened flow is pulled towards its Gaussian.
             whitened: Start from the Gaussian of the training flights.
             linear: LU-decomposed maps between the flows.
             turned_round: One pass of the networks for a density, not one a weight; see the density.
-            caution: Standard errors by which an epoch must beat the Gaussian on the validation flights.
-            n_draws: Weights drawn of each flight, given what it shows, in each epoch.
-            max_steps: Steps of the optimiser at most, so that many flights take fewer epochs: training ends with the
-                last whole epoch in them, if that comes before ``trainer.max_epochs``.
+            steps: Of training.
         """
-        super().__init__()
-        self.save_hyperparameters()
+        super().__init__(steps)
+        self.save_hyperparameters(ignore="steps")
+        self.hparams["steps"] = asdict(steps)
 
     def make(self, dimension: int, n_context: int = 0) -> MaskedAffineFlowDensity:
         """Flows that start at the identity or its neighbourhood."""
@@ -237,12 +228,8 @@ class SplineFlow(_Flow[SplineFlowDensity]):
         hidden: PositiveInt = 32,
         n_bins: PositiveInt = 8,
         learning_rate: PositiveFloat = 3e-3,
-        weight_decay: NonNegativeFloat = 1e-5,
-        shrinkage: NonNegativeFloat = 600.0,
         whitened: bool = True,
-        caution: NonNegativeFloat = 1.0,
-        n_draws: PositiveInt = 8,
-        max_steps: PositiveInt | None = 2000,
+        steps: SplineSteps = SplineSteps(),
     ) -> None:
         """Set the hyperparameters.
 
@@ -251,17 +238,12 @@ class SplineFlow(_Flow[SplineFlowDensity]):
             hidden: Units behind each flow's knots.
             n_bins: Pieces of each spline.
             learning_rate: Of Adam, annealed to zero by a cosine that ends with the last epoch.
-            weight_decay: Of AdamW.
-            shrinkage: Added to that, divided by the number of training flights: the fewer there are, the harder a
-                whitened flow is pulled towards its Gaussian.
             whitened: Start from the Gaussian of the training flights.
-            caution: Standard errors by which an epoch must beat the Gaussian on the validation flights.
-            n_draws: Weights drawn of each flight, given what it shows, in each epoch.
-            max_steps: Steps of the optimiser at most, so that many flights take fewer epochs: training ends with the
-                last whole epoch in them, if that comes before ``trainer.max_epochs``.
+            steps: Of training.
         """
-        super().__init__()
-        self.save_hyperparameters()
+        super().__init__(steps)
+        self.save_hyperparameters(ignore="steps")
+        self.hparams["steps"] = asdict(steps)
 
     def make(self, dimension: int, n_context: int = 0) -> SplineFlowDensity:
         """Flows that start at the identity."""

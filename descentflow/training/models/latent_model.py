@@ -370,7 +370,9 @@ def training_flights(model: LatentModel[Any]) -> tuple[Evidence, Tensor | None]:
 
 
 def _primitive(value: Any) -> Any:
-    """The built-in number behind a restricted one."""
+    """The built-in number behind a restricted one, of settings in groups too."""
+    if isinstance(value, dict):
+        return {name: _primitive(one) for name, one in value.items()}
     for kind in (bool, int, float, str):
         if isinstance(value, kind):
             return kind(value)

@@ -1,16 +1,59 @@
 """Optimisers: a closed form, or Adam with a cosine schedule."""
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from math import cos, pi
 from typing import Any
 
 import torch
+from jsonargparse.typing import NonNegativeFloat, PositiveInt
 from lightning.pytorch import LightningModule, Trainer
 from lightning.pytorch.utilities.types import OptimizerLRSchedulerConfig
 from torch import nn
 
+from descentflow.core.arguments import checked_settings
 from descentflow.core.errors import ConfigError
 from descentflow.training.datamodule import data_of
+
+
+@checked_settings
+@dataclass(frozen=True)
+class FlowSteps:
+    """Training of a flow.
+
+    Attributes:
+        weight_decay: Of AdamW.
+        shrinkage: Added to that, divided by the number of training flights: the fewer there are, the harder a whitened
+            flow is pulled towards its Gaussian.
+        caution: Standard errors by which an epoch must beat the Gaussian on the validation flights.
+        n_draws: Weights drawn of each flight, given what it shows, in each epoch.
+        max_steps: Steps of the optimiser at most, so that many flights take fewer epochs: training ends with the last
+            whole epoch in them, if that comes before ``trainer.max_epochs``.
+
+    Example:
+        >>> FlowSteps(shrinkage=600.0).max_steps
+        3000
+    """
+
+    weight_decay: NonNegativeFloat = 1e-5
+    shrinkage: NonNegativeFloat = 300.0
+    caution: NonNegativeFloat = 1.0
+    n_draws: PositiveInt = 8
+    max_steps: PositiveInt | None = 3000
+
+
+@checked_settings
+@dataclass(frozen=True)
+class SplineSteps(FlowSteps):
+    """Training of a spline flow, which has more parameters.
+
+    Example:
+        >>> SplineSteps(caution=0.5).max_steps
+        2000
+    """
+
+    shrinkage: NonNegativeFloat = 600.0
+    max_steps: PositiveInt | None = 2000
 
 
 class ClosedForm(torch.optim.Optimizer):

@@ -3,6 +3,7 @@
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import is_dataclass
 from functools import wraps
 from inspect import Parameter, signature
 from math import inf
@@ -60,7 +61,8 @@ def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
     """Let a function refuse arguments that are not of the annotated kinds.
 
     Numbers of NumPy and torch are passed on as Python's own, tables as those of Polars where these are taken, and
-    addresses as copies (:mod:`~descentflow.core.remote_files`). A text is a path too; a list, a tuple, an array and a
+    addresses as copies (:mod:`~descentflow.core.remote_files`), a dictionary as the group of settings that it stands
+    for. A text is a path too; a list, a tuple, an array and a
     column are all sequences. Missing and unknown names remain Python's own `TypeError`.
 
     Example:
@@ -89,6 +91,8 @@ def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
         for name, kind in kinds.items():
             if name in bound.arguments:
                 value = _plain(bound.arguments[name])
+                if isinstance(value, Mapping) and is_dataclass(hints[name]):
+                    value = hints[name](**value)
                 if not kind.takes(value):
                     value = held_table(value)
                 bound.arguments[name] = value

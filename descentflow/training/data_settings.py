@@ -79,21 +79,3 @@ def grouped(options: Mapping[str, Any], groups: Mapping[str, type]) -> dict[str,
             before = found.get(group_of[name]) or {}
             found[group_of[name]] = {**(vars(before) if is_dataclass(before) else before), name: value}
     return found
-
-
-def with_groups(options: Mapping[str, Any], kind: type) -> dict[str, Any]:
-    """Options as a class takes them: a dictionary becomes the group that it stands for.
-
-    Raises:
-        ConfigError: If a value is of another kind.
-
-    Example:
-        >>> from descentflow.training.datamodule import DescentDataModule
-        >>> with_groups({"batch_size": 64}, DescentDataModule)
-        {'batches': BatchSettings(batch_size=64, fewest_batches=1)}
-    """
-    groups = groups_of(kind)
-    return {
-        name: groups[name](**value) if name in groups and isinstance(value, Mapping) else value
-        for name, value in grouped(options, groups).items()
-    }

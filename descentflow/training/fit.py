@@ -23,7 +23,7 @@ from descentflow.core.threads import one_thread_unless_told
 from descentflow.representation.read_checkpoint import read_checkpoint
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.training.callbacks.show_progress import ShowProgress
-from descentflow.training.data_settings import grouped, groups_of, with_groups
+from descentflow.training.data_settings import grouped, groups_of
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.final_fit import fit_to_all
 from descentflow.training.models.latent_model import LatentModel
@@ -126,7 +126,7 @@ def _data_module(source: Any, settings: dict[str, Any], options: dict[str, Any])
             raise _no_option(name, known | OWN_OPTIONS)
     if not isinstance(source, DescentDataModule):
         usual = grouped(settings, groups)
-        return DescentDataModule(source, **with_groups(usual | options, DescentDataModule))
+        return DescentDataModule(source, **grouped(usual | options, groups))
     if options:
         raise ConfigError(
             f"a DataModule and {', '.join(options)}",

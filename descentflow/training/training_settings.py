@@ -12,7 +12,7 @@ from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import ConfigError, nearest
 from descentflow.core.settings_file import read_settings
 from descentflow.densities.kinds import KINDS
-from descentflow.training.data_settings import with_groups
+from descentflow.training.data_settings import grouped, groups_of
 from descentflow.training.models.latent_model import LatentModel
 from descentflow.training.own_model import model_of_file
 
@@ -65,7 +65,7 @@ class TrainingSettings:
     def new_model(self) -> LatentModel[Any]:
         """A model of the settings, not trained yet."""
         kind = _class_at(self.class_path)
-        made: LatentModel[Any] = kind(**with_groups(self.model, kind))
+        made: LatentModel[Any] = kind(**grouped(self.model, groups_of(kind)))
         return made
 
     def new_callbacks(self) -> list[Callback]:

@@ -11,7 +11,7 @@ import polars as pl
 import torch
 
 import descentflow as df
-from descentflow.training.data_settings import with_groups
+from descentflow.training.data_settings import grouped, groups_of
 
 END = {"end": (51.5, -0.5), "track": 270.0}
 TYPE = "A320"
@@ -77,7 +77,7 @@ def calls(good: Path) -> dict[str, Call]:
 
 def _set_up(descents: Any, **options: Any) -> None:
     """Set up a DataModule, which reads then what it is asked for."""
-    df.DescentDataModule(descents, **with_groups(options, df.DescentDataModule)).setup()
+    df.DescentDataModule(descents, **grouped(options, groups_of(df.DescentDataModule))).setup()
 
 
 _set_up.__signature__ = signature(df.DescentDataModule)  # type: ignore[attr-defined]

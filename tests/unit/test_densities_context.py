@@ -19,7 +19,6 @@ from descentflow.densities.mixture_parameters import Mixture, n_parameters
 from descentflow.generation.prediction.posterior import log_density, posterior_of, prior_of
 from descentflow.generation.rejection import sample_descents
 from descentflow.representation.context import ContextEncoder
-from descentflow.training.data_settings import with_groups
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
 
 D, C = 3, 2
@@ -166,12 +165,12 @@ def test_no_skill_is_invented_where_the_context_says_nothing(name: str, seeds: i
     for seed in range(seeds):
         train, held_out = two_regimes(800, 40 + seed)[0], two_regimes(3000, 60 + seed)[0]
         noise, other = normal(800, C, seed=80 + seed), normal(3000, C, seed=90 + seed)
-        shrunk = {**settings, "shrinkage": 300.0} if name in ("flow", "spline") else settings
+        shrunk = {**settings, "steps": {"shrinkage": 300.0}} if name in ("flow", "spline") else settings
         torch.manual_seed(seed)
-        blind = toys.fit(kind(**with_groups(shrunk, kind)), toys.WeightsModule(train[:700], train[700:], 128), epochs)
+        blind = toys.fit(kind(**shrunk), toys.WeightsModule(train[:700], train[700:], 128), epochs)
         torch.manual_seed(seed)
         module = ContextModule((train[:700], noise[:700]), (train[700:], noise[700:]), 128)
-        told = toys.fit(kind(**with_groups(shrunk, kind)), module, epochs)
+        told = toys.fit(kind(**shrunk), module, epochs)
         with torch.no_grad():
             gain = told.log_prob(held_out, other).mean() - toys.mean_nll(blind.log_prob, held_out) * -1
         gains.append(float(gain))

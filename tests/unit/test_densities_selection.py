@@ -17,7 +17,7 @@ from descentflow.densities.component_search import (
 )
 from descentflow.evaluation.metrics.proper import crps, crps_each, energy_score_each
 from descentflow.representation.evidence import Evidence
-from descentflow.training.data_settings import ContextSettings, with_groups
+from descentflow.training.data_settings import ContextSettings
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models import Gaussian, GaussianMixture, MaskedAffineFlow, SplineFlow
 from studies.forecast_scores import forecast_scores, skill
@@ -36,7 +36,7 @@ def test_few_flights_of_a_gaussian_get_no_worse_than_the_gaussian(kind: type) ->
     mix = normal(D, D, seed=5)
     module = toys.WeightsModule(normal(60, D) @ mix, normal(15, D, seed=1) @ mix, batch_size=16)
     torch.manual_seed(0)
-    flow = toys.fit(kind(**with_groups({"learning_rate": 0.01, "weight_decay": 0.0}, kind)), module, 30)
+    flow = toys.fit(kind(learning_rate=0.01, steps={"weight_decay": 0.0}), module, 30)
     gaussian = toys.fit(Gaussian(), module, 1)
     others = normal(4000, D, seed=2) @ mix
     assert toys.mean_nll(flow.log_prob, others) < toys.mean_nll(gaussian.log_prob, others) + 0.05
@@ -52,7 +52,7 @@ def test_first_epoch_is_the_gaussian_and_the_best_is_kept(kind: type) -> None:
             super().on_validation_epoch_end()
             seen.append(float(self.trainer.callback_metrics["val/bound"]))
 
-    model = toys.fit(Watched(**with_groups({"learning_rate": 0.05, "caution": 0.0}, kind)), module, 8)
+    model = toys.fit(Watched(learning_rate=0.05, steps={"caution": 0.0}), module, 8)
     gaussian = toys.fit(Gaussian(), module, 1)
     held_out = module.parts["validation"]
     assert seen[0] == pytest.approx(toys.mean_nll(gaussian.log_prob, held_out), abs=1e-4)

@@ -11,7 +11,7 @@ from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.representation.flight_parts import rest_is_test, top_level
 from descentflow.representation.plausibility import level_bounds
 from descentflow.representation.representation import Split
-from descentflow.training.data_settings import with_groups
+from descentflow.training.data_settings import grouped, groups_of
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.splitting import SplitSettings, split_flights
 
@@ -22,7 +22,7 @@ def descents(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def module(descents: Path, **settings: object) -> DescentDataModule:
-    data = DescentDataModule(descents, **with_groups(settings, DescentDataModule))
+    data = DescentDataModule(descents, **grouped(settings, groups_of(DescentDataModule)))
     data.setup()
     return data
 

@@ -21,6 +21,10 @@ REFUSED = {
     "sink rates": (-pl.col("vertical_rate"), "sign of a sink rate"),
     "times halved": (pl.col("time_s") / 2, "vertical_rate seems to be halved"),
     "IAS in m/s": (pl.col("IAS") * 0.514444, "IAS seems to be in m/s"),
+    "a year that no date has": (
+        pl.from_epoch(pl.lit(-7 * 10**18), time_unit="us").dt.replace_time_zone("UTC").alias("timestamp"),
+        "column timestamp holds .* values outside 0 to 1e",
+    ),
 }
 NAMED = {
     "half of the rates in m/s": (

@@ -7,6 +7,7 @@ from descentflow.core.errors import DataError
 from descentflow.core.row_runs import numbered
 from descentflow.surveillance.descents.store import MEND
 from descentflow.surveillance.rows.schema import CHANNELS, POSSIBLE, TIMESTAMP
+from descentflow.surveillance.rows.times import LAST_TIME_S
 from descentflow.surveillance.rows.units_check import check_consistency
 
 REQUIRED = ("flight_id", "icao24", "typecode", "level_fl", "timestamp", "time_s", "IAS", "Mach", "vertical_rate")
@@ -32,6 +33,7 @@ def checked_descents(frame: pl.DataFrame, source: object) -> pl.DataFrame:
         if name in frame.columns:
             _check_values(frame[name], source, *POSSIBLE.get(name, (None, None)))
     _check_values(frame["level_fl"], source, *LEVELS_FL)
+    _check_values(frame["timestamp"].dt.epoch("s"), source, 0, LAST_TIME_S)
     _, flight = numbered(frame["flight_id"])
     place = flight.astype(np.int64) * (LEVELS_FL[1] + 1) + frame["level_fl"].to_numpy()
     double = len(place) - pl.Series(place).n_unique()

@@ -51,9 +51,11 @@ def normalise(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.D
             report.note(f"values 9999 of {name} taken for missing", int(filled.sum()))
             column = where_fits(column, ~filled)
         if name in REQUIRED and len(column) and lost > len(column) / 2:
+            unread = table[name].filter(column.is_null() & table[name].is_not_null())
+            # Python has no dates of far years, which a damaged table may hold.
+            first = (unread.to_physical() if unread.dtype.is_temporal() else unread)[0]
             raise DataError(
-                f"{path}: {lost} of {len(column)} values of {name} cannot be read (the first: "
-                f"{repr(table[name].filter(column.is_null() & table[name].is_not_null())[0])[:80]})",
+                f"{path}: {lost} of {len(column)} values of {name} cannot be read (the first: {repr(first)[:80]})",
                 expected=READABLE_VALUES[type(kind)],
                 mend=f"convert the column {name}",
             )

@@ -12,6 +12,6 @@ def run(checkpoint: Path) -> None:
     Args:
         checkpoint: checkpoint that `descentflow fit` wrote (.ckpt)
     """
-    from descentflow.densities.checkpoint_summary import checkpoint_summary
+    from descentflow.densities.checkpoint import checkpoint_summary
 
     print(checkpoint_summary(checkpoint))

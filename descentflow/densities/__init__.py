@@ -6,8 +6,7 @@ Reading order: :mod:`~descentflow.densities.density` (what every density offers)
 :mod:`~descentflow.densities.mixture_parameters`), :mod:`~descentflow.densities.em` (its fit; the steps are in
 :mod:`~descentflow.densities.em_steps` and :mod:`~descentflow.densities.regression_steps`),
 :mod:`~descentflow.densities.component_search` (how many mixture components), :mod:`~descentflow.densities.flow` (with
-:mod:`~descentflow.densities.layers`), :mod:`~descentflow.densities.checkpoint` (what it holds:
-:mod:`~descentflow.densities.checkpoint_summary`).
+:mod:`~descentflow.densities.layers`), :mod:`~descentflow.densities.checkpoint`.
 
 To add a density: a subclass of :class:`Density` with ``log_prob`` and ``draw`` in a file of its own, a LightningModule
 that fits it in a file of :mod:`descentflow.training.models`, and a line in :mod:`~descentflow.densities.kinds`, with a

@@ -204,7 +204,7 @@ def test_a_checkpoint_with_another_air_is_refused(checkpoint: Path, tmp_path: Pa
 
 
 def test_the_air_is_named_where_a_model_is_told(checkpoint: Path, descents: Descents) -> None:
-    from descentflow.densities.checkpoint_summary import checkpoint_summary
+    from descentflow.densities.checkpoint import checkpoint_summary
 
     assert "air: as flights measured it: temperature ISA +" in str(checkpoint_summary(checkpoint))
     with pytest.raises(ConfigError, match=r"data\.air = 'warm'"):

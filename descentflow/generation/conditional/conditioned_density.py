@@ -6,12 +6,13 @@ from math import inf
 import numpy as np
 import torch
 from scipy.special import ndtri
+from torch import Tensor
 
 from descentflow.densities.density import Density
 from descentflow.densities.entry_gate import EntryGate
 from descentflow.densities.gaussian import TransformedDensity
 from descentflow.generation.conditional.constraints import Request, SpeedAsked
-from descentflow.generation.conditional.draws import Drawn
+from descentflow.generation.conditional.draws import Proposed
 from descentflow.generation.conditional.latent_density import Array, LatentDensity
 from descentflow.generation.conditional.point_condition import PointCondition
 from descentflow.generation.conditional.speed_conditions import (
@@ -22,6 +23,7 @@ from descentflow.generation.conditional.speed_conditions import (
     log_total,
 )
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
+from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.representation.plausibility import Plausibility
 
 NEVER = 1e6
@@ -58,8 +60,8 @@ class FreeTarget:
         >>> from descentflow.densities.checkpoint import load_model
         >>> model = load_model("best.ckpt")
         >>> target = FreeTarget(model, Request(entry=180))
-        >>> drawn = target.draw(np.full((1, target.width), 0.5))
-        >>> drawn.flown.entry, drawn.u.shape[1] == target.width - 2
+        >>> proposed = target.propose(np.full((1, target.width), 0.5))
+        >>> proposed.entry, proposed.u.shape[1] == target.width - 2
         (tensor([180]), True)
     """
 
@@ -75,8 +77,8 @@ class FreeTarget:
         self.width = 2 + self.decoder.dimension + self.decoder.n_white
 
     @torch.no_grad()
-    def draw(self, uniform: Array) -> Drawn:
-        """One draw for each row."""
+    def propose(self, uniform: Array) -> Proposed:
+        """One proposal for each row."""
         d, density = self.density.dimension, self.density
         index = np.searchsorted(self.up_to, uniform[:, 0] * self.up_to[-1], side="right")
         entry = torch.from_numpy(np.minimum(index, len(self.up_to) - 1))
@@ -88,8 +90,12 @@ class FreeTarget:
             # Of any other density a number can be drawn by a seed alone.
             seeds = (uniform[:, 1] * 2**53).astype(np.int64).tolist()
             weights = torch.cat([density.sample(1, seed, self.context) for seed in seeds]).double()
-        flown = self.decoder.fly(self.decoder.profiles(weights, white[:, d:]), entry)
-        return Drawn(torch.cat([weights, white[:, d:]], 1), flown, np.zeros(len(uniform)))
+        return Proposed(torch.cat([weights, white[:, d:]], 1), entry, np.zeros(len(uniform)))
+
+    def fly(self, u: Tensor, entry: Tensor) -> Trajectories:
+        """Descents of weights and standard normals (n, D)."""
+        d = self.decoder.dimension
+        return self.decoder.fly(self.decoder.profiles(u[:, :d], u[:, d:]), entry)
 
 
 class ConditionedTarget:
@@ -121,8 +127,8 @@ class ConditionedTarget:
         self.proposals = PROPOSALS_OF_A_STAND_IN if latent.prior is not None else 1 if equal else PROPOSALS
 
     @torch.no_grad()
-    def draw(self, uniform: Array) -> Drawn:
-        """One draw for each row."""
+    def propose(self, uniform: Array) -> Proposed:
+        """One proposal for each row."""
         cell = np.minimum(np.searchsorted(self.up_to, uniform[:, 0], side="right"), len(self.up_to) - 1)
         size = self.latent.means.shape[1]
         u = (self.latent.roots[cell] @ ndtri(uniform[:, 2 : 2 + size])[:, :, None])[:, :, 0]
@@ -130,11 +136,14 @@ class ConditionedTarget:
         entry = torch.from_numpy(self.entry[cell])
         if self.point is None:
             whole = torch.from_numpy(u + self.latent.means[cell])
-            flown = self.decoder.fly(self.latent.curves.profiles(whole), entry)
         else:
-            whole, flown, more = self.point.meet(cell, u, uniform[:, 1])
+            whole, more = self.point.meet(cell, u, uniform[:, 1])
             log_weight = log_weight + more
-        return Drawn(whole, flown, log_weight + self.latent.log_ratio(whole))
+        return Proposed(whole, entry, log_weight + self.latent.log_ratio(whole))
+
+    def fly(self, u: Tensor, entry: Tensor) -> Trajectories:
+        """Descents of latent numbers (n, D)."""
+        return self.decoder.fly(self.latent.curves.profiles(u), entry)
 
 
 def conditioned_target(request: Request, latent: LatentDensity, density: Density) -> ConditionedTarget:
@@ -155,8 +164,8 @@ def conditioned_target(request: Request, latent: LatentDensity, density: Density
         >>> model = load_model("best.ckpt")
         >>> request = Request(180, (SpeedAsked("cas_kt", 50, 280.0, 280.0),))
         >>> target = conditioned_target(request, latent_density(model, None), model)
-        >>> drawn = target.draw(np.full((1, target.width), 0.4))
-        >>> round(float(drawn.flown.cas_mps[0, 50]) / KT_MPS, 6)  # kt
+        >>> proposed = target.propose(np.full((1, target.width), 0.4))
+        >>> round(float(target.fly(proposed.u, proposed.entry).cas_mps[0, 50]) / KT_MPS, 6)  # kt
         280.0
     """
     parts = density.representation

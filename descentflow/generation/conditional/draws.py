@@ -17,8 +17,8 @@ from descentflow.representation.representation import Representation
 
 FIRST_STREAM = 1 << 32
 """Streams of random numbers below it are those of corrections."""
-CHOICE_STREAM, CELL_STREAM = FIRST_STREAM + (1 << 20), FIRST_STREAM + (1 << 21)
-"""Of the numbers that choose among proposals, and of those that choose Gaussian and level of entry."""
+CELL_STREAM = FIRST_STREAM + (1 << 20)
+"""Of the numbers that choose Gaussian and level of entry."""
 LEAST_UNIFORM = 2.0**-54
 """In place of a uniform number that is zero, half of the next: its normal is finite."""
 MORE = 4
@@ -33,35 +33,33 @@ ROWS_AT_ONCE = 4096
 """Proposals flown at a time."""
 
 
-class Drawn(NamedTuple):
-    """n draws: latent numbers (n, D), what they fly, and log weights (n,), minus infinity where a draw cannot be.
+class Proposed(NamedTuple):
+    """n proposals: latent numbers (n, D), levels of entry (n,), log weights (n,), minus infinity where one cannot be.
 
     Example:
-        >>> Drawn._fields
-        ('u', 'flown', 'log_weight')
+        >>> Proposed._fields
+        ('u', 'entry', 'log_weight')
     """
 
     u: Tensor
-    flown: Trajectories
+    entry: Tensor
     log_weight: Array
-
-    def subset(self, index: np.ndarray) -> "Drawn":
-        """The draws at these positions."""
-        at = torch.from_numpy(index)
-        return Drawn(self.u[at], self.flown.subset(at), self.log_weight[index])
 
 
 class Target(Protocol):
-    """Latent draws: uniform numbers (n, ``width``) in (0, 1) make n draws; the first chooses Gaussian and entry.
+    """Latent draws: uniform numbers (n, ``width``) in (0, 1) make n proposals; the first chooses Gaussian and entry.
 
-    ``proposals`` are made for each draw at first: 1 where all draws have the same weight.
+    ``proposals`` are made for each draw at first: 1 where all have the same weight.
     """
 
     width: int
     proposals: int
 
-    def draw(self, uniform: Array) -> Drawn:
-        """One draw for each row."""
+    def propose(self, uniform: Array) -> Proposed:
+        """One proposal for each row."""
+
+    def fly(self, u: Tensor, entry: Tensor) -> Trajectories:
+        """Descents of latent numbers (n, D)."""
 
 
 Judge = Callable[[Trajectories, np.ndarray], np.ndarray]
@@ -101,14 +99,15 @@ def corrected(representation: Representation, seed: int, flown: Trajectories, nu
 
 
 class Accepted(NamedTuple):
-    """n draws, the effective ones (n,) of as many proposals or more that each was chosen among, and the account.
+    """n draws: latent numbers (n, D), descents, effective ones (n,) of as many proposals or more, and the account.
 
     Example:
         >>> Accepted._fields
-        ('drawn', 'effective', 'proposals', 'report')
+        ('u', 'flown', 'effective', 'proposals', 'report')
     """
 
-    drawn: Drawn
+    u: Tensor
+    flown: Trajectories
     effective: Array
     proposals: int
     report: RejectionReport
@@ -135,6 +134,8 @@ def uniform_of(seed: int, numbers: np.ndarray, count: int, stream: int) -> Array
 def accepted(target: Target, seed: int, numbers: np.ndarray, judge: Judge) -> Accepted:
     """For each number one of its own plausible proposals, by weight.
 
+    Proposals are drawn one after another without replacement, until one is plausible: few of them are flown.
+
     Args:
         target: What is drawn from.
         seed: Of the draws.
@@ -142,82 +143,104 @@ def accepted(target: Target, seed: int, numbers: np.ndarray, judge: Judge) -> Ac
         judge: Which rules proposals break.
 
     Raises:
-        NoneLeft: If no proposal of a number has any weight.
+        NoneLeft: If no proposal of a number is plausible.
         SamplingError: If too few are effective.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
+        >>> from descentflow.generation.conditional.conditioned_density import conditioned_target
         >>> from descentflow.generation.conditional.constraints import Request
         >>> from descentflow.generation.conditional.latent_density import latent_density
-        >>> from descentflow.generation.conditional.conditioned_density import conditioned_target
         >>> model = load_model("best.ckpt")
         >>> target = conditioned_target(Request(entry=180), latent_density(model, None), model)
         >>> found = accepted(target, 0, np.arange(50), judge_of(model.representation, 0, flown=False))
-        >>> found.report.accepted, bool(model.representation.plausibility.broken_rules(found.drawn.flown).any())
+        >>> found.report.accepted, bool(model.representation.plausibility.broken_rules(found.flown).any())
         (50, False)
     """
-    equal = target.proposals == 1
-    pending, most, tried, rejected = np.arange(len(numbers)), np.zeros(len(numbers)), 0, 0
-    broken = np.zeros(len(RULES), dtype=int)
-    kept: list[Drawn] = []
-    owners, effective = [], []
-    for attempt in range(ROUNDS_OF_EQUALS if equal else ROUNDS):
-        size, left = target.proposals * MORE**attempt, []
+    search, pending = _Search(target, seed, numbers, judge), np.arange(len(numbers))
+    for attempt in range(ROUNDS_OF_EQUALS if search.equal else ROUNDS):
+        size = target.proposals * MORE**attempt
         for group in np.array_split(pending, -(-len(pending) * size // ROWS_AT_ONCE)):
-            which = numbers[group]
-            uniform = uniform_of(seed, which, size * target.width, FIRST_STREAM + attempt).reshape(-1, target.width)
-            if equal and attempt < KEPT_ROUNDS:
-                uniform[:, 0] = uniform_of(seed, which, 1, CELL_STREAM)[:, 0].repeat(size)
-            drawn = target.draw(uniform)
-            rules = judge(drawn.flown, which.repeat(size))
-            log_weight = np.where(rules.any(1), -np.inf, drawn.log_weight).reshape(-1, size)
-            choice = uniform_of(seed, which, 1, CHOICE_STREAM + attempt)[:, 0]
-            index, share = resampled(log_weight, choice)
-            enough = share >= (0.5 if equal else LEAST_EFFECTIVE)
-            kept.append(drawn.subset((np.arange(len(group)) * size + index)[enough]))
-            owners.append(group[enough])
-            effective.append(np.ones(int(enough.sum())) if equal else share[enough])
-            left.append(group[~enough])
-            most[group] = share
-            tried, rejected, broken = tried + len(rules), rejected + int(rules.any(1).sum()), broken + rules.sum(0)
-        pending = np.concatenate(left)
+            search.propose(group, size, attempt)
+        pending = np.setdiff1d(pending, search.owners)
         if not len(pending):
-            break
-    if len(pending):
-        if equal or (most[pending] == 0).any():
-            raise NoneLeft
-        raise SamplingError(
-            f"{most[pending].min():.0f} effective of {size} proposals",
-            expected=f"at least {LEAST_EFFECTIVE:.0f}: what is asked together is rare among the model's descents",
-            mend="ask for a band, or for less at once",
-        )
-    order = np.concatenate(owners).argsort(kind="stable")
-    whole = Drawn(
-        torch.cat([one.u for one in kept]),
-        concatenate([one.flown for one in kept]),
-        np.concatenate([one.log_weight for one in kept]),
+            return search.result()
+    effective = search.effective[pending]
+    if (search.none[pending] | (effective < 1)).any():
+        raise NoneLeft
+    raise SamplingError(
+        f"{effective.min():.0f} effective of {size} proposals",
+        expected=f"at least {LEAST_EFFECTIVE:.0f}: what is asked together is rare among the model's descents",
+        mend="ask for a band, or for less at once",
     )
-    n, counts = len(numbers), dict(zip(RULES, broken.tolist(), strict=True))
-    report = RejectionReport(tried, n, rejected, tried - n - rejected, counts)
-    return Accepted(whole.subset(order), np.concatenate(effective)[order], target.proposals, report)
 
 
-def resampled(log_weight: Array, uniform: Array) -> tuple[np.ndarray, Array]:
-    """One proposal for each draw by the weights (n, M) of its own, and how many effective ones there were (n,).
+class _Search:
+    """Draws of some numbers: which were found, and the account of those flown."""
 
-    Args:
-        log_weight: (n, M), minus infinity where a proposal cannot be.
-        uniform: (n,) in (0, 1).
+    def __init__(self, target: Target, seed: int, numbers: np.ndarray, judge: Judge) -> None:
+        self.target, self.seed, self.numbers, self.judge = target, seed, numbers, judge
+        self.equal = target.proposals == 1
+        self.effective, self.none = np.ones(len(numbers)), np.zeros(len(numbers), dtype=bool)
+        self.flown, self.rejected, self.broken = 0, 0, np.zeros(len(RULES), dtype=int)
+        self.owners = np.zeros(0, dtype=int)
+        self.found: list[tuple[Tensor, Trajectories]] = []
+
+    def propose(self, group: np.ndarray, size: int, attempt: int) -> None:
+        """Make ``size`` proposals for each of the numbers at these positions, and fly them until one is plausible."""
+        which, width = self.numbers[group], self.target.width + 1
+        uniform = uniform_of(self.seed, which, size * width, FIRST_STREAM + attempt).reshape(-1, width)
+        if self.equal and attempt < KEPT_ROUNDS:
+            uniform[:, 0] = uniform_of(self.seed, which, 1, CELL_STREAM)[:, 0].repeat(size)
+        proposed = self.target.propose(uniform[:, :-1])
+        log_weight = proposed.log_weight.reshape(-1, size)
+        if not self.equal:
+            self.effective[group] = effective_number(log_weight)
+        # With Gumbel numbers added, the order of weights is that of draws without replacement.
+        order = np.argsort(np.log(-np.log(uniform[:, -1])).reshape(-1, size) - log_weight, axis=1)
+        waiting = np.flatnonzero(self.equal | (self.effective[group] >= LEAST_EFFECTIVE))
+        tried = 0
+        while len(waiting) and tried < size:
+            some = order[waiting, tried : max(2 * tried, 1)]
+            found = self._fly(proposed, group[waiting], waiting[:, None] * size + some, tried)
+            waiting, tried = waiting[~found], tried + some.shape[1]
+        self.none[group[waiting]] = True
+
+    def _fly(self, proposed: Proposed, owners: np.ndarray, rows: np.ndarray, tried: int) -> np.ndarray:
+        """Fly rows (w, m) of proposals for w owners, and keep the first plausible; whether there was one (w,)."""
+        at = torch.from_numpy(rows.ravel())
+        u = proposed.u[at]
+        descents = self.target.fly(u, proposed.entry[at])
+        rules = self.judge(descents, self.numbers[owners].repeat(rows.shape[1]))
+        bad: np.ndarray = rules.any(1)
+        good: np.ndarray = (~bad & np.isfinite(proposed.log_weight[rows.ravel()])).reshape(rows.shape)
+        place, found = good.argmax(1), np.asarray(good.any(1))
+        # Of the j flown until one is plausible, about 2 in j + 1 are: so many fewer are effective.
+        enough = found & (self.equal | (self.effective[owners] >= LEAST_EFFECTIVE * (tried + place + 2) / 2))
+        first = np.flatnonzero(enough) * rows.shape[1] + place[enough]
+        self.owners = np.concatenate([self.owners, owners[enough]])
+        self.found.append((u[first], descents.subset(torch.from_numpy(first))))
+        self.flown, self.rejected = self.flown + len(bad), self.rejected + int(bad.sum())
+        self.broken += rules.sum(0)
+        return found
+
+    def result(self) -> Accepted:
+        """All of them in the order of their numbers."""
+        n, order = len(self.numbers), torch.from_numpy(self.owners.argsort(kind="stable"))
+        u, flown = torch.cat([one for one, _ in self.found]), concatenate([one for _, one in self.found])
+        counts = dict(zip(RULES, self.broken.tolist(), strict=True))
+        report = RejectionReport(self.flown, n, self.rejected, self.flown - n - self.rejected, counts)
+        return Accepted(u[order], flown.subset(order), self.effective, self.target.proposals, report)
+
+
+def effective_number(log_weight: Array) -> Array:
+    """Effective number (n,) of proposals by their log weights (n, M), minus infinity where one cannot be.
 
     Example:
-        >>> resampled(np.log([[1.0, 1.0, 2.0]]), np.array([0.9]))
-        (array([2]), array([2.66666667]))
+        >>> effective_number(np.log([[1.0, 1.0, 2.0]]))
+        array([2.66666667])
     """
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", divide="ignore"):
         shares = np.exp(log_weight - log_weight.max(1, keepdims=True))
-    shares = np.where(np.isfinite(shares), shares, 0.0)
-    total = shares.cumsum(1)
-    chosen = (total <= uniform[:, None] * total[:, -1:]).sum(1)
-    with np.errstate(invalid="ignore"):
-        effective = np.where(total[:, -1] > 0, total[:, -1] ** 2 / (shares**2).sum(1), 0.0)
-    return np.minimum(chosen, log_weight.shape[1] - 1), effective
+        found: Array = shares.sum(1) ** 2 / (shares**2).sum(1)
+    return np.nan_to_num(found)

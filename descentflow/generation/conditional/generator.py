@@ -194,9 +194,9 @@ class Generator:
             self._next += n if number is None else 0
         numbers = np.arange(first, first + n)
         found = self._accepted(request, numbers)
-        descents = corrected(self.representation, self.seed, found.drawn.flown, numbers)
+        descents = corrected(self.representation, self.seed, found.flown, numbers)
         return GeneratedSamples(
-            found.drawn.u[:, : self.decoder.dimension].clone(),
+            found.u[:, : self.decoder.dimension].clone(),
             in_given_air(descents, torch.full((n,), request.deviation_k)) if request.deviation_k else descents,
             found.report,
             contexts,
@@ -266,7 +266,7 @@ class Generator:
             )
 
         def draws(request: Request, n: int) -> Trajectories:
-            return self._accepted(request, np.arange(n)).drawn.flown
+            return self._accepted(request, np.arange(n)).flown
 
         raise implausible(request, culprit, draws, self.levels_fl)
 

@@ -75,7 +75,8 @@ class PointCondition:
         >>> free = conditions(latent.log_probs, latent.means, latent.roots, Rows(u[:, None][:, :0], *[u[:, :0]] * 3))
         >>> request = Request(180, point=PointAsked("time_s", 400.0, 400.0, (160.0, 160.0)))
         >>> point = PointCondition(latent, decoder, request, free)
-        >>> _, flown, log_weight = point.meet(np.array([0]), u[:1], np.array([0.5]))
+        >>> met, log_weight = point.meet(np.array([0]), u[:1], np.array([0.5]))
+        >>> flown = decoder.fly(latent.curves.profiles(met), torch.tensor([180]))
         >>> round(float(flown.time_s[0, 10]), 2), bool(np.isfinite(log_weight[0]))  # s
         (400.0, True)
     """
@@ -114,7 +115,7 @@ class PointCondition:
         """True where a value is asked within a band of levels."""
         return bool(self.levels[0] < self.levels[1])
 
-    def meet(self, cell: np.ndarray, u: Array, uniform: Array) -> tuple[Tensor, Trajectories, Array]:
+    def meet(self, cell: np.ndarray, u: Array, uniform: Array) -> tuple[Tensor, Array]:
         """Draws (n, D) of the Gaussians minus their means that meet the speeds, moved to meet the point as well.
 
         Args:
@@ -123,8 +124,8 @@ class PointCondition:
             uniform: (n,) in (0, 1).
 
         Returns:
-            The draws with their means, what they fly, and their log weights (n,): minus infinity where the line does
-            not meet the point.
+            The draws with their means, and their log weights (n,): minus infinity where the line does not meet the
+            point.
         """
         variance, slope, direction = self.variance[cell], self.slope[cell], self.direction[cell]
         seen = (self.speeds.rows.matrix[cell] @ u[:, :, None])[:, :, 0]
@@ -154,7 +155,7 @@ class PointCondition:
                 log_weight += by_level + target
             off = np.exp(-value) - np.exp(-target)
         met = np.isfinite(log_weight) & (np.abs(off) <= TOLERANCE[self.asked.name])
-        return whole, flown, np.where(met, log_weight, -np.inf)
+        return whole, np.where(met, log_weight, -np.inf)
 
     def _target(self, expected: Array, sd: Array, uniform: Array) -> tuple[Array, Array]:
         """The value that each draw shall have, and minus the log density of having drawn it."""

@@ -212,8 +212,8 @@ class _Search:
         u = proposed.u[at]
         descents = self.target.fly(u, proposed.entry[at])
         rules = self.judge(descents, self.numbers[owners].repeat(rows.shape[1]))
-        bad: np.ndarray = rules.any(1)
-        good: np.ndarray = (~bad & np.isfinite(proposed.log_weight[rows.ravel()])).reshape(rows.shape)
+        bad = np.asarray(rules.any(1))
+        good = np.asarray(~bad & np.isfinite(proposed.log_weight[rows.ravel()])).reshape(rows.shape)
         place, found = good.argmax(1), np.asarray(good.any(1))
         # Of the j flown until one is plausible, about 2 in j + 1 are: so many fewer are effective.
         enough = found & (self.equal | (self.effective[owners] >= LEAST_EFFECTIVE * (tried + place + 2) / 2))

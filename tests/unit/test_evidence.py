@@ -343,7 +343,7 @@ def test_the_error_of_a_curve_counts_aircraft_and_not_flights() -> None:
     ],
 )
 def test_effects_in_simulated_entries_are_their_signatures(name: str, theta: list[float]) -> None:
-    """What the correction puts into flights is what the evidence takes an effect to shift, and nothing else."""
+    """The correction puts into flights what the evidence takes an effect to shift, and nothing else."""
     sides, effect = example_sides(), EFFECTS[name]
     correction = Correction(EFFECTS, {name: torch.tensor(theta)}, sides.state.mass_kg, Cleaning(), seed=0)
     moved = corrected_entries(sides, correction) - sides.y

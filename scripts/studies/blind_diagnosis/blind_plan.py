@@ -9,7 +9,7 @@ Kind = Literal["null", "single", "double", "triple", "outside"]
 World = Literal["own", "foreign"]
 """Our point mass, or JSBSim's aircraft."""
 Form = Literal["checkpoint", "flights", "no_air", "bare", "one"]
-"""How a simulator is given: a checkpoint trained on its flights; those flights; flights without weather; without
+"""Forms of a simulator: a checkpoint trained on its flights; those flights; flights without weather; without
 weather and noise of reports; those of one mass and one planned speed."""
 FORMS: tuple[Form, ...] = ("checkpoint", "flights", "no_air", "bare", "one")
 BARE: tuple[Form, ...] = ("no_air", "bare", "one")

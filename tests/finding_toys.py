@@ -50,7 +50,6 @@ def cause(effect: str, parameters: dict[str, ParameterEstimate], **more: object)
         label=EFFECTS[effect].text,
         text=EFFECTS[effect].in_words(first),
         inclusion=0.99,
-        own_closure=ClosedShare(0.5, 0.45, 0.55),
         on_both_sides=[OnBothSides(next(iter(parameters)), "K", first, 0.0)],
         takes_away={"time": 12.5, "ground_distance": 1.25, "rate": -55.0},
     )

@@ -182,7 +182,8 @@ class Diagnosis:
         costs = costs_of(compared, left if theta else None, asked.seed)
         if verdict == "effect" and leaves_cost(costs):
             verdict = "partial"
-        causes = self._causes(found, theta, closure, costs, left)
+        closed = closure.share(left) if theta else ClosedShare(None, None, None)
+        causes = self._causes(found, theta, closed, costs)
         made = self._made(theta, frame)
         floor, after = closure.floor(left), closure.after(left)
         hidden = not_identifiable(asked, self.source)
@@ -243,17 +244,13 @@ class Diagnosis:
         return chosen
 
     def _causes(
-        self,
-        found: Explanation,
-        theta: Mapping[str, Tensor],
-        closure: MeasuredGap,
-        costs: list[Cost],
-        left: Tensor,
+        self, found: Explanation, theta: Mapping[str, Tensor], closed: ClosedShare, costs: list[Cost]
     ) -> list[Cause]:
         """Every cause, the one that takes most of the time away first."""
-        whole = closure.share(left) if theta else ClosedShare(None, None, None)
-        taken = {name: self._takes_away(name, theta, costs) for name in theta}
-        causes = [replace(self._cause(found, name, theta, closure, whole), takes_away=taken[name]) for name in theta]
+        causes = [
+            replace(self._cause(found, name), closure=Closure(closed), takes_away=self._takes_away(name, theta, costs))
+            for name in theta
+        ]
         return sorted(causes, key=lambda cause: -abs(cause.takes_away.get("time", 0.0)))
 
     def _takes_away(self, name: str, theta: Mapping[str, Tensor], costs: list[Cost]) -> dict[str, float]:
@@ -278,15 +275,9 @@ class Diagnosis:
         sizes = told_of_both(effect, sizes_of(*known, flights), on_both_sides(self.compared, effect))
         return Alternative(member, found.named.probability[member], sizes, share_of(*known, flights))
 
-    def _cause(
-        self,
-        found: Explanation,
-        name: str,
-        theta: Mapping[str, Tensor],
-        closure: MeasuredGap,
-        whole: ClosedShare,
-    ) -> Cause:
-        effect, value, error = self.settings.catalogue[name], theta[name], found.errors[name]
+    def _cause(self, found: Explanation, name: str) -> Cause:
+        """A cause with its sizes and alternatives, still without what it closes and takes away."""
+        effect, value, error = self.settings.catalogue[name], found.theta[name], found.errors[name]
         flights = int(self.compared.real.sum())
         sizes = parameters(effect, value, error, flights)
         first = next(iter(sizes.values()), None)
@@ -297,19 +288,17 @@ class Diagnosis:
             for weight, one in zip(found.named.weights.tolist(), found.sets, strict=True)
             if {name, *group} & set(one.names)
         )
-        own = whole if len(theta) == 1 else closure.share(self._left({name: value}))
         return Cause(
             effect=name,
             group=list(group),
             probability=found.named.probability[name],
             parameters=sizes,
             evidence_nats=self._gain(found.best, name),
-            closure=Closure(whole),
+            closure=Closure(ClosedShare(None, None, None)),
             label=effect.text,
             text=effect.in_words(None if first is None else first.estimate, has_some=both.has_some),
             inclusion=inclusion,
             share_of_flights=share_of(effect, value, error, flights),
-            own_closure=own,
             sizes=told_of_both(effect, sizes_of(effect, value, error, flights), both),
             on_both_sides=both.measured,
             alternatives=[self._alternative(found, name, member) for member in group],

@@ -289,7 +289,7 @@ def test_what_is_not_known_is_left_out() -> None:
     """No rate compared, inputs in memory, no curve, no score, no limit."""
     found = of_verdict("partial")
     bare = replace(found.details, curves={}, detection_limits=[], singles=[], subsets=[], profile=[], lacks=[])
-    causes = [replace(one, takes_away={}, own_closure=None) for one in found.causes]
+    causes = [replace(one, takes_away={}) for one in found.causes]
     empty = replace(found, costs=[], causes=causes, details=bare, provenance=None, where=[])
     assert "No rate of descent is compared, so times and distances are not known." in page(empty)
     assert "<figure" not in page(empty)

@@ -148,7 +148,6 @@ class Cause:
         text: What it is in words, with the direction that was found.
         inclusion: Probability that it, or an effect that stands in its place, is among them; None where not computed.
         share_of_flights: Share of the flights that have it; None where all have.
-        own_closure: How much of the gap it closes alone, without the other causes.
         sizes: What ``parameters`` are in units of the trade, of the flights that have the effect: real flights against
             the simulator's, so what to add to what it has.
         on_both_sides: What either side has by itself, where broadcast values measure it (temperature by TAS and Mach
@@ -178,7 +177,6 @@ class Cause:
     text: str = ""
     inclusion: float | None = None
     share_of_flights: ClosedShare | None = None
-    own_closure: ClosedShare | None = None
     sizes: list[TradeSize] = field(default_factory=list)
     on_both_sides: list[OnBothSides] = field(default_factory=list)
     takes_away: dict[str, float] = field(default_factory=dict)

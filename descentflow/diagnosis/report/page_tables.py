@@ -130,12 +130,6 @@ def specialist_tables(found: Findings) -> list[Table]:
             ],
             "llr",
         ),
-        (
-            "Closure by one cause alone",
-            ["cause", "closed"],
-            [[cause.label, str(cause.own_closure)] for cause in causes if cause.own_closure is not None],
-            "lr",
-        ),
         ("Where most of the difference lies", ["", "levels", "flights", "difference", "share"], _cells(found), "lllr"),
         (
             "Best sets of effects",

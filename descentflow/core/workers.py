@@ -124,7 +124,7 @@ class Engine:
         except (OSError, ValueError, TypeError) as error:
             raise ConfigError(
                 f"no Dask scheduler at {self.scheduler} ({error})",
-                expected="an address such as tcp://host:8786, or the file of `dask scheduler --scheduler-file`",
+                expected="an address such as tcp://host:8786, or the scheduler file that `dask scheduler` writes",
                 mend="start one with `dask scheduler`, or leave --scheduler out for local workers",
             ) from error
         return stack.enter_context(client)

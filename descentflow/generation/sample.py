@@ -13,7 +13,6 @@ from descentflow.core.arguments import Count, checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.core.threads import one_thread_where_they_spin
 from descentflow.densities.checkpoint import as_density
-from descentflow.generation.air_along_path import AirAlongPath
 from descentflow.generation.given_temperature import (
     check_one_temperature,
     given_deviation_k,
@@ -93,7 +92,11 @@ def sample(
     check_one_temperature(given, airs, field=field is not None)
     tell_drawn_airs(representation, air)
     with nullcontext() if field is None else weather_field(field) as opened:
-        along = None if opened is None else AirAlongPath(opened, plan)
+        along = None
+        if opened is not None:
+            from descentflow.generation.air_along_path import AirAlongPath  # here: samples without a field need none
+
+            along = AirAlongPath(opened, plan)
         found = sample_descents(
             density,
             representation,

@@ -173,7 +173,7 @@ def test_bad_input_gets_a_clear_error(plain: Path, folder: Path, checkpoint: Pat
         diagnose(frame)
     with pytest.raises(DataError, match="no file"):
         diagnose(folder / "nothing.parquet", checkpoint)
-    with pytest.raises(DataError, match="expected prepared descents"):
+    with pytest.raises(DataError, match="no column Mach; expected flight_id"):
         diagnose(frame.drop("Mach"), checkpoint)
     with pytest.raises(ConfigError, match="empty catalogue"):
         diagnose(frame, checkpoint, catalogue={})

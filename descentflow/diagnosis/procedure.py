@@ -118,8 +118,14 @@ def against_physics(compared: Compared, settings: Settings) -> GapReport:
     return Diagnosis(compared, settings, "physics").report({}, pl.DataFrame())
 
 
+SURELY_LEFT = 2.58 / 1.645
+"""Half widths of a 90 % interval in that of 99 %: one right answer in a hundred is called a part."""
+LEFT_SHARE = 0.1
+"""Share of the difference before that an effect's equation may miss of it."""
+
+
 def leaves_cost(costs: Sequence[Cost]) -> bool:
-    """Test for flights that, with the causes, still take longer or shorter at equal speed, by more than chance.
+    """Test for time at equal speed that the causes leave, by more than chance and more than a tenth.
 
     Example:
         >>> from descentflow.diagnosis.findings.costs_found import Measured
@@ -128,10 +134,12 @@ def leaves_cost(costs: Sequence[Cost]) -> bool:
         >>> leaves_cost([time(Measured(1.0, -2.0, 4.0))]), leaves_cost([time(Measured(-9.0, -12.0, -6.0))])
         (False, True)
     """
-    for cost in costs:
-        if cost.name == "time_at_speed" and cost.after is not None:
-            return cost.after.excludes_zero and abs(cost.after.estimate) > cost.floor
-    return False
+    # Of all levels, which come first: of many parts one is off by chance.
+    whole = next((cost for cost in costs if cost.name == "time_at_speed" and cost.after is not None), None)
+    if whole is None or whole.after is None:
+        return False
+    left = abs(whole.after.estimate)
+    return left > SURELY_LEFT * whole.floor and left > LEFT_SHARE * abs(whole.before.estimate)
 
 
 class Diagnosis:

@@ -140,15 +140,20 @@ class Bands:
         spread = xx - x * x / n.clamp(min=1)
         return torch.where(n >= 5, (xv - x * v / n.clamp(min=1)) / spread.clamp(min=1e-6), 0.0)
 
-    def change(self, values: Tensor) -> Tensor:
-        """Value (n, K) at the upper edge of each band minus that at its lower edge; NaN where either is not seen."""
+    def change(self, values: Tensor, fewest: int = MIN_AT_EDGE) -> Tensor:
+        """Value (n, K) at the upper edge of each band minus that at its lower edge; NaN where either is not seen.
+
+        Args:
+            values: (n, L).
+            fewest: Levels at an edge for it to be seen.
+        """
         half = self.height_fl / 2
         middle = self.altitude_m / FL_M
         edges = torch.cat([middle[:1] - half, middle + half])
         near = ((self.grid.levels_fl[:, None] - edges).abs() <= EDGE_LEVELS).double()
         seen = values.isfinite().double() @ near
         at_edge = values.nan_to_num(0.0) @ near / seen.clamp(min=1)
-        return torch.where(seen >= MIN_AT_EDGE, at_edge, torch.nan).diff(dim=1)
+        return torch.where(seen >= fewest, at_edge, torch.nan).diff(dim=1)
 
     def rates_mps(self, fall_mps: Tensor) -> tuple[Tensor, Tensor]:
         """Rate of descent (n, K) as reported, and from the times at levels; both as means over time.

@@ -16,7 +16,7 @@ from descentflow.core.errors import DataError
 from descentflow.core.row_runs import first_rows
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
 from descentflow.measurements.along_track import drift_cosine, level_part_kt
-from descentflow.measurements.level_channels import LevelGrid, gaps_of, short_scale_noise
+from descentflow.measurements.level_channels import EDGE_LEVELS, LevelGrid, gaps_of, short_scale_noise
 from descentflow.measurements.quantity_registry import CHANNELS, QUANTITIES
 from descentflow.measurements.turning import induced_by_turns
 from descentflow.physics.airspeed import mach_to_cas_mps, mach_to_tas_mps
@@ -214,10 +214,12 @@ def measured(grid: LevelGrid) -> Quantities:
     reported, crossed = bands.rates_mps(fall_mps)
     log_rate = reported.log()
     cas = torch.where(log_rate.isfinite(), bands.mean(cas_kt), torch.nan)
+    changed = bands.change(cas_kt, fewest=2 * EDGE_LEVELS + 1) / (band * FL_M)
     physics = {
         "log_rate": log_rate,
         "cas_mps": cas * KT_MPS,
-        "cas_slope_per_s": bands.slope(cas_kt) * KT_MPS,
+        # By the change over the band: a line through more is off by a tenth of the rate at the crossover.
+        "cas_slope_per_s": torch.where(changed.isfinite(), changed, bands.slope(cas_kt)) * KT_MPS,
         "rate_slope_per_m": bands.change(fall_mps) / (reported * band * FL_M),
         "depth_m": bands.depth_m(),
     }

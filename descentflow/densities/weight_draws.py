@@ -19,7 +19,7 @@ class WeightDraw(nn.Module):
 
     picks = False
     """True if a uniform number picks each flight's component."""
-    redraw = "everything"
+    redraw = "noise, with the same entry_fl"
     """Parts of a draw that are drawn again where it is not accepted."""
 
     def residual(
@@ -83,7 +83,9 @@ class MixtureDraw(WeightDraw):
         }
         for name, value in kept.items():
             self.register_buffer(name, None if value is None else _constant(value))
-        self.redraw = WeightDraw.redraw if self.edges is None else "noise, with the same entry_fl and uniform"
+        if self.picks:
+            every = "noise and uniform, with the same entry_fl"
+            self.redraw = every if self.edges is None else "noise, with the same entry_fl and uniform"
 
     def component(self, entry: Tensor, uniform: Tensor, context: Tensor | None = None) -> Tensor:
         """Components (n,) of flights by uniform numbers (n,): the inverse of the cumulative proportions."""

@@ -25,7 +25,7 @@ def rendered(template: str, **values: Any) -> str:
         values: What it shows, by name; a name that it does not find is an error.
 
     Example:
-        >>> text = rendered("surveillance/figures/cleaning_page.html.j2", flights=[], report="no rows < 1")
+        >>> text = rendered("surveillance/cleaning_page.html.j2", flights=[], report="no rows < 1")
         >>> text[:15], "<pre>no rows &lt; 1</pre>" in text
         ('<!doctype html>', True)
     """

@@ -74,7 +74,7 @@ def test_numbers_stand_on_the_right_and_groups_show_their_name_once() -> None:
 
 def test_a_name_that_a_template_does_not_get_is_an_error() -> None:
     with pytest.raises(UndefinedError, match="report"):
-        rendered("surveillance/figures/cleaning_page.html.j2", flights=[])
+        rendered("surveillance/cleaning_page.html.j2", flights=[])
 
 
 def test_the_same_figure_is_the_same_image(tmp_path: Path) -> None:

@@ -63,11 +63,11 @@ export class Descents {
 
   /**
    * n plausible descents. `entry_fl`: where all of them start, as the training flights did if absent; `context`: the
-   * encoded numbers of a conditional model (see `about.context`). What the model does not accept is drawn again, a
-   * density that knows where flights enter with the same level (and component), so that both stay as frequent as among flights.
+   * encoded numbers of a conditional model (see `about.context`). What the model does not accept is drawn again with the
+   * same entry level, and the same component where entry levels have their own, so that both stay as frequent as among flights.
    */
   async draw(n, { entry_fl = null, context = null, budget = Math.max(100 * n, 10000) } = {}) {
-    const gated = this.about.redraw !== "everything";
+    const gated = this.about.redraw.endsWith("same entry_fl and uniform");
     let waiting = Array.from({ length: n }, (_, i) => this.request(i, entry_fl, context));
     const samples = new Array(n);
     let drawn = 0;
@@ -79,7 +79,7 @@ export class Descents {
         return !found.accepted.data[row];
       });
       waiting = waiting.map((request) => {
-        const fresh = this.request(request.place, gated ? request.entry_fl : entry_fl, context);
+        const fresh = this.request(request.place, request.entry_fl, context);
         fresh.tries = request.tries + 1;
         // After 20 tries another component: one that hardly ever flies would take the budget.
         if (gated && fresh.tries % 20) fresh.uniform = request.uniform;

@@ -1,3 +1,3 @@
 """The version of the package; kept here, at the bottom, so that what writes it need not import the front door."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

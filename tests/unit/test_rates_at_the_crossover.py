@@ -1,4 +1,4 @@
-"""Rates of flights beyond the polar's where Mach number gives way to CAS."""
+"""Rates of flights beyond the polar's at the crossover from Mach number to CAS."""
 
 from dataclasses import replace
 

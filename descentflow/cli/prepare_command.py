@@ -108,13 +108,14 @@ def run(
         check_folder(figures, "index.html")
     if not rows and not embedded:
         raise ConfigError("no rows", expected="files, folders or --embedded", mend="name what is to be prepared")
+    chosen = cleaning_of_options(config, thresholds)
     was_there = out.is_dir() and any(out.iterdir())
     with stage("reading rows") as shown:
         descents = prepare(
             [*rows, *([embedded_rows()] if embedded else [])],
             typecode=typecode,
             types=types or (embedded_types() if embedded else None),
-            cleaning=cleaning_of_options(config, thresholds),
+            cleaning=chosen,
             out=out,
             format=format,
             columns=pairs("--column", column or []),
@@ -131,7 +132,7 @@ def run(
         from descentflow.surveillance.figure_pages import write_page
 
         with stage("drawing figures"):
-            number = write_page(figures, descents.dropped_rows, descents.report)
+            number = write_page(figures, descents.dropped_rows, descents.report, chosen.slowest_fpm)
         print(f"wrote {figures / 'index.html'}: {number} flights")
     print(descents.report)
     for one, top in descents.metadata["top_fl"].items():

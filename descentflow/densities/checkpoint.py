@@ -46,8 +46,7 @@ def load_model(path: str | Path) -> Density:
         CheckpointError: If the file cannot be used; the message has the reason.
 
     Warns:
-        DescentflowWarning: If it was fitted to filled gaps by a version that knew nothing else, or is of a fit that
-            has not ended.
+        DescentflowWarning: If it is of a fit that has not ended.
 
     Example:
         >>> model = load_model("best.ckpt")

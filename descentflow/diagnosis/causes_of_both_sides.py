@@ -1,4 +1,4 @@
-"""Causes that both sides have: flights that are as the simulator's own were, and not as it assumes.
+"""Causes on both sides: real flights match those that the simulator was trained on, and both contradict its physics.
 
 A model's inferred drag and speeds take in whatever explains the rates and speeds of its training flights. What they
 cannot take in: airspeeds that disagree with the standard atmosphere, wind between airspeed and groundspeed, IAS against

@@ -1,8 +1,8 @@
 """Rejection sampling of plausible descents, with or without a context, within a draw budget.
 
 A sample keeps its level of entry, its context, its air and its mixture component until one of its draws is plausible:
-their shares are shares of flights, all of which are plausible, and drawing them anew would change them. The bounds
-themselves are in :mod:`descentflow.representation.plausibility`.
+they were learnt as shares of plausible flights, and drawing them anew would bias those shares. The bounds themselves
+are in :mod:`descentflow.representation.plausibility`.
 """
 
 from collections.abc import Callable

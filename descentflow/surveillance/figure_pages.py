@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from descentflow.core.files import whole_file
 from descentflow.reporting.figure_style import BLUE, legend_below, tidy
 from descentflow.reporting.pages import png, rendered
+from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt
 from descentflow.surveillance.rows.drop_report import DropReport
 
@@ -41,15 +42,16 @@ def look(reason: str | None) -> tuple[str, str, float]:
     return colour, marker, 14.0
 
 
-def cleaning_figure(flights: Sequence[pl.DataFrame]) -> Figure:
+def cleaning_figure(flights: Sequence[pl.DataFrame], slowest_fpm: float = Cleaning().slowest_fpm) -> Figure:
     """Altitude, rate and IAS of some flights against time, every row coloured by the rule that dropped it.
 
-    The thin line beside the IAS is the CAS of Mach number and altitude, which should agree with it.
+    The thin line beside the IAS is the CAS of Mach number and altitude, which should agree with it. The dotted line is
+    the slowest rate of a descent.
     """
     figure = Figure(figsize=(5.2 * len(flights), 8.0), layout="constrained")
     grid = figure.subplots(3, len(flights), sharex="col", squeeze=False)
     for column, rows in enumerate(flights):
-        _draw(list(grid[:, column]), rows.sort("timestamp"))
+        _draw(list(grid[:, column]), rows.sort("timestamp"), slowest_fpm)
     for ax, label in zip(grid[:, 0], PANELS, strict=True):
         ax.set_ylabel(label)
     tidy(grid.flat)
@@ -57,7 +59,7 @@ def cleaning_figure(flights: Sequence[pl.DataFrame]) -> Figure:
     return figure
 
 
-def _draw(axes: Sequence[Axes], rows: pl.DataFrame) -> None:
+def _draw(axes: Sequence[Axes], rows: pl.DataFrame, slowest_fpm: float) -> None:
     minutes = ((rows["timestamp"] - rows["timestamp"][0]).dt.total_microseconds() / 60e6).to_numpy()
     altitude_ft = rows["altitude"].to_numpy()
     channels = (altitude_ft / 100, rows["vertical_rate"].to_numpy(), rows["IAS"].to_numpy())
@@ -72,7 +74,7 @@ def _draw(axes: Sequence[Axes], rows: pl.DataFrame) -> None:
         name = "kept" if reason is None else reason.replace("_", " ")
         for ax, values in zip(axes, channels, strict=True):
             ax.scatter(minutes[of], values[of], c=colour, marker=marker, s=size, linewidths=0.9, label=name)
-    axes[1].axhline(-500.0, color="#5a5a5a", linewidth=1.0, linestyle=":")
+    axes[1].axhline(-slowest_fpm, color="#5a5a5a", linewidth=1.0, linestyle=":")
     # A spike must not squeeze all else into a line.
     rates = channels[1][np.isfinite(channels[1])]
     if len(rates):
@@ -86,7 +88,7 @@ FLIGHTS_PER_FIGURE = 3
 DPI = 90
 
 
-def write_page(folder: Path, dropped_rows: pl.DataFrame, report: DropReport) -> int:
+def write_page(folder: Path, dropped_rows: pl.DataFrame, report: DropReport, slowest_fpm: float) -> int:
     """Write figures of flights and `index.html`, each whole; the page last, when everything that it shows is there."""
     folder.mkdir(exist_ok=True)
     flights = dropped_rows.partition_by("flight_id", maintain_order=True)
@@ -95,7 +97,7 @@ def write_page(folder: Path, dropped_rows: pl.DataFrame, report: DropReport) -> 
     for number, some in enumerate(groups, 1):
         picture = folder / f"flights-{number:02d}.png"
         with whole_file(picture) as temporary:
-            temporary.write_bytes(png(cleaning_figure(some), DPI))
+            temporary.write_bytes(png(cleaning_figure(some, slowest_fpm), DPI))
         shown.append((picture.name, [[_name(flight), _counts(flight)] for flight in some]))
     with whole_file(folder / "index.html") as temporary:
         text = rendered("surveillance/cleaning_page.html.j2", flights=shown, report=str(report))

@@ -293,8 +293,11 @@ def _settings(name: str) -> str:
     """A settings file, the user's own or one that comes along; its sections hold settings, those of data in groups."""
     path = config_file(name)
     settings = read_settings(path)
-    for section, content in settings.items():
-        if section in ("data", "trainer", "scores", "checkpoint") and not isinstance(content, dict | str):
+    data = settings.get("data")
+    sections = {name: settings[name] for name in ("data", "trainer", "scores", "checkpoint") if name in settings}
+    groups = {f"data.{name}": data[name] for name in GROUPS["data"] if isinstance(data, dict) and name in data}
+    for section, content in (sections | groups).items():
+        if not isinstance(content, dict | str):
             raise ConfigError(
                 f"{path}: {section} is {str(content)[:60]}",
                 expected="settings by name, or the name of a YAML file of them",

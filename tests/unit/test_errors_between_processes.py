@@ -7,7 +7,7 @@ import signal
 import pytest
 
 from descentflow.core.errors import ConfigError, DataError, DescentflowError, ImplausibleError
-from studies.process_engine import ProcessEngine
+from studies.process_engine import processes
 
 PARTS = {"expected": "a number", "mend": "correct it"}
 
@@ -35,9 +35,9 @@ def test_an_error_is_the_same_after_it_was_sent(error: DescentflowError) -> None
 
 def test_an_engine_of_processes_raises_what_its_worker_raised() -> None:
     with pytest.raises(DataError, match=r"task [12]; expected a number; to mend it, correct it"):
-        list(ProcessEngine(workers=2).run(refuse, [1, 2], None))
+        list(processes(2).run(refuse, [1, 2], None))
 
 
 def test_a_worker_that_is_killed_is_said_in_a_line() -> None:
     with pytest.raises(DataError, match=r"a worker was killed, .*; to mend it, start it again"):
-        list(ProcessEngine(workers=2).run(be_killed, [1, 2], None))
+        list(processes(2).run(be_killed, [1, 2], None))

@@ -3,7 +3,7 @@
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import is_dataclass
+from dataclasses import fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, signature
 from math import inf
@@ -92,7 +92,7 @@ def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
             if name in bound.arguments:
                 value = _plain(bound.arguments[name])
                 if isinstance(value, Mapping) and is_dataclass(hints[name]):
-                    value = hints[name](**value)
+                    value = _group(name, value, hints[name])
                 if not kind.takes(value):
                     value = held_table(value)
                 bound.arguments[name] = value
@@ -108,6 +108,19 @@ def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
         return call({}) if is_constructor else with_local_files(call, bound.arguments, outputs)
 
     return checked
+
+
+def _group(name: str, value: Mapping[Any, Any], settings: type[T]) -> T:
+    """A group of settings by a dictionary of them."""
+    known = [one.name for one in fields(settings)]  # type: ignore[arg-type]  # a dataclass, says the caller
+    unknown = [key for key in value if key not in known]
+    if unknown:
+        raise ConfigError(
+            f"{name} has {', '.join(map(repr, unknown))}",
+            expected=f"settings among {', '.join(known)}",
+            mend=f"see help({settings.__name__})",
+        )
+    return settings(**value)
 
 
 def checked_settings(settings: type[T]) -> type[T]:

@@ -18,7 +18,7 @@ FIT = ["--model", "Gaussian", "--data.descents", "descents.parquet"]
         ([*FIT, "--data.context", "hour"], r"--data\.\w+\.context: Expected a <class 'list'>; Given value: hour;"),
         (
             [*FIT, "--data.explained_variance=80"],
-            r"--data\.\w+\.explained_variance: .* 80 does not conform to .* v>0 and v<1",
+            r"--data\.\w+\.explained_variance: .* 80 does not conform to .*v<1",
         ),
         ([*FIT, "--data.batch_size", "0"], r"--data\.\w+\.batch_size: .*PositiveInt"),
         ([*FIT, "--data.bottom_fl", "1.5"], "--data.bottom_fl: Expected a <class 'int'>; Given value: 1.5"),

@@ -172,6 +172,12 @@ def test_identical_flights_are_refused(descents: Path, tmp_path: Path) -> None:
         module(tmp_path / "same.parquet")
 
 
+@pytest.mark.parametrize("wrong", [{1: 2}, {"split_bye": "aircraft"}, {"seed": "one"}])
+def test_a_dictionary_that_is_no_group_of_settings_is_refused(wrong: dict) -> None:
+    with pytest.raises(ConfigError, match=r"split has .*expected settings among test_fraction|seed = 'one'"):
+        DescentDataModule("descents.parquet", split=wrong)
+
+
 def test_before_setup() -> None:
     with pytest.raises(ConfigError, match="before setup"):
         _ = DescentDataModule(Path("absent.parquet")).representation

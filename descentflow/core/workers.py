@@ -181,7 +181,7 @@ def engine_of(engine: Any = None, workers: int | None = None) -> Engine:
     if isinstance(engine, Engine):
         return engine
     number = workers or os.cpu_count() or 1
-    if engine is None or engine == "local":
+    if engine is None or (isinstance(engine, str) and engine == "local"):
         return Engine(number)
     if isinstance(engine, str | Path) or hasattr(engine, "wait_for_workers"):
         return Engine(number, "dask", None if engine == "dask" else engine)

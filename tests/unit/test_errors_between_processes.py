@@ -4,9 +4,12 @@ import os
 import pickle
 import signal
 
+import numpy as np
+import polars as pl
 import pytest
 
 from descentflow.core.errors import ConfigError, DataError, DescentflowError, ImplausibleError
+from descentflow.core.workers import engine_of
 from studies.process_engine import processes
 
 PARTS = {"expected": "a number", "mend": "correct it"}
@@ -41,3 +44,10 @@ def test_an_engine_of_processes_raises_what_its_worker_raised() -> None:
 def test_a_worker_that_is_killed_is_said_in_a_line() -> None:
     with pytest.raises(DataError, match=r"a worker was killed, .*; to mend it, start it again"):
         list(processes(2).run(be_killed, [1, 2], None))
+
+
+@pytest.mark.parametrize("engine", [np.zeros((2, 2)), pl.DataFrame({"a": [1]}), 3, ["dask"]])
+def test_what_is_no_engine_is_refused(engine: object) -> None:
+    """An array has no truth of its own."""
+    with pytest.raises(ConfigError, match=r"an engine of type .*; expected local, dask"):
+        engine_of(engine)

@@ -169,11 +169,19 @@ def _grib_options(path: Path) -> list[dict[str, Any]]:
 
 
 def _check_messages(path: Path, eccodes: Any) -> None:
-    """Refuse messages whose parts are longer than they are, before ecCodes opens one: it would free memory twice."""
+    """Refuse messages that ecCodes must not open: of parts longer than they are, or of days that no month has.
+
+    Of the former it would free memory twice, and of the latter it writes on the terminal.
+    """
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
         for start in eccodes.codes_extract_offsets(str(path), eccodes.CODES_PRODUCT_GRIB, True):
             end, place = start + int.from_bytes(content[start + 8 : start + 16]), start + 16
+            day = content[start + 21 : start + 23]  # of edition 1
             while content[start + 7] == 2 and place < end - 4:
+                if content[place + 4] == 1:
+                    day = content[place + 14 : place + 16]
                 place += int.from_bytes(content[place : place + 4]) or end
+            if not (1 <= day[0] <= 12 and 1 <= day[1] <= 31):
+                raise layout.unusable(f"{path}: month {day[0]}, day {day[1]} in the message of GRIB at byte {start:,}")
             if content[start + 7] == 2 and place != end - 4:
                 raise layout.unusable(f"{path}: a damaged message of GRIB at byte {start:,}")

@@ -177,6 +177,8 @@ class Correction:
 
         Raises:
             KeyError: If it names an effect that this version does not have, or a part is missing.
+            TypeError: If a part is of another type.
+            ValueError: If an effect has other parameters.
         """
         from descentflow.effects import EFFECTS
 
@@ -187,8 +189,11 @@ class Correction:
             {name: [float(v) for v in theta] for name, theta in state[part].items()}
             for part in ("effects", "of_training")
         )
+        short = [name for name, theta in effects.items() if len(theta) != len(EFFECTS[name].parameters)]
+        if short:
+            raise ValueError(f"{len(effects[short[0]])} parameters of {short[0]}")
         given = cleaning or Cleaning()
-        return cls(effects, state["mass_kg"], state["inherited"], given, of_training)
+        return cls(effects, float(state["mass_kg"]), bool(state["inherited"]), given, of_training)
 
 
 def _state(

@@ -106,11 +106,11 @@ def simulated_seconds(own: Any, n: int, monkeypatch: pytest.MonkeyPatch, folder:
 def test_the_predictor_flies_samples_in_a_whole_simulation(
     written: Path, own_seconds: np.ndarray, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """2 % of the mean and 10 % of the spread; by chance 200 flights are off by 0.9 % and 5 % (one sigma)."""
+    """3 % of the mean and 15 % of the spread, three of their standard errors for 200 flights."""
     bluebird()
     found = simulated_seconds(predictor(written, sampled=True), N, monkeypatch, tmp_path)
-    assert found.mean() == pytest.approx(own_seconds.mean(), rel=0.02)
-    assert found.std() == pytest.approx(own_seconds.std(), rel=0.10)
+    assert found.mean() == pytest.approx(own_seconds.mean(), rel=0.03)
+    assert found.std() == pytest.approx(own_seconds.std(), rel=0.15)
     tabled = simulated_seconds(predictor(written, sampled=False), 5, monkeypatch, tmp_path)
     assert (np.abs(found[:5] - tabled) > 1).any(), "these are samples, not tables"
     again = simulated_seconds(predictor(written, sampled=True), 5, monkeypatch, tmp_path)

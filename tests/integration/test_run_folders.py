@@ -112,6 +112,22 @@ def test_a_fit_that_fails_keeps_what_others_wrote_into_its_new_folder(here: Path
     assert [path.name for path in (here / "runs").rglob("*") if path.is_file()] == ["notes.txt"]
 
 
+def test_a_fit_that_fails_in_a_folder_of_others_takes_its_own_files_out(here: Path, descents: Path) -> None:
+    kept = here / "runs" / "notes.txt"
+    kept.parent.mkdir()
+    kept.write_text("mine")
+    logger = ["--trainer.logger=TensorBoardLogger", *ONE_FOLDER]
+    with pytest.raises(ValueError, match="as a user's"):
+        main(
+            [
+                "fit",
+                *["--model", "Gaussian", "--data.descents", str(descents), *QUICK, *logger],
+                "--trainer.callbacks+=shared_logger.WriteAndFail",
+            ]
+        )
+    assert {path.name for path in kept.parent.iterdir()} == {"notes.txt"}
+
+
 def test_a_fit_that_fails_before_it_claims_a_folder_leaves_it_to_the_run_that_has(here: Path) -> None:
     trainer = Trainer(logger=CSVLogger("logs"), accelerator="cpu")
     failed = RemoveFailedRun()

@@ -139,6 +139,8 @@ def test_loading_never_executes_code(tmp_path: Path) -> None:
     assert not (tmp_path / "owned").exists()
 
 
+WARM = {"effects": {"temperature": [8.0]}, "mass_kg": 6e4, "inherited": False, "of_training": {}}
+"""Correction of a simulator."""
 COLUMN = {"name": "a", "kind": "number", "mean": 0.0, "scale": 1.0, "values": [], "indicator": False}
 """A column of a context, as checkpoints keep it."""
 
@@ -186,6 +188,10 @@ def broken(kind: str, folder: Path) -> Path:
         "flag": lambda c: c["descentflow"]["representation"].update(context=[{**COLUMN, "mean": True}]),
         "gaps": lambda c: c["descentflow"]["representation"].pop("gaps"),
         "own mass": lambda c: c["descentflow"]["representation"].update(own_mass={"column": "mass_kg"}),
+        "mass": lambda c: c["descentflow"]["representation"]["decoder"].update(correction={**WARM, "mass_kg": [6e4]}),
+        "effect": lambda c: c["descentflow"]["representation"]["decoder"].update(
+            correction={**WARM, "effects": {"temperature": []}}
+        ),
         "column": lambda c: c["descentflow"]["representation"].update(context=[{**COLUMN, "code": "x"}]),
     }
     changes[kind](content)
@@ -208,6 +214,8 @@ def broken(kind: str, folder: Path) -> Path:
         ("model", "Diffusion"),
         ("entry law", "a GaussianDensity of another version, with entry_law; .* fit again"),
         ("incomplete", "decoder"),
+        ("mass", "float"),
+        ("effect", "0 parameters of temperature"),
         ("parameters", "state_dict"),
         ("aircraft", "ct1"),
         ("counts", "entry_counts is not on the grid"),

@@ -256,6 +256,10 @@ def test_grib_that_is_no_such_field_is_refused_quietly(grib: Path, capfd: pytest
     grib.write_bytes(content[:section] + b"\0\0\x80\x15" + content[section + 4 :])
     with pytest.raises(DataError, match="a damaged message of GRIB at byte"):
         read(grib)
+    # A day that no month has: ecCodes by itself writes on the terminal.
+    grib.write_bytes(content[: section + 15] + b"\x83" + content[section + 16 :])
+    with pytest.raises(DataError, match=r"month 3, day 131 in the message of GRIB at byte"):
+        read(grib)
     # Without its last message it is whole, but for a hole.
     grib.write_bytes(content[: content.rindex(b"GRIB")])
     with pytest.raises(DataError, match=r"in a hole of the weather field .*with a value of northward_wind"):

@@ -40,6 +40,7 @@ class RemoveFailedRun(Callback):
         self._of_another = False
         self._claim: Claim | None = None
         self._absent: list[Path] = []
+        self._before: list[Path] | None = None
 
     def note(self, trainer: Trainer) -> None:
         """Note which folders of the run are not there yet; without it, none is removed.
@@ -47,7 +48,7 @@ class RemoveFailedRun(Callback):
         It is called before the loggers write: a logger that shares its folder is not asked, for it would begin a run.
         """
         if trainer.loggers and trainer.loggers[0].log_dir:
-            self._absent = _absent(folder_of(trainer))
+            self._absent, self._before = _absent(folder_of(trainer)), _written(folder_of(trainer))
 
     def setup(self, trainer: Trainer, pl_module: LightningModule, stage: str) -> None:
         """Claim the folder, which two runs that begin at the same moment would both take for the next free one.
@@ -61,6 +62,7 @@ class RemoveFailedRun(Callback):
             return
         folder = folder_of(trainer)
         self._absent = self._absent or _absent(folder)
+        self._before = _written(folder) if self._before is None else self._before
         folder.mkdir(parents=True, exist_ok=True)
         self._claim = Claim(folder / LOCK)
         if not self._claim.take():
@@ -92,6 +94,9 @@ class RemoveFailedRun(Callback):
             (folder_of(trainer) / settings[0].config_filename).unlink(missing_ok=True)
         if self._absent and not _is_of_use(self._absent[0]) and self._is_alone(self._absent[0]):
             self._remove()
+        elif not self._absent and self._claim is not None and not _is_of_use(folder_of(trainer)):
+            for path in set(_written(folder_of(trainer))) - set(self._before or ()):
+                path.unlink()
         self._let_go()
 
     def _is_alone(self, folder: Path) -> bool:
@@ -104,7 +109,7 @@ class RemoveFailedRun(Callback):
     def _remove(self) -> None:
         """Remove this run's files, and the folders that it made if nothing else is in them."""
         folder = self._absent[0]
-        for path in [path for name in WRITTEN for path in folder.glob(name)]:
+        for path in _written(folder):
             path.unlink()
         remove_left(folder)
         self._let_go()
@@ -154,6 +159,11 @@ class WholeConfig(SaveConfigCallback):
 def _absent(folder: Path) -> list[Path]:
     """The folder and the two above, as far as they do not exist."""
     return [one for one in (folder, *folder.parents[:2]) if not one.exists()]
+
+
+def _written(folder: Path) -> list[Path]:
+    """Files of loggers of this process in a folder."""
+    return [path for name in WRITTEN for path in folder.glob(name)]
 
 
 def _is_of_use(folder: Path) -> bool:

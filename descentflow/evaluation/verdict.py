@@ -44,8 +44,8 @@ def verdict(scores: ScoreTable, detection: Detection) -> str:
     if auc <= PASSES:
         lines.append(f"good enough for {course}: a classifier guesses little better than chance, AUC {auc:.2f}")
     for row in far:
-        off = row.equal_size / row.floor
-        lines.append(f"not for the distribution of {names[row.quantity]}: {off:.1f} noise floors off")
+        off = f"{row.equal_size / row.floor:.1f} noise floors off" if row.floor else "held-out flights are all alike"
+        lines.append(f"not for the distribution of {names[row.quantity]}: {off}")
     if auc > PASSES:
         lines.append(f"not for {course}: a classifier tells samples from flights, AUC {auc:.2f} (chance is 0.5)")
     if isnan(auc):

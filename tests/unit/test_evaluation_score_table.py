@@ -10,9 +10,12 @@ import torch
 
 from descentflow.core.errors import DataError
 from descentflow.core.units import KT_MPS
+from descentflow.evaluation.metrics.classifier import Detection
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.noise_floor import MIN_VALUES, split_distances
+from descentflow.evaluation.metrics.score_table import Score, ScoreTable
 from descentflow.evaluation.metrics.scores import score
+from descentflow.evaluation.verdict import verdict
 
 
 def plain(n: int, seed: int = 0, n_levels: int = 11) -> DescentSet:
@@ -171,3 +174,9 @@ def test_absent_numbers_are_empty_fields(tmp_path: Path) -> None:
     assert header.split(",")[:6] == ["quantity", "statistic", "unit", "score", "equal_size", "floor"]
     assert first.startswith("time_to_bottom_of_descent,ks,1,,,,,,,,40,3,1,0,,")
     assert table.level_frame()["score"].null_count() == table.level_frame().height
+
+
+def test_a_verdict_on_flights_that_are_all_alike_has_no_ratio() -> None:
+    """Their noise floor is zero."""
+    far = Score("rocd_below_transition", "wasserstein", "ft/min", equal_size=20.0, floor=0.0, floor_high=0.0, n_each=40)
+    assert "held-out flights are all alike" in verdict(ScoreTable((far,)), Detection(torch.tensor([torch.nan]), ()))

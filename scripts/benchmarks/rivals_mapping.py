@@ -13,7 +13,6 @@ EFFECTS_OF_NODE: dict[str, frozenset[str]] = {
     "wind": frozenset({"wind_gradient"}),
     "rate": SPEEDS_KEPT,
     "reported": frozenset({"vertical_rate_lag"}),
-    "noise": frozenset({"measurement_noise"}),
     "stops": frozenset({"level_off"}),
 }
 """Node of the causal graph -> effects that change its mechanism, given its parents, and no other node's."""
@@ -26,13 +25,12 @@ PARENTS_OF_NODE: dict[str, tuple[str, ...]] = {
     "rate": ("IAS", "TAS", "wind"),
     "reported": ("rate",),
     "height": (),
-    "noise": (),
     "stops": (),
 }
 """Graph of a descent: the crew choose the speed; pressure altitude and IAS give Mach; Mach and temperature give TAS;
 energy gives the rate at these speeds in this wind; the transponder reports it. The rest has no cause among them."""
 
-TARGETS = ("reported", "height", "noise", "stops")
+TARGETS = ("reported", "height", "stops")
 """Nodes whose change is attributed: together they have every node among their ancestors."""
 
 

@@ -126,6 +126,8 @@ def test_a_fit_that_fails_in_a_folder_of_others_takes_its_own_files_out(here: Pa
             ]
         )
     assert {path.name for path in kept.parent.iterdir()} == {"notes.txt"}
+    assert main(["fit", "--model", "Gaussian", "--data.descents", "absent.parquet", *logger]) == 2
+    assert {path.name for path in kept.parent.iterdir()} == {"notes.txt"}
 
 
 def test_a_fit_that_fails_before_it_claims_a_folder_leaves_it_to_the_run_that_has(here: Path) -> None:

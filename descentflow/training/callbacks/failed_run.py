@@ -94,9 +94,11 @@ class RemoveFailedRun(Callback):
             (folder_of(trainer) / settings[0].config_filename).unlink(missing_ok=True)
         if self._absent and not _is_of_use(self._absent[0]) and self._is_alone(self._absent[0]):
             self._remove()
-        elif not self._absent and self._claim is not None and not _is_of_use(folder_of(trainer)):
-            for path in set(_written(folder_of(trainer))) - set(self._before or ()):
-                path.unlink()
+        elif self._before is not None and not self._absent:
+            folder = folder_of(trainer)
+            if not _is_of_use(folder) and self._is_alone(folder):
+                for path in set(_written(folder)) - set(self._before):
+                    path.unlink()
         self._let_go()
 
     def _is_alone(self, folder: Path) -> bool:

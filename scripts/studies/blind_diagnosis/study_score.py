@@ -123,6 +123,7 @@ def column_of(o: Outcome) -> Column:
     """Column of the table.
 
     Example:
+        >>> from studies.blind_diagnosis.blind_plan import SetPlan
         >>> one = SetPlan("blind_0", "blind", "null", {}, 0.0, "all", 400, "simulator_0", 1, "foreign", "MD11")
         >>> column_of(Outcome("blind_0_one", one, "one", None, "none", (), (), (), {}, 9.0))
         'bare'

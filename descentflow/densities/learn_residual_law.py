@@ -94,8 +94,8 @@ def _most_probable(
     reached = -torch.inf
     law = ResidualLaw.standard(mixture.n_components, len(groups), mixture.locs.shape[1])
     for _ in range(STEPS):
-        told, sums = _expectation(information, mixture, law, shares, context)
-        value = float((shares * told).sum(1).mean())
+        log_density, sums = _expectation(information, mixture, law, shares, context)
+        value = float((shares * log_density).sum(1).mean())
         if value < reached + TOLERANCE:
             break
         reached, law = value, _maximised(sums, law, groups)
@@ -114,14 +114,14 @@ def _of_unit_variance(
     of_component = share.sum(0)
     means = law.offset + locations(mixture, context) @ law.slope.T  # (1, k, R), or (n, k, R) with a context
     mean = (share[..., None] * means).sum((0, 1))
-    told = (share[..., None] * (means - mean).square()).sum((0, 1))
+    explained = (share[..., None] * (means - mean).square()).sum((0, 1))
     roots = law.slope @ mixture.scale_trils  # (k, R, d)
-    told = told + torch.einsum("k,krd->r", of_component, roots.square())
+    explained = explained + torch.einsum("k,krd->r", of_component, roots.square())
     own = of_component @ law.spread.square()  # of scales of mean square one
     spread = law.spread.clone()
     for one in groups.unique().tolist():  # type: ignore[no-untyped-call]
         mine = groups == one
-        spread[:, mine] *= ((1 - told[mine].mean()).clamp(min=LEAST_OWN) / own[mine].mean()).sqrt()
+        spread[:, mine] *= ((1 - explained[mine].mean()).clamp(min=LEAST_OWN) / own[mine].mean()).sqrt()
     return replace(law, spread=spread)
 
 
@@ -130,14 +130,14 @@ def _expectation(
 ) -> tuple[Tensor, _Sums]:
     """Log probability (n, k) of each flight under each of its possible components, and the sums for the next law."""
     d = mixture.locs.shape[1]
-    told, parts = torch.zeros_like(shares), []
+    log_density, parts = torch.zeros_like(shares), []
     for k in range(mixture.n_components):
         # A flight is of a few components, and of many components most flights are of others.
         mine = shares[:, k] > LEAST_SHARE
         found = given_component(information, mixture, law, k, mine, context)
-        told[mine, k] = found.told
+        log_density[mine, k] = found.log_density
         parts.append(_sums(shares[mine, k], found, d))
-    return told, _Sums(*(torch.stack(part) for part in zip(*parts, strict=True)))
+    return log_density, _Sums(*(torch.stack(part) for part in zip(*parts, strict=True)))
 
 
 def _sums(share: Tensor, given: GivenComponent, d: int) -> tuple[Tensor, Tensor, Tensor]:
@@ -235,15 +235,15 @@ def _scale_step(
     """
     n_scales, (_, of_profile) = len(law.scale_probs), groups.unique(return_inverse=True)  # type: ignore[no-untyped-call]
     profiles = torch.nn.functional.one_hot(of_profile).to(law.spread)  # (R, G)
-    told = torch.full((*shares.shape, n_scales), -torch.inf, dtype=shares.dtype)
-    squares = shares.new_zeros(*told.shape, profiles.shape[1])
+    log_density = torch.full((*shares.shape, n_scales), -torch.inf, dtype=shares.dtype)
+    squares = shares.new_zeros(*log_density.shape, profiles.shape[1])
     for k in range(mixture.n_components):
         mine = shares[:, k] > LEAST_OF_SCALES
         for scale in range(n_scales):
             given = given_component(information, mixture, law, k, mine, context, scale)
-            told[mine, k, scale] = given.told
+            log_density[mine, k, scale] = given.log_density
             squares[mine, k, scale] = _squares(given, law, k) @ (profiles / profiles.sum(0))
-    joint = told + (shares[:, :, None] * law.scale_probs).log()
+    joint = log_density + (shares[:, :, None] * law.scale_probs).log()
     total = joint.flatten(1).logsumexp(1)
     share = (joint - total[:, None, None]).exp()
     counts = share.sum((0, 1))

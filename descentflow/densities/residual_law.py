@@ -173,8 +173,8 @@ def components_given(mixture: Mixture, weights: Tensor, context: Tensor | None, 
     normals = torch.distributions.MultivariateNormal(
         locations(mixture, context), scale_tril=mixture.scale_trils, validate_args=False
     )
-    told: Tensor = normals.log_prob(weights[:, None].to(mixture.locs))  # type: ignore[no-untyped-call]
-    cumulative = (told + log_proportions(mixture, context)).softmax(1).cumsum(1)
+    log_density: Tensor = normals.log_prob(weights[:, None].to(mixture.locs))  # type: ignore[no-untyped-call]
+    cumulative = (log_density + log_proportions(mixture, context)).softmax(1).cumsum(1)
     return (uniform[:, None].to(cumulative) > cumulative[:, :-1]).sum(1)
 
 
@@ -186,13 +186,13 @@ class GivenComponent(NamedTuple):
     """Of m flights under one component.
 
     Attributes:
-        told: (m,) log of how probable they are (nats), up to what all components share.
+        log_density: (m,) log of how probable they are (nats), up to what all components share.
         mean: (m, D) of weights and residual numbers.
         factor: (u, D, D) Cholesky factors of their precisions, of flights that show the same levels.
         group: (m,) which of these is a flight's.
     """
 
-    told: Tensor
+    log_density: Tensor
     mean: Tensor
     factor: Tensor
     group: Tensor
@@ -236,8 +236,8 @@ def given_component(
     mean = _solved(factor, pull, group)
     log_det = factor.diagonal(dim1=-2, dim2=-1).log().sum(-1)[group]
     own = mixture.scale_trils[k].diagonal().log().sum() + spread.log().sum()
-    told = 0.5 * (mean * pull).sum(1) - 0.5 * (means * off).sum(1) - log_det - own
-    return GivenComponent(told, mean, factor, group)
+    log_density = 0.5 * (mean * pull).sum(1) - 0.5 * (means * off).sum(1) - log_det - own
+    return GivenComponent(log_density, mean, factor, group)
 
 
 def _solved(factors: Tensor, right: Tensor, group: Tensor) -> Tensor:

@@ -124,13 +124,6 @@ class Plausibility(nn.Module):
         found = [(row & mask).any(1) for row in rows] + [(step & both).any(1) for step in steps]
         return torch.stack(found, 1)
 
-    def broken_levels(self, flown: Trajectories) -> Tensor:
-        """Levels at which descents break a rule, for any entry level: (n, L) bool; changes count at the upper level."""
-        rows, steps = self._broken(flown)
-        found = torch.stack(rows).any(0)
-        found[:, 1:] |= torch.stack(steps).any(0)
-        return found
-
     def _broken(self, flown: Trajectories) -> tuple[tuple[Tensor, ...], tuple[Tensor, ...]]:
         """Rules of levels (n, L) and of changes between neighbours (n, L - 1), in the order of :data:`RULES`."""
         altitude_m = flown.levels_fl * FL_M

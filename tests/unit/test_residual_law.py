@@ -201,7 +201,7 @@ def test_a_fitted_mixture_has_a_law_and_keeps_it(tmp_path: Path) -> None:
 def mean_log_likelihood(information: Information, mixture: Mixture, law: ResidualLaw) -> float:
     """Of all flights (nats), of a mixture of one component, up to what laws share."""
     every = torch.ones(len(information.group), dtype=torch.bool)
-    told = [given_component(information, mixture, law, 0, every, scale=j).told for j in range(len(law.scales))]
+    told = [given_component(information, mixture, law, 0, every, scale=j).log_density for j in range(len(law.scales))]
     return float((torch.stack(told, 1) + law.scale_probs.log()).logsumexp(1).mean())
 
 

@@ -43,7 +43,7 @@ def test_flights_are_as_probable_as_scipys_scale_mixture_says() -> None:
     means = SCALED.joint_means(MIXTURE.locs)
     for k in range(2):
         for j in range(2):
-            found.append(given_component(information, MIXTURE, SCALED, k, every, scale=j).told)
+            found.append(given_component(information, MIXTURE, SCALED, k, every, scale=j).log_density)
             root = torch.zeros(D + R, D + R).double()
             root[:D, :D], root[D:, :D] = TRILS[k], SCALED.slope @ TRILS[k]
             root[D:, D:] = torch.diag(SCALED.spread[k] * SCALES[j])

@@ -97,7 +97,7 @@ def read_rows(sources: Sequence[Source], report: DropReport, *, format: str | No
 def read_table(path: Path) -> pl.DataFrame:
     """Read one file as it is, with its own column names (snapshots become one row per aircraft)."""
     report = DropReport()
-    with opened([path], str(path)) as source:
+    with opened(path) as source:
         parts = _parts(iter([source]), report, Unreadable(report), None, 1 << 22)
         tables: list[pl.DataFrame] = [table.rows for table in put_together(parts, report, 1)]
     return pl.concat(tables, how="diagonal")

@@ -59,7 +59,7 @@ def test_truncated_files(kind: str, share: float, tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", SOURCES)
 def test_truncated_gzip(kind: str, tmp_path: Path) -> None:
     content = gzip.compress(SOURCES[kind])
-    refused(written_to(tmp_path / "rows.gz", content[: len(content) // 2]), "damaged gzip")
+    refused(written_to(tmp_path / "rows.gz", content[: len(content) // 2]), "Compressed file ended")
     refused(written_to(tmp_path / "twice.gz", gzip.compress(content)), "gzip inside gzip")
 
 

@@ -1,4 +1,4 @@
-"""Traces of readsb, in trees and archives, whole and split: the same flight comes back."""
+"""Traces of readsb, in trees and archives: the same flight comes back."""
 
 import gzip
 import json
@@ -15,9 +15,6 @@ from source_toys import (
     written_to,
 )
 from surveillance_toys import flight
-
-from descentflow.core.errors import DataError
-from descentflow.surveillance.unpacking.inputs import with_parts
 
 
 @pytest.mark.parametrize("extended", [True, False])
@@ -67,7 +64,7 @@ def test_flags_of_points_are_honoured(tmp_path: Path) -> None:
     assert ground["track"] is None, "on the ground it is a heading"
 
 
-@pytest.mark.parametrize("form", ["tree", "tar", "tar.gz", "parts"])
+@pytest.mark.parametrize("form", ["tree", "tar", "tar.gz"])
 def test_trees_and_archives_of_traces(form: str, tmp_path: Path) -> None:
     addresses = [f"4ca{number:03x}" for number in range(6)]
     names = [f"./traces/{address[-2:]}/trace_full_{address}.json" for address in addresses]
@@ -79,11 +76,6 @@ def test_trees_and_archives_of_traces(form: str, tmp_path: Path) -> None:
         for name, content in [*zip(names, contents, strict=True), *beside]:
             (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
             (tmp_path / name).write_bytes(content)
-    elif form == "parts":
-        third = len(archive) // 3
-        for number, letter in enumerate("abc"):
-            part = archive[number * third : (number + 1) * third if number < 2 else None]
-            written_to(tmp_path / f"v2024.03.01-planes-readsb-prod-0.tar.a{letter}", part)
     else:
         written_to(tmp_path / f"day.{form}", gzip.compress(archive) if form == "tar.gz" else archive)
     found, notes = rows_of(tmp_path)
@@ -92,15 +84,3 @@ def test_trees_and_archives_of_traces(form: str, tmp_path: Path) -> None:
     left_out = notes.pop("members of archives left out: no rows by its name", 0)
     assert left_out == (0 if form == "tree" else 4)
     assert set(notes) == {"trace points whose Mach was computed from IAS and altitude"}
-
-
-def test_parts_of_split_archives_are_found_and_missing_ones_named(tmp_path: Path) -> None:
-    names = ["b.csv", "x.tar.ab", "x.tar.aa", "y.tar.002", "y.tar.001", "whole.tar.gz", "whole.tar.xz"]
-    groups = dict(with_parts([tmp_path / name for name in names]))
-    assert [path.name for path in groups[str(tmp_path / "x.tar")]] == ["x.tar.aa", "x.tar.ab"]
-    assert [path.name for path in groups[str(tmp_path / "y.tar")]] == ["y.tar.001", "y.tar.002"]
-    assert [path.name for path in groups[str(tmp_path / "whole.tar.gz")]] == ["whole.tar.gz"]
-    assert len(groups) == 5
-    for missing in (["x.tar.ab", "x.tar.ac"], ["x.tar.aa", "x.tar.ac"], ["x.tar.003"]):
-        with pytest.raises(DataError, match="split archive"):
-            with_parts([tmp_path / name for name in missing])

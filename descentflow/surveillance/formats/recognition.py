@@ -91,7 +91,7 @@ def recognised(
     source: Input, report: DropReport, name: str | None, block_rows: int
 ) -> tuple[Format, Iterator[Columns]]:
     """Format of a file, and its rows in parts."""
-    head, source = source.head()
+    head = source.head()
     if not head:
         mend = "check how it was written or copied, or take it out of what is read"
         raise DataError(f"{source.label} is empty", expected=ACCEPTED, mend=mend)

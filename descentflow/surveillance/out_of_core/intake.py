@@ -19,7 +19,6 @@ from descentflow.surveillance.out_of_core.spill import Bucket, Memory, Spill, jo
 from descentflow.surveillance.read_rows import Source, row_blocks
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import COLUMNS, REQUIRED
-from descentflow.surveillance.unpacking.inputs import with_parts
 
 Item = TypeVar("Item")
 
@@ -75,7 +74,7 @@ class _Group:
 
 
 def groups_of(files: Sequence[Path]) -> list[tuple[Path, ...]]:
-    """Neighbouring files in groups of about equal size; parts of a split archive are kept together.
+    """Neighbouring files in groups of about equal size.
 
     A small file is not a group of its own: in a group a damaged file is counted, alone it would be an error.
 
@@ -85,12 +84,12 @@ def groups_of(files: Sequence[Path]) -> list[tuple[Path, ...]]:
     """
     groups: list[list[Path]] = [[]]
     total = 0
-    for _, parts in with_parts(files):
-        size = sum(path.stat().st_size for path in parts)
+    for path in files:
+        size = path.stat().st_size
         if groups[-1] and total + size > GROUP_BYTES:
             groups.append([])
             total = 0
-        groups[-1] += parts
+        groups[-1].append(path)
         total += size
     together: list[list[Path]] = []
     for group in groups:

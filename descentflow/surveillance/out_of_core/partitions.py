@@ -1,7 +1,6 @@
 """Partitions of whole aircraft on disk: planned, and cleaned one by one on an engine into files of levels."""
 
 import json
-import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -85,7 +84,7 @@ def clean_partitions(
         progress: Progress callback.
 
     Raises:
-        DataError: If one aircraft has more rows than fit in memory, or no usable row was left.
+        DataError: If one of the shares of aircraft has more rows than fit in memory, or no usable row was left.
 
     Example:
         >>> from descentflow.surveillance.out_of_core.intake import read_groups
@@ -125,10 +124,9 @@ def _plan(intake: Intake, folder: Path, size: int, memory: Memory) -> list[tuple
     """Files and size in memory of each partition; as planned before if this is a rerun, whatever the memory now."""
     path = folder / "partitions.json"
     if not path.exists():
-        shutil.rmtree(folder / "again", ignore_errors=True)
         planned = [
             {"files": [file.relative_to(folder).as_posix() for file in bucket.files], "bytes": bucket.bytes}
-            for bucket in partitions(intake.buckets or [], folder / "again", size, memory.rows_bytes)
+            for bucket in partitions(intake.buckets or [], size, memory.rows_bytes)
         ]
         with whole_file(path) as temporary:
             temporary.write_text(json.dumps(planned))

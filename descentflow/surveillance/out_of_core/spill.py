@@ -8,8 +8,8 @@ import polars as pl
 
 from descentflow.core.errors import DataError
 
-BUCKETS = 64
-"""Number of buckets that rows are spread over by a hash of their address; one that is too large is spread again."""
+BUCKETS = 256
+"""Number of buckets that rows are spread over by a hash of their address."""
 PROGRAM_BYTES = 350_000_000
 """Memory of the program and its libraries without any row."""
 LEAST_BYTES = 600_000_000
@@ -21,8 +21,6 @@ WRITTEN_AT = 3
 while they are written."""
 ROW_BYTES = 200
 """Approximate bytes of a row."""
-DEEPEST = 6
-"""Largest number of times that buckets are spread again; 64^7 is more than the number of addresses."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +55,7 @@ class Bucket:
     """Files of the rows of some aircraft, in the order of the input.
 
     Example:
-        >>> Bucket([Path("work/00-000000.arrow")], rows=1000, bytes=200_000).rows
+        >>> Bucket([Path("work/000-000000.arrow")], rows=1000, bytes=200_000).rows
         1000
     """
 
@@ -77,16 +75,15 @@ class Spill:
         (False, 1)
     """
 
-    def __init__(self, folder: Path, limit_bytes: int, *, depth: int = 0, always: bool = False) -> None:
+    def __init__(self, folder: Path, limit_bytes: int, *, always: bool = False) -> None:
         """Begin empty.
 
         Args:
             folder: Where files go; made when the first is written.
             limit_bytes: Rows that are held.
-            depth: How often these rows have been spread already (each time by another hash).
             always: Spread even what fits.
         """
-        self.folder, self.limit_bytes, self.depth = folder, limit_bytes, depth
+        self.folder, self.limit_bytes = folder, limit_bytes
         self.spilled = always
         self.held: list[pl.DataFrame] = []
         self.buckets = [Bucket() for _ in range(BUCKETS)]
@@ -116,7 +113,7 @@ class Spill:
             self._write()
 
     def _spread(self, rows: pl.DataFrame) -> None:
-        number = (pl.col("icao24").hash(self.depth) % BUCKETS).cast(pl.Int32).alias("_bucket")
+        number = (pl.col("icao24").hash(0) % BUCKETS).cast(pl.Int32).alias("_bucket")
         parts = rows.with_columns(number).partition_by("_bucket", as_dict=True, include_key=False, maintain_order=True)
         for (bucket,), part in parts.items():
             self._waiting[bucket].append(part)
@@ -130,7 +127,7 @@ class Spill:
         self.folder.mkdir(parents=True, exist_ok=True)
         for number, (bucket, parts) in enumerate(zip(self.buckets, self._waiting, strict=True)):
             if parts:
-                path = self.folder / f"{number:02d}-{self._number:06d}.arrow"
+                path = self.folder / f"{number:03d}-{self._number:06d}.arrow"
                 pl.concat(parts, how="diagonal").write_ipc(path, compression="lz4")
                 bucket.files.append(path)
                 parts.clear()
@@ -145,7 +142,7 @@ def _size_of(rows: pl.DataFrame) -> int:
 
 
 def joined(spills: Sequence[Sequence[Bucket]]) -> list[Bucket]:
-    """Buckets of several spills of the same depth, joined.
+    """Buckets of several spills, joined.
 
     Example:
         >>> spill = [Bucket(rows=number) for number in range(BUCKETS)]
@@ -161,64 +158,37 @@ def joined(spills: Sequence[Sequence[Bucket]]) -> list[Bucket]:
     return together
 
 
-def partitions(
-    buckets: Sequence[Bucket], folder: Path, partition_bytes: int, largest_bytes: int, *, depth: int = 0
-) -> Iterator[Bucket]:
-    """Buckets joined where they are small, and spread again where they are large.
+def partitions(buckets: Sequence[Bucket], partition_bytes: int, largest_bytes: int) -> Iterator[Bucket]:
+    """Buckets joined where they are small.
 
     Args:
-        buckets: All of the same depth.
-        folder: Where buckets spread again go.
+        buckets: Of all rows.
         partition_bytes: Intended size.
-        largest_bytes: Largest size of one aircraft that can be cleaned.
-        depth: How often the rows have been spread already.
+        largest_bytes: Largest size of a bucket that can be cleaned.
 
     Raises:
-        DataError: If one aircraft has more rows than can be cleaned.
+        DataError: If a bucket has more rows than can be cleaned.
 
     Example:
         >>> small = [Bucket(rows=10, bytes=2000) for _ in range(4)]
-        >>> [bucket.rows for bucket in partitions(small, Path("again"), 5000, 10_000)]
+        >>> [bucket.rows for bucket in partitions(small, 5000, 10_000)]
         [20, 20]
     """
     waiting = Bucket()
-    for number, bucket in enumerate(buckets):
-        if bucket.bytes > partition_bytes and not _is_one_aircraft(bucket, largest_bytes):
-            if depth == DEEPEST:
-                raise DataError(
-                    f"{bucket.rows:,} rows ({bucket.bytes / 1e6:,.0f} MB) of too few aircraft to be divided",
-                    expected=f"at most {largest_bytes / 1e6:,.0f} MB for each aircraft",
-                    mend="raise --memory, or prepare shorter periods one by one",
-                )
-            again = Spill(folder / f"{depth}-{number:02d}", partition_bytes, depth=depth + 1, always=True)
-            for path in bucket.files:
-                again.add(pl.read_ipc(path))
-            again.finish()
-            yield from partitions(again.buckets, again.folder, partition_bytes, largest_bytes, depth=depth + 1)
-        elif waiting.rows and waiting.bytes + bucket.bytes > partition_bytes:
+    for bucket in buckets:
+        if bucket.bytes > largest_bytes:
+            aircraft = pl.concat([pl.scan_ipc(path).select("icao24") for path in bucket.files]).unique().collect()
+            address, *_ = aircraft["icao24"].sort()
+            raise DataError(
+                f"{bucket.rows:,} rows ({bucket.bytes / 1e6:,.0f} MB in memory) of {len(aircraft):,} aircraft, such as "
+                f"{address}, that are cleaned together",
+                expected=f"at most {largest_bytes / 1e6:,.0f} MB for one of {BUCKETS} shares of the aircraft",
+                mend="raise --memory, or prepare shorter periods one by one",
+            )
+        if waiting.rows and waiting.bytes + bucket.bytes > partition_bytes:
             yield waiting
             waiting = bucket
         elif bucket.rows:
             waiting = Bucket(waiting.files + bucket.files, waiting.rows + bucket.rows, waiting.bytes + bucket.bytes)
     if waiting.rows:
         yield waiting
-
-
-def _is_one_aircraft(bucket: Bucket, largest_bytes: int) -> bool:
-    """True where a bucket cannot be spread further.
-
-    Raises:
-        DataError: If it cannot, and is too large to be cleaned.
-    """
-    addresses: set[str] = set()
-    for path in bucket.files:
-        addresses |= set(pl.scan_ipc(path).select(pl.col("icao24").unique()).collect().to_series())
-        if len(addresses) > 1:
-            return False
-    if bucket.bytes > largest_bytes:
-        raise DataError(
-            f"aircraft {addresses.pop()} has {bucket.rows:,} rows ({bucket.bytes / 1e6:,.0f} MB in memory)",
-            expected=f"at most {largest_bytes / 1e6:,.0f} MB for each aircraft within the memory allowed",
-            mend="raise --memory, or prepare shorter periods one by one",
-        )
-    return True

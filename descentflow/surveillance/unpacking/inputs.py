@@ -1,4 +1,4 @@
-"""Paths to streams of bytes: files of folders, parts of split archives, and members of tar archives.
+"""Paths to streams of bytes: files of folders and members of tar archives.
 
 Nothing is unpacked to disk. A file that cannot be read is an error alone, and a count where there are many.
 """
@@ -8,15 +8,12 @@ import tarfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from itertools import groupby
 from pathlib import Path, PurePosixPath
-from typing import IO
 
 from descentflow.core.errors import DataError
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.unpacking.streams import (
     HEAD_BYTES,
-    Chain,
     Input,
     opened,
     unpacked,
@@ -32,9 +29,6 @@ COMPANION_FILE = re.compile(
 )
 """Names of what published archives and folders hold beside rows; `trace_recent` repeats the end of `trace_full`;
 Spark and Trino leave `_SUCCESS` and the like."""
-SPLIT_ARCHIVE = re.compile(
-    r"(?P<whole>.+\.(?:tar|tgz|tar\.gz))\.(?!gz$|xz$|lz$|zst$|lzo$)(?P<number>[a-z]{2,3}|\d{2,3})$"
-)
 
 
 def files_of(paths: Sequence[str | Path], accepted: str = "files or folders of rows") -> list[Path]:
@@ -54,42 +48,16 @@ def files_of(paths: Sequence[str | Path], accepted: str = "files or folders of r
     return files
 
 
-def with_parts(files: Sequence[Path]) -> list[tuple[str, list[Path]]]:
-    """Files, with the parts of each split archive together (`split` names them .aa .ab ..., others .001 .002 ...)."""
-    groups: dict[str, list[Path]] = {}
-    for file in files:
-        part = SPLIT_ARCHIVE.match(str(file))
-        groups.setdefault(part["whole"] if part else str(file), []).append(file)
-    found: list[tuple[str, list[Path]]] = []
-    for name, together in groups.items():
-        if not SPLIT_ARCHIVE.match(str(together[0])):
-            found += [(name, [file]) for file in together]
-            continue
-        parts = [file for file, _ in groupby(sorted(together))]
-        numbers = [_number(str(file)) for file in parts]
-        first = 1 if str(parts[0])[-1].isdecimal() else 0
-        if numbers[0] > first or numbers != list(range(numbers[0], numbers[0] + len(numbers))):
-            raise DataError(
-                f"parts {', '.join(file.name for file in parts)} of a split archive, but not those between or before",
-                expected="all parts from the first",
-                mend="pass the folder that holds them all",
-            )
-        found.append((name, parts))
-    return found
-
-
-def _number(part: str) -> int:
-    suffix = part.rpartition(".")[2]
-    if suffix.isdecimal():
-        return int(suffix)
-    number = 0
-    for letter in suffix:
-        number = 26 * number + ord(letter) - ord("a")
-    return number
-
-
 MAX_TAR_HEADER_BYTES = 1 << 20
 """Most bytes of the description of a member; a long name has a few hundred."""
+DESCRIBING_MEMBERS = (
+    tarfile.XHDTYPE,
+    tarfile.XGLTYPE,
+    tarfile.SOLARIS_XHDTYPE,
+    tarfile.GNUTYPE_LONGNAME,
+    tarfile.GNUTYPE_LONGLINK,
+)
+"""Types of members that describe the next one, and are held in memory."""
 
 
 def is_tar(head: bytes) -> bool:
@@ -97,39 +65,49 @@ def is_tar(head: bytes) -> bool:
     return len(head) <= HEAD_BYTES and head[257:262] == b"ustar"
 
 
+class _Member(tarfile.TarInfo):
+    """A member of an archive whose damage is an error: tarfile takes it for the end of the archive."""
+
+    @classmethod
+    def fromtarfile(cls, archive: tarfile.TarFile) -> "_Member":
+        try:
+            return super().fromtarfile(archive)
+        except tarfile.EOFHeaderError:  # type: ignore[attr-defined]  # not in typeshed: the blocks of zeros at the end
+            raise
+        except tarfile.HeaderError as error:
+            raise tarfile.ReadError(str(error)) from error
+
+    @classmethod
+    def frombuf(cls, header: bytes | bytearray, encoding: str, errors: str) -> "_Member":
+        member = super().frombuf(header, encoding, errors)
+        if member.type in DESCRIBING_MEMBERS and member.size > MAX_TAR_HEADER_BYTES:
+            raise tarfile.ReadError(f"a header of {member.size:,} bytes")
+        return member
+
+
 def members(source: Input, report: DropReport) -> Iterator[Input]:
     """Files of an archive; each must be read before the next is asked for.
 
     Links, devices, sparse files and names that lead out of the archive are left out and counted.
     """
-    stream = _Forward(source.stream, source.label)
     try:
-        archive = tarfile.open(fileobj=stream, mode="r:")  # type: ignore[call-overload]  # noqa: SIM115
-        stream.at_header = True
-        while (member := archive.next()) is not None:
-            stream.at_header = False
-            archive.members.clear()  # else it would remember all of them
+        archive = tarfile.open(fileobj=source.stream, mode="r|", bufsize=1 << 18, tarinfo=_Member)  # noqa: SIM115
+        while member := archive.next():
+            archive.members = []  # type: ignore[attr-defined]  # else it would remember all of them
             reason = _left_out(member)
             if reason:
                 report.note(f"members of archives left out: {reason}", 1)
-            elif not member.isdir():
-                content = archive.extractfile(member)
-                assert content is not None
-                # It says that it can seek, but must not go back.
-                yield Input(Chain([content]).buffered(), f"{source.label}: {member.name}", one_of_many=True)
-            stream.at_header = True
+            elif content := archive.extractfile(member):
+                yield Input(content, f"{source.label}: {member.name}", one_of_many=True)  # type: ignore[arg-type]
     except (tarfile.TarError, ValueError, OverflowError, EOFError) as error:
         raise _damaged(source.label, str(error)) from error
-    if stream.last.strip(b"\0"):
-        # tarfile takes a damaged or missing header for the end.
-        raise _damaged(source.label, "no end of archive")
 
 
 def _damaged(label: str, reason: str) -> DataError:
     return DataError(
         f"{label}: damaged or cut archive ({reason})",
         expected="a whole tar archive",
-        mend="copy it again; pass all parts (.tar.aa, .tar.ab, ...) if it is split",
+        mend="copy it again; put the parts of a split one together (cat NAME.tar.* > NAME.tar)",
     )
 
 
@@ -145,42 +123,6 @@ def _left_out(member: tarfile.TarInfo) -> str | None:
     if name.name.startswith("."):
         return "hidden file"
     return "no rows by its name" if COMPANION_FILE.search(member.name) else None
-
-
-class _Forward:
-    """A stream that `tarfile` can skip ahead in, but not go back."""
-
-    def __init__(self, stream: IO[bytes], label: str) -> None:
-        self._stream, self._label = stream, label
-        self._place = 0
-        self.at_header = True
-        self.last = b""
-        """Bytes that were read last while at a header."""
-
-    def read(self, size: int = -1) -> bytes:
-        if self.at_header and not 0 <= size <= MAX_TAR_HEADER_BYTES:
-            raise _damaged(self._label, f"a header of {size:,} bytes")
-        content = self._stream.read(size)
-        self._place += len(content)
-        if self.at_header:
-            self.last = content or b"nothing"
-        return content
-
-    def tell(self) -> int:
-        return self._place
-
-    def seek(self, place: int, whence: int = 0) -> int:
-        if whence or place < self._place:
-            raise _damaged(self._label, "it leads backwards")
-        while self._place < place:
-            skipped = len(self._stream.read(min(place - self._place, 1 << 20)))
-            if not skipped:
-                break
-            self._place += skipped
-        return self._place
-
-    def seekable(self) -> bool:
-        return True
 
 
 class Unreadable:
@@ -216,20 +158,15 @@ def inputs(files: Sequence[Path], report: DropReport, unreadable: Unreadable) ->
 
     Each must be read before the next is asked for, and is closed then. An empty one of several is left out and counted.
     """
-    sources = with_parts(files)
-    for label, parts in sources:
-        with opened(parts, label) as source:
-            of_tree = len(sources) > 1 and parts[0].name.startswith("trace_full_")
-            source = replace(source, one_of_many=of_tree)
-            try:
-                head, whole = unpacked(source).head()
-            except DataError as error:
-                unreadable.count(error, source)
-                continue
-            if not head and len(sources) > 1:
-                report.note(EMPTY_FILES, 1)
-                continue
-            if is_tar(head):
-                yield from members(whole, report)
-            else:
-                yield whole
+    for file in files:
+        with opened(file) as source:
+            source = replace(source, one_of_many=len(files) > 1 and file.name.startswith("trace_full_"))
+            with unreadable.watch(source):
+                plain = unpacked(source)
+                head = plain.head()
+                if not head and len(files) > 1:
+                    report.note(EMPTY_FILES, 1)
+                elif is_tar(head):
+                    yield from members(plain, report)
+                else:
+                    yield plain

@@ -1,15 +1,10 @@
-"""The exported sampler flown from JavaScript: by node, and by the page of the documentation in a real browser."""
+"""The exported sampler flown from JavaScript by node, as the page of the documentation does."""
 
-import functools
 import json
-import re
 import shutil
 import subprocess
-import threading
-from collections.abc import Iterator
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,8 +16,6 @@ ort = pytest.importorskip("onnxruntime", reason="onnxruntime is in the extra onn
 
 DOCS = Path(__file__).parents[2] / "docs"
 RUNTIME = ("ort.wasm.bundle.min.mjs", "ort-wasm-simd-threaded.wasm")
-LONGEST_S = 240
-"""Until a browser that has not answered has failed."""
 N = 1500
 
 
@@ -111,92 +104,3 @@ def test_node_draws_our_descents_and_a_seed_repeats_them(
     assert len(said["minutes"]) == N
     ours = df.sample(a320, N, seed=3, entry_fl=330).trajectories.time_s[:, 0].numpy() / 60
     assert ks_2samp(said["minutes"], ours).pvalue > 1e-4
-
-
-class Answer(SimpleHTTPRequestHandler):
-    """Serves files, and keeps what a page posts."""
-
-    posted: ClassVar[dict[str, Any]]
-    arrived: ClassVar[threading.Event]
-
-    def do_POST(self) -> None:
-        length = int(self.headers["Content-Length"])
-        type(self).posted = json.loads(self.rfile.read(length))
-        self.send_response(204)
-        self.end_headers()
-        type(self).arrived.set()
-
-    def log_message(self, *args: object) -> None:
-        """Quietly."""
-
-
-@pytest.fixture
-def server(folder: Path) -> Iterator[tuple[str, type[Answer]]]:
-    class Own(Answer):
-        posted: ClassVar[dict[str, Any]] = {}
-        arrived = threading.Event()
-        extensions_map: ClassVar[dict[str, str]] = {
-            **SimpleHTTPRequestHandler.extensions_map,
-            ".mjs": "text/javascript",
-        }
-
-    handler = functools.partial(Own, directory=str(folder.parent))
-    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as listening:
-        thread = threading.Thread(target=listening.serve_forever)
-        thread.start()
-        yield f"http://127.0.0.1:{listening.server_port}", Own
-        listening.shutdown()
-        thread.join()
-
-
-CLICK = """
-<script type="module">
-const root = document.getElementById("draw-descents");
-root.querySelector('[data-part="number"]').value = "50";
-root.querySelector('[data-part="entry"]').value = "330";
-root.querySelector('[data-part="draw"]').click();
-const wait = () => {
-  if (!root.dataset.drawn && !root.dataset.failed) return setTimeout(wait, 50);
-  fetch("/answer", { method: "POST", body: JSON.stringify({
-    ...root.dataset,
-    said: root.querySelector('[data-part="said"]').textContent,
-    lines: root.querySelectorAll("polyline").length,
-    loaded: performance.getEntriesByType("resource").map((entry) => entry.name),
-  }) });
-};
-wait();
-</script>
-"""
-
-
-def test_a_click_draws_descents_in_a_browser(folder: Path, server: tuple[str, type[Answer]], tmp_path: Path) -> None:
-    browser = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    if browser is None:
-        pytest.skip("no chromium is on this machine")
-    fragment = re.search(r"```\{raw\} html\n(.*?)```", (DOCS / "how-to" / "export_onnx.md").read_text(), re.DOTALL)
-    assert fragment is not None
-    for name in ("how-to", "_static"):
-        (folder.parent / name).mkdir(exist_ok=True)
-    shutil.copy(DOCS / "_static" / "draw_descents.mjs", folder.parent / "_static")
-    (folder.parent / "how-to" / "page.html").write_text(f"<!doctype html>{fragment[1]}{CLICK}")
-    address, answer = server
-    settings = ["--headless", "--no-sandbox", "--disable-gpu", "--remote-debugging-port=0"]
-    running = subprocess.Popen(
-        [browser, *settings, f"--user-data-dir={tmp_path}", f"{address}/how-to/page.html"],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    try:
-        assert answer.arrived.wait(LONGEST_S), "the page has not answered"
-    finally:
-        running.kill()
-        running.wait()
-    found = answer.posted
-    assert "failed" not in found, found
-    assert found["drawn"] == "50"
-    assert found["lines"] == 50
-    assert re.match(
-        r"50 descents of \d+ draws in \d+ ms, in this browser; median to FL150: 1?\d\.\d min", found["said"]
-    )
-    assert len(found["loaded"]) >= 6
-    assert [name for name in found["loaded"] if not name.startswith(address)] == [], "nothing is loaded from elsewhere"

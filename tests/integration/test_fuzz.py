@@ -10,14 +10,13 @@ import polars as pl
 import pytest
 import torch
 
-from descentflow.core.errors import CheckpointError, ConfigError, DataError, DescentflowError, SamplingError
+from descentflow.core.errors import CheckpointError, ConfigError, DataError, SamplingError
 from descentflow.densities.checkpoint import load_model
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.generation.prediction.posterior import Prior, posterior_of
 from descentflow.generation.sample import sample
 from descentflow.surveillance.descents.prepared_descents import read_descents
 from descentflow.surveillance.descents.store import KEY
-from descentflow.surveillance.rows.times import timestamps
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "fuzz.py"
 
@@ -122,21 +121,6 @@ def test_checkpoints_of_another_section(section: object, run: Path, tmp_path: Pa
     torch.save(content | {"descentflow": section}, tmp_path / "changed.ckpt")
     with pytest.raises(CheckpointError, match=r"changed\.ckpt"):
         load_model(tmp_path / "changed.ckpt")
-
-
-@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
-def test_times_that_calendars_give_up_on_are_missing(unit: str) -> None:
-    edges = pl.Series([0, -1, 2**63 - 1, -(2**63) + 1, None]).cast(pl.Datetime(unit, "UTC"))
-    found = timestamps(edges)
-    within = 10**10 * {"ms": 10**3, "us": 10**6, "ns": 10**9}[unit] >= 2**63 - 1
-    assert found.is_null().to_list() == [False, True, not within, True, True]
-    assert found.dt.year()[0] == 1970
-
-
-def test_messages_are_no_longer_than_people_read() -> None:
-    error = DescentflowError("x" * 10**6, expected="a name", mend="shorten it")
-    assert len(str(error)) < 5000
-    assert "characters left out" in str(error)
 
 
 @pytest.mark.parametrize("seed", [1 << 64, 1 << 63, -(1 << 63) - 1])

@@ -80,25 +80,6 @@ def test_a_long_text_in_a_column_that_is_needed_is_refused_and_not_printed_whole
     assert len(str(outcome(path)[1])) < 400
 
 
-def test_lists_are_refused_before_they_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "rows.parquet"
-    FLIGHT.with_columns(altitude=pl.lit(pl.Series([[0.0] * 1000])).first()).write_parquet(path)
-
-    def never(*_: object, **__: object) -> pl.DataFrame:
-        raise AssertionError
-
-    monkeypatch.setattr(pl.LazyFrame, "slice", never)
-    refused(path, "column altitude of type List(Float64)")
-
-
-def test_nothing_after_the_end_of_an_archive_is_unpacked(tmp_path: Path) -> None:
-    packed_archive = gzip.compress(SOURCES["tar"] + bytes(64 << 20))
-    rows, notes = outcome(written_to(tmp_path / "a.tar.gz", packed_archive))
-    assert rows is not None, notes
-    assert len(rows) == 3 * len(FLIGHT)
-    refused(written_to(tmp_path / "b.tar.gz", gzip.compress(bytes(64 << 20))), "neither text nor")
-
-
 def test_lines_and_documents_that_are_too_long_to_be_held(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("descentflow.surveillance.unpacking.streams.MAX_LINE_BYTES", 20_000)
     monkeypatch.setattr("descentflow.surveillance.unpacking.streams.MAX_DOCUMENT_BYTES", 30_000)
@@ -111,15 +92,6 @@ def test_lines_and_documents_that_are_too_long_to_be_held(tmp_path: Path, monkey
     refused(written_to(tmp_path / "t.tar", tar_of([("rows", SOURCES["parquet"] + b"x" * 30_000)])), "read as a whole")
     quote = FLIGHT.write_csv() + '1,"' + "2,2,2,2,2,2,2,2,2\n" * 3000
     refused(written_to(tmp_path / "a.csv", quote), "look for a quote that is not closed")
-
-
-def test_a_quote_that_is_never_closed_costs_no_more_than_its_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("descentflow.surveillance.formats.tables.CSV_BYTES", 4 << 20)
-    text = FLIGHT.write_csv() + '1,"' + "\n" * (4 << 20)
-    rows, words = outcome(written_to(tmp_path / "a.csv", text))
-    assert rows is None or len(rows) <= len(FLIGHT) + 1, words
 
 
 # Archives -----------------------------------------------------------------------------------------------------------
@@ -177,18 +149,6 @@ def test_damaged_members_are_counted_as_long_as_there_is_a_good_one(tmp_path: Pa
     assert len(rows) == len(FLIGHT)
     assert notes["traces and members of archives that could not be read"] == 4
     refused(written_to(tmp_path / "b.tar", tar_of(members[1:])), "b.json: Compressed file ended")
-
-
-def test_members_of_other_encodings_and_nested_without_end_are_counted(tmp_path: Path) -> None:
-    good, deep = packed(trace_of(FLIGHT)), b"[" * 300_000
-    text = json.dumps(trace_of(FLIGHT))
-    members = [("a.json", good), ("b.json", deep), ("c.json", gzip.compress(deep))]
-    members += [("d.json", text.encode("utf-16")), ("e.json", text.replace("TST", "T\xc4T").encode("latin-1"))]
-    members += [("f.tar", tar_of(members[:1])), ("g\udcff\n.json", b"{")]
-    rows, notes = outcome(written_to(tmp_path / "a.tar", tar_of(members)))
-    assert rows is not None, notes
-    assert len(rows) == len(FLIGHT)
-    assert notes["traces and members of archives that could not be read"] == 6
 
 
 def test_a_damaged_trace_in_a_tree_is_counted_but_not_one_that_is_named(tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 
 import polars as pl
 import pytest
@@ -256,28 +255,6 @@ def test_a_cluster_is_a_client_or_a_file_its_workers_are_waited_for_and_a_task_t
     stores = (tmp_path / "by_client", tmp_path / "by_file")
     of_client, of_file = ([one.read_bytes() for one in sorted(folder.rglob("*.*"))] for folder in stores)
     assert of_client == of_file
-
-
-def test_killed_processes_are_told() -> None:
-    with pytest.raises(DataError, match="a worker was killed"):
-        list(Engine(2, "loky").run(suicide, [0, 1], None))
-
-
-@pytest.mark.parametrize("failures", [2, 3])
-def test_workers_that_are_killed_while_they_start_are_started_again(failures: int) -> None:
-    begun = iter([RuntimeError("Nanny failed to start.")] * failures + ["cluster"])
-
-    def start(**_: object) -> object:
-        if isinstance(now := next(begun), Exception):
-            raise now
-        return now
-
-    engine, distributed = Engine(2, "dask"), SimpleNamespace(LocalCluster=start)
-    if failures == 2:
-        assert engine._local_cluster(distributed) == "cluster"
-    else:
-        with pytest.raises(DataError, match="did not start, 3 times"):
-            engine._local_cluster(distributed)
 
 
 def test_without_dask_or_a_scheduler_the_error_says_what_to_do(

@@ -1,8 +1,5 @@
 """However a table writes an address, it is one aircraft: in rows and in tables of types."""
 
-import warnings
-from pathlib import Path
-
 import polars as pl
 import pytest
 from surveillance_toys import flight
@@ -43,17 +40,6 @@ def test_what_may_be_digits_or_a_value_is_told() -> None:
     assert report.notes == {SPELT_ANEW: 1, KEPT_ADDRESSES: 2}
 
 
-def test_the_same_rows_in_two_spellings_are_duplicates(tmp_path: Path) -> None:
-    rows = pl.concat(flight(address) for address in ("f91580", "008014"))
-    rows.write_parquet(tmp_path / "text.parquet")
-    rows.with_columns(pl.col("icao24").str.to_integer(base=16)).write_parquet(tmp_path / "values.parquet")
-    rows.with_columns(pl.col("icao24").str.strip_chars_start("0")).write_csv(tmp_path / "zeros_lost.csv")
-    found = prepare(tmp_path)
-    assert found.flights == {"A320": 2}
-    assert {step.step: step.rows_dropped for step in found.report.steps}["duplicate"] == 2 * len(rows)
-    assert sorted(found.frame["icao24"].unique()) == ["008014", "f91580"]
-
-
 def test_types_are_found_by_every_spelling_and_in_every_container() -> None:
     rows = pl.concat(flight(address) for address in ("f91580", "008014")).drop("typecode")
     types = {"F91580": "A320", "8014": "A321"}
@@ -70,10 +56,3 @@ def test_types_are_found_by_every_spelling_and_in_every_container() -> None:
         prepare(rows, types={})
     with pytest.raises(ConfigError, match=r"types of type list; expected .* a dictionary address -> type"):
         prepare(rows, types=["A320"])  # type: ignore[arg-type]
-
-
-def test_six_digits_are_not_looked_at_twice() -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        once = six_digits(pl.Series([16323968, 32788]), "rows", DropReport())
-        assert six_digits(once, "rows", DropReport()).equals(once)

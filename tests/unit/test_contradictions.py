@@ -8,10 +8,9 @@ import pytest
 from surveillance_toys import fleet, flight
 
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
-from descentflow.surveillance.cleaning.flights import OTHER_VALUES, in_order
+from descentflow.surveillance.cleaning.flights import OTHER_VALUES
 from descentflow.surveillance.out_of_core import intake
 from descentflow.surveillance.prepare import prepare
-from descentflow.surveillance.rows.drop_report import DropReport
 
 
 def test_a_second_run_of_the_same_addresses_and_times_is_no_copy() -> None:
@@ -30,13 +29,6 @@ def test_copies_are_duplicates_and_nothing_more() -> None:
         found = prepare([rows, rows, rows.with_columns(vertical_rate=pl.lit(None, pl.Float64))])
     assert OTHER_VALUES not in found.report.notes
     assert next(s.rows_dropped for s in found.report.steps if s.step == "duplicate") == 2 * len(rows)
-
-
-def test_each_repetition_is_held_against_the_row_that_is_kept() -> None:
-    rows = fleet(1).head(3)
-    report = DropReport()
-    in_order(pl.concat([rows, rows.with_columns(IAS=1.0), rows.head(1), rows.tail(1).with_columns(IAS=1.0)]), report)
-    assert report.notes[OTHER_VALUES] == 4
 
 
 def test_most_rows_of_many_small_files_do_not_go_in_silence() -> None:

@@ -1,8 +1,6 @@
 """Errors of a worker reach the process that waits for them: one that cannot be sent breaks the pool."""
 
-import os
 import pickle
-import signal
 
 import numpy as np
 import polars as pl
@@ -17,10 +15,6 @@ PARTS = {"expected": "a number", "mend": "correct it"}
 
 def refuse(task: int, common: object) -> None:
     raise DataError(f"task {task}", **PARTS)
-
-
-def be_killed(task: int, common: object) -> None:
-    os.kill(os.getpid(), signal.SIGKILL)
 
 
 @pytest.mark.parametrize(
@@ -39,11 +33,6 @@ def test_an_error_is_the_same_after_it_was_sent(error: DescentflowError) -> None
 def test_an_engine_of_processes_raises_what_its_worker_raised() -> None:
     with pytest.raises(DataError, match=r"task [12]; expected a number; to mend it, correct it"):
         list(processes(2).run(refuse, [1, 2], None))
-
-
-def test_a_worker_that_is_killed_is_said_in_a_line() -> None:
-    with pytest.raises(DataError, match=r"a worker was killed, .*; to mend it, start it again"):
-        list(processes(2).run(be_killed, [1, 2], None))
 
 
 @pytest.mark.parametrize("engine", [np.zeros((2, 2)), pl.DataFrame({"a": [1]}), 3, ["dask"]])

@@ -11,8 +11,6 @@ from sklearn.metrics import roc_auc_score
 from descentflow.core.units import FPM_MPS
 from descentflow.evaluation.metrics.classifier import MIN_PAIRS, SETTINGS, contributions, detect
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.evaluation.metrics.joint_energy import joint_energy_scores
-from descentflow.evaluation.metrics.score_registry import STATISTICS
 from descentflow.evaluation.metrics.scores import score
 
 LEVELS = torch.arange(200, 360, 10, dtype=torch.float64)
@@ -44,15 +42,6 @@ def test_the_mean_of_the_contributions_is_scikit_learns_auc() -> None:
     expected = roc_auc_score(np.repeat([1, 0], 80), np.concatenate([real, fake]))
     assert auc == pytest.approx(expected, rel=1e-12)
     assert each.mean() == pytest.approx(expected, rel=1e-12)
-
-
-def test_the_contributions_vary_as_the_auc_does() -> None:
-    """Two normals one apart: the standard error from one sample beside the standard deviation over many."""
-    generator = np.random.default_rng(0)
-    drawn = [contributions(generator.normal(1.0, size=60), generator.normal(size=60)) for _ in range(1000)]
-    told = np.mean([each.var(ddof=1) / 60 for each, _ in drawn]) ** 0.5
-    # A thousand repetitions tell a standard deviation to 2.2 %; DeLong's is a little large for 60 pairs.
-    assert told == pytest.approx(np.std([auc for _, auc in drawn]), rel=0.1)
 
 
 @pytest.mark.usefixtures("_few_trees")
@@ -116,12 +105,6 @@ def test_a_wrong_dependence_is_seen_by_the_joint_scores_alone() -> None:
     assert wrong.get("descent", "auc").floor == pytest.approx(0.5, abs=0.1)
 
 
-def test_joint_energy_counts_in_spreads_of_the_flights() -> None:
-    samples, real = descents(60, 1), descents(50, 2)
-    halved = [replace(one, rate_mps=one.rate_mps * 7, cas_mps=one.cas_mps / 3) for one in (samples, real)]
-    torch.testing.assert_close(joint_energy_scores(*halved), joint_energy_scores(samples, real))
-
-
 def test_too_few_flights_are_not_judged_and_the_table_says_so() -> None:
     row = score(descents(90, 1), descents(MIN_PAIRS - 1, 2), 250.0, n_splits=2, costly=True).get("descent", "auc")
     assert np.isnan(row.score)
@@ -129,8 +112,3 @@ def test_too_few_flights_are_not_judged_and_the_table_says_so() -> None:
     row = score(descents(90, 1), descents(2 * MIN_PAIRS - 2, 2), 250.0, n_splits=2, costly=True).get("descent", "auc")
     assert 0 < row.score < 1
     assert row.note == "no noise floor: fewer than 25 flights on each side"
-
-
-def test_costly_statistics_are_left_out_unless_they_are_wanted() -> None:
-    table = score(descents(60, 1), descents(60, 2), 250.0, n_splits=1)
-    assert {row.statistic for row in table} == set(STATISTICS) - {"auc"}

@@ -16,8 +16,8 @@ from descentflow.core.units import KT_MPS
 from descentflow.evaluation.figures.acceptance import acceptance_figure
 from descentflow.evaluation.figures.components import components_figure, weight_deviations
 from descentflow.evaluation.figures.distances_by_level import level_scores_figure
-from descentflow.evaluation.figures.level_cuts import bandwidth, cuts_figure, density
-from descentflow.evaluation.figures.profile_bands import profiles_figure, since_entry_s
+from descentflow.evaluation.figures.level_cuts import cuts_figure
+from descentflow.evaluation.figures.profile_bands import profiles_figure
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.scores import score
 from descentflow.generation.samples import RejectionReport
@@ -66,14 +66,6 @@ def test_mean_time_is_of_descents_that_span_the_grid() -> None:
     assert time[-1] == 0
 
 
-def test_time_starts_at_each_descents_own_entry() -> None:
-    real = flights(40)
-    time = since_entry_s(real)
-    entry = real.mask.sum(1) - 1  # toy flights miss levels at the top alone
-    assert torch.equal(time.gather(1, entry[:, None]), torch.zeros(40, 1, dtype=torch.float64))
-    assert bool((time[real.mask] >= 0).all())
-
-
 def test_what_stands_at_missing_levels_is_not_drawn() -> None:
     real = flights(40)
     spoilt = DescentSet(
@@ -103,13 +95,6 @@ def test_distances_are_those_of_the_scores() -> None:
     assert line(figure.axes[0], "transition").get_ydata()[0] == 290
 
 
-@pytest.mark.parametrize("n", [0, 3, 8])
-def test_few_flights_leave_panels_open(n: int) -> None:
-    table = score(flights(60, 1), flights(50).subset(torch.arange(n)), 1000.0, n_splits=2)
-    figure = drawn(level_scores_figure(table, float("inf")))
-    assert all("transition" not in [x.get_label() for x in ax.lines] for ax in figure.axes)
-
-
 def test_densities_and_distribution_functions() -> None:
     real = flights(60)
     figure = drawn(cuts_figure(real, {"a": flights(80, 1)}, nominal(), 290.4, title="TOY"))
@@ -125,22 +110,6 @@ def test_densities_and_distribution_functions() -> None:
     assert line(axes[1, 1], "nominal BADA").get_xdata()[0] == pytest.approx(float(nominal().cas_mps[0, 140]) / KT_MPS)
 
 
-def test_a_cut_without_flights_says_so() -> None:
-    real = flights(60)
-    short = real.subset(~real.spans_grid())
-    figure = drawn(cuts_figure(short, {"a": real}, None, 370.0))
-    assert figure.axes[0].texts[0].get_text().startswith("0 held-out flights")
-
-
-def test_equal_values_have_a_density() -> None:
-    width = bandwidth(torch.full((10,), 250.0, dtype=torch.float64))
-    assert 0 < width < 1
-    points = torch.linspace(249, 251, 4001, dtype=torch.float64)
-    assert float(torch.trapezoid(density(torch.full((10,), 250.0), points, width), points)) == pytest.approx(
-        1, abs=1e-6
-    )
-
-
 def test_cuts_need_one_grid() -> None:
     other = DescentSet.of_profiles(toys.flights(10, bottom_fl=160))
     with pytest.raises(DataError, match="a on another grid"):
@@ -153,10 +122,6 @@ def test_acceptance_accounts_for_every_draw() -> None:
     assert sum(patch.get_width() for patch in figure.axes[0].patches) == pytest.approx(100)
     assert [patch.get_width() for patch in figure.axes[1].patches] == [0, 25, 15]
     assert "70.0% plausible" in figure.get_suptitle()
-
-
-def test_no_draws_are_drawn() -> None:
-    drawn(acceptance_figure(RejectionReport(0, 0, 0, 0, {"not_finite": 0})))
 
 
 def test_components_are_drawn_at_two_deviations() -> None:
@@ -178,10 +143,3 @@ def test_components_are_drawn_at_two_deviations() -> None:
     up = np.asarray(line(figure.axes[0], "mean + two s.d. of the weight").get_xdata()) * 1000
     expected = basis.mean + 2 * deviations[0] * basis.components[0]
     np.testing.assert_allclose(up, expected, rtol=1e-12)
-
-
-def test_a_basis_without_deviations_has_an_arbitrary_scale() -> None:
-    decoder = toys.representation_of(7).decoder
-    figure = drawn(components_figure(decoder.drag_basis, decoder.cas_basis, torch.arange(150, 371), decoder.drag_scale))
-    assert line(figure.axes[0], "mean + component (arbitrary scale)") is not None
-    assert len(figure.axes) == 10  # four of six drag components and the shares; one of CAS

@@ -23,14 +23,6 @@ def expected_ks(h: int) -> float:
     return sum(tail) / comb(2 * h, h) / h
 
 
-def test_the_null_distribution_is_the_one_known() -> None:
-    assert expected_ks(1) == 1
-    # Of six orders of two and two, two separate them (distance 1), and four leave a distance of 1/2.
-    assert expected_ks(2) == pytest.approx((2 * 1 + 4 * 0.5) / 6)
-    # Kolmogorov's limit sqrt(pi / 2) ln 2 sqrt(2 / h), approached like 1 / h.
-    assert expected_ks(400) == pytest.approx(0.8687 * (2 / 400) ** 0.5, abs=1.5 / 400)
-
-
 @pytest.mark.parametrize("half", [5, 20])
 def test_the_floor_has_the_size_that_chance_gives(half: int) -> None:
     """Six thousand levels as independent repetitions, for samples and flights of one distribution."""

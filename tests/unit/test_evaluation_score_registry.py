@@ -10,12 +10,10 @@ import torch
 import toys
 from torch import Tensor
 
-from descentflow.core.units import KT_MPS
 from descentflow.evaluation.figures.distances_by_level import level_scores_figure
 from descentflow.evaluation.metrics.bootstrap import score_intervals
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.pooled import Pooled, Values
-from descentflow.evaluation.metrics.proper import crps, energy_scores
 from descentflow.evaluation.metrics.score_registry import STATISTICS, LevelStatistic, ProfileStatistic, rows
 from descentflow.evaluation.metrics.scores import score
 
@@ -73,45 +71,6 @@ def test_what_is_registered_has_a_name_and_a_label_of_its_own() -> None:
     assert [one.name for one in STATISTICS.values()] == list(STATISTICS)
     for field in ("label", "short"):
         assert len({getattr(one, field) for one in STATISTICS.values()}) == len(STATISTICS)
-
-
-def test_crps_of_the_table_is_the_metrics() -> None:
-    samples, real = descents(80, 1), descents(60, 0)
-    row = score(samples, real, float("inf"), n_splits=1).get("cas_below_transition", "crps")
-    by_level = crps(samples.cas_mps / KT_MPS, samples.mask, real.cas_mps / KT_MPS, real.mask)
-    assert row.score == pytest.approx(float(by_level.mean()), rel=1e-12)
-
-
-def test_energy_scores_are_the_double_loop_over_observed_levels() -> None:
-    generator = torch.Generator().manual_seed(0)
-    x, y = torch.randn(6, 9, generator=generator).double(), torch.randn(4, 9, generator=generator).double()
-    x_mask = torch.arange(9) <= torch.tensor([8, 8, 8, 8, 5, 5])[:, None]
-    y_mask = torch.rand(4, 9, generator=generator) < 0.8
-    y_mask[3], y_mask[2] = torch.arange(9) < 4, torch.arange(9) != 3
-    found = energy_scores((x.masked_fill(~x_mask, torch.nan), x_mask), (y.masked_fill(~y_mask, torch.inf), y_mask))
-    for i in range(4):
-        levels = y_mask[i]
-        members = [one[levels] for one, mask in zip(x, x_mask, strict=True) if bool((mask | ~levels).all())]
-        norm = int(levels.sum()) ** 0.5
-        across = sum(float((one - y[i, levels]).norm()) for one in members) / norm / len(members)
-        pairs = [(a, b) for p, a in enumerate(members) for q, b in enumerate(members) if p != q]
-        within = sum(float((a - b).norm()) for a, b in pairs) / norm / len(pairs)
-        assert float(found[i]) == pytest.approx(across - within / 2, rel=1e-9)
-
-
-def test_few_members_of_an_energy_score_are_not_penalised() -> None:
-    """Forecasts of four and of four hundred members have one expectation."""
-    generator = torch.Generator().manual_seed(0)
-    real = torch.randn(4000, 5, generator=generator).double()
-    everywhere = torch.ones_like(real) > 0
-    large = float(energy_scores((real[:2000], everywhere[:2000]), (real[2000:], everywhere[2000:])).mean())
-    small = [
-        float(energy_scores((real[i : i + 4], everywhere[:4]), (real[2000:], everywhere[2000:])).mean())
-        for i in range(0, 2000, 4)
-    ]
-    found = torch.tensor(small)
-    # Seeds are fixed; were they not, four standard errors would fail once in 15,000 runs.
-    assert float(found.mean()) == pytest.approx(large, abs=4 * float(found.std()) / len(found) ** 0.5)
 
 
 def test_a_wrong_shape_is_seen_by_the_energy_score_alone() -> None:

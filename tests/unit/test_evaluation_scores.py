@@ -3,7 +3,6 @@
 from dataclasses import replace
 from functools import cache
 from math import inf, isnan, nan
-from pathlib import Path
 
 import polars as pl
 import pytest
@@ -15,7 +14,6 @@ from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.noise_floor import matched_size, split_distances
-from descentflow.evaluation.metrics.score_table import ScoreTable
 from descentflow.evaluation.metrics.scores import score
 
 
@@ -129,12 +127,6 @@ def test_nominal_is_scored_by_its_mean_alone() -> None:
     assert isnan(table.get("cas_below_transition", "ks").nominal)
 
 
-def test_seeds_repeat() -> None:
-    one, two, other = (score(flights(60, 1), flights(60), 290.0, seed=seed) for seed in (1, 1, 2))
-    assert str(one) == str(two)
-    assert one.get("cas_below_transition", "ks").floor != other.get("cas_below_transition", "ks").floor
-
-
 def test_refusals() -> None:
     real = flights(20)
     other = DescentSet.of_profiles(toys.flights(20, bottom_fl=281, top_fl=300))
@@ -152,22 +144,6 @@ def test_progress_counts_every_comparison() -> None:
     calls: list[int] = []
     score(flights(20, 1), flights(20), 290.0, n_splits=4, progress=calls.append)
     assert sum(calls) == 12
-
-
-def test_the_csv_file_reads_back(tmp_path: Path) -> None:
-    table = score(flights(60, 1), flights(60), inf)
-    path = tmp_path / "scores.csv"
-    table.write_csv(path)
-    back = pl.read_csv(path, schema=table.frame().schema)
-    # An empty note and an empty number look alike in a file.
-    expected = table.frame().with_columns(pl.col("note").replace("", None))
-    assert back.with_columns(pl.col("note").replace("", None)).equals(expected)
-    assert [path] == list(tmp_path.iterdir())
-
-
-def test_a_row_that_is_not_there() -> None:
-    with pytest.raises(KeyError):
-        ScoreTable(()).get("cas", "ks")
 
 
 def test_by_level_the_table_agrees_with_its_rows() -> None:

@@ -14,7 +14,6 @@ from test_import_boundaries import heavy_modules
 import descentflow
 from descentflow.core import threads
 from descentflow.core.threads import one_thread_where_they_spin
-from descentflow.core.version import __version__
 
 SOURCE = Path(descentflow.__file__)
 
@@ -23,11 +22,6 @@ def test_import_loads_nothing_heavy() -> None:
     assert heavy_modules("import descentflow") == set()
     assert heavy_modules("import descentflow; dir(descentflow)") == set()
     assert heavy_modules("from descentflow import DescentflowError, __version__") == set()
-
-
-def test_a_name_loads_only_what_it_needs() -> None:
-    assert heavy_modules("import descentflow; descentflow.prepare") == {"polars"}
-    assert "lightning" not in heavy_modules("import descentflow; descentflow.load")
 
 
 @pytest.mark.parametrize(("told", "wait"), [(None, "PASSIVE"), ("ACTIVE", "ACTIVE")])
@@ -74,13 +68,6 @@ def test_every_name_is_there_and_explained(name: str) -> None:
     assert vars(descentflow)[name] is found
 
 
-def test_other_names_are_not_there() -> None:
-    assert descentflow.__version__ == __version__
-    assert dir(descentflow) == sorted(descentflow.__all__)
-    with pytest.raises(AttributeError, match="no attribute 'fly'"):
-        _ = descentflow.fly
-
-
 def test_type_checkers_see_the_same_objects() -> None:
     """Names imported for type checking are those that the program gives when it runs."""
     (typing_only,) = (
@@ -96,10 +83,3 @@ def test_type_checkers_see_the_same_objects() -> None:
     }
     assert seen == descentflow._PLACES
     assert {*seen, "DescentflowError", "__version__"} == set(descentflow.__all__)
-
-
-def test_python_m_runs_the_command_line() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "descentflow", "--version"], capture_output=True, text=True, check=True
-    )
-    assert done.stdout == f"descentflow {__version__}\n"

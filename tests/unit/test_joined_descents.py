@@ -30,10 +30,3 @@ def test_a_step_that_a_part_lacks_keeps_its_place_and_its_rows() -> None:
         assert joined.steps == [
             Step("read", 1, None, 14, None), Step("twice", 2, 1, 12, 2), Step("late", 4, 1, 8, 4)
         ]  # fmt: skip
-
-
-def test_a_missing_first_step_left_what_came_in() -> None:
-    joined = DropReport()
-    joined.extend([DropReport([Step("read", 0, None, 9, None), Step("late", 1, 0, 8, 2)]),
-                   DropReport([Step("late", 1, 0, 4, 3)])])  # fmt: skip
-    assert joined.steps == [Step("read", 0, None, 14, None), Step("late", 2, 0, 12, 5)]

@@ -1,8 +1,5 @@
 """Options are the parameters of a command's function; a mistyped one ends in a line, not behind forty others."""
 
-import subprocess
-import sys
-from importlib import import_module
 from pathlib import Path
 from typing import Literal
 
@@ -11,7 +8,6 @@ import pytest
 from descentflow.cli import trainer_commands
 from descentflow.cli.entry import COMMANDS, main
 from descentflow.cli.options import CommandParser
-from descentflow.cli.sample_command import run
 
 
 @pytest.mark.parametrize("command", sorted(set(COMMANDS) - set(trainer_commands.COMMANDS)))
@@ -73,14 +69,6 @@ def test_southern_and_western_points_are_no_options(words: list[str], capsys: py
     assert "no file no.ckpt" in capsys.readouterr().err
 
 
-def test_points_are_read_as_they_are_written() -> None:
-    words = ["best.ckpt", "--out", "s.csv", "--route", "-33.5,-70.8", "33.95S,151.18E", "--to-go", "-1"]
-    given = vars(CommandParser("sample", run).parse_args(words))
-    assert given["route"] == [(-33.5, -70.8), (-33.95, 151.18)]
-    assert given["to_go_nm"] == -1.0
-    assert "end" not in given, "what is not given is left to the function's own default"
-
-
 def test_every_kind_of_parameter_is_an_option(capsys: pytest.CaptureFixture[str]) -> None:
     def command(
         files: list[Path] | None = None,
@@ -119,19 +107,6 @@ def test_every_kind_of_parameter_is_an_option(capsys: pytest.CaptureFixture[str]
     shown = parser.format_help()
     for line in ("--out FILE", "--size WIDTH HEIGHT", "{a,b}", "to read, 100 % of them", "of it (default: a)"):
         assert line in shown
-
-
-@pytest.mark.parametrize("command", sorted(set(COMMANDS) - set(trainer_commands.COMMANDS)))
-def test_every_option_has_a_text(command: str) -> None:
-    function = import_module(f"descentflow.cli.{command.replace('-', '_')}_command").run
-    assert [action.dest for action in CommandParser(command, function)._actions if not action.help] == []
-
-
-def test_options_need_no_docstrings() -> None:
-    code = "from descentflow.cli import main; main(['sample', '--help'])"
-    shown = subprocess.run([sys.executable, "-OO", "-c", code], capture_output=True, text=True, check=True).stdout
-    assert "--end LAT,LON" not in shown
-    assert "--end END" in shown
 
 
 def test_the_nearest_command_is_named(capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,7 +12,7 @@ from descentflow.air.kept_air import KeptAir
 from descentflow.air.level_air import LevelAir
 from descentflow.air.measured_air import measured_airs
 from descentflow.air.standard_air import in_standard_air
-from descentflow.core.errors import CheckpointError, ConfigError, DataError, DescentflowWarning
+from descentflow.core.errors import CheckpointError, ConfigError, DataError
 from descentflow.core.units import KT_MPS
 from descentflow.exports.columns import COLUMNS
 from descentflow.exports.export import export
@@ -142,15 +142,6 @@ def test_a_table_of_other_levels_or_columns_is_refused(columns: dict[str, list[f
         air_of_table(pl.DataFrame(columns), torch.arange(150.0, 351.0))
 
 
-def test_a_table_that_covers_a_part_of_the_grid_is_told() -> None:
-    levels, part = torch.arange(150.0, 351.0), {"level_fl": [200, 300], "deviation_k": [5, 8]}
-    with pytest.warns(DescentflowWarning, match="from FL200 to FL300, the model from FL150 to FL350"):
-        assert air_of_table(pl.DataFrame(part), levels).deviation_k[0, [0, -1]].tolist() == [5, 8]
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        air_of_table(pl.DataFrame({"level_fl": [155, 345], "deviation_k": [5, 8]}), levels)
-
-
 def test_airs_that_cannot_be_are_refused(checkpoint: Path) -> None:
     parts = load_representation(checkpoint)
     with pytest.raises(ConfigError, match="expected standard, training"):
@@ -201,14 +192,6 @@ def test_a_checkpoint_with_another_air_is_refused(checkpoint: Path, tmp_path: Pa
             df.load(path)
     with pytest.raises(CheckpointError):
         KeptAir.from_state({}, 3)
-
-
-def test_the_air_is_named_where_a_model_is_told(checkpoint: Path, descents: Descents) -> None:
-    from descentflow.densities.checkpoint import checkpoint_summary
-
-    assert "air: as flights measured it: temperature ISA +" in str(checkpoint_summary(checkpoint))
-    with pytest.raises(ConfigError, match=r"data\.air = 'warm'"):
-        DescentDataModule(descents, air="warm").setup()
 
 
 @pytest.mark.slow

@@ -50,14 +50,6 @@ def test_a_page_of_less_than_nothing(read: Callable[[Path], object], tmp_path: P
         read(path)
 
 
-def test_lists_inside_lists_without_end() -> None:
-    """A field that is a list of one list of one list...: what describes a file is read by recursion."""
-    about = b"\x19" * 3000
-    whole = b"PAR1" + about + len(about).to_bytes(4, "little") + b"PAR1"
-    with pytest.raises(DamagedParquetError, match="cannot be read"):
-        check_pages(whole)
-
-
 def test_commands_end_in_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "rows.parquet.gz"
     path.write_bytes(gzip.compress(smallest()))

@@ -2,7 +2,6 @@
 
 import io
 from collections.abc import Callable
-from contextlib import suppress
 from functools import partial
 from time import sleep
 from types import SimpleNamespace
@@ -72,11 +71,6 @@ def test_a_terminal_gets_one_line_that_is_emptied_before_anything_is_printed(ter
     assert " 25%|" in shown
 
 
-def test_the_clock_runs_while_nothing_is_counted(log: io.StringIO) -> None:
-    with display("descentflow diagnose", after_s=0.0), stage("opening"):
-        wait_for(lambda: log.getvalue().count("opening") > 2)
-
-
 def test_what_is_done_inside_is_shown_and_then_what_is_around_it(log: io.StringIO) -> None:
     with display("fit", after_s=0.0), stage("training", 10, "epochs"):
         with stage("scoring"):
@@ -98,16 +92,6 @@ def test_a_library_call_shows_itself_without_a_command(log: io.StringIO, monkeyp
     assert not progress._shown
 
 
-def test_a_closed_stderr_stops_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    stream = io.StringIO()
-    stream.close()
-    show_on(stream, monkeypatch)
-    with display("sample", after_s=0.0), stage("drawing") as drawn:
-        sleep(0.05)
-        drawn.advance()
-    assert drawn.done == 1
-
-
 @pytest.mark.parametrize("words", [[], ["--quiet"]])
 def test_a_command_shows_its_stages_unless_it_is_to_be_quiet(
     words: list[str], tmp_path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -120,10 +104,3 @@ def test_a_command_shows_its_stages_unless_it_is_to_be_quiet(
     assert not words or said.err == ""
     assert "wrote" in said.out
     assert "of 12 flights (" not in said.out
-
-
-@pytest.mark.parametrize("command", entry.COMMANDS)
-def test_every_command_can_be_quiet(command: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with suppress(SystemExit):
-        main([command, "--help"])
-    assert "--quiet" in capsys.readouterr().out

@@ -1,31 +1,15 @@
 """Questions asked flight by flight of tables of many rows."""
 
-import numpy as np
 import polars as pl
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from descentflow.core.errors import DataError
-from descentflow.core.row_runs import batches, first_rows, numbered
+from descentflow.core.row_runs import batches
 from descentflow.surveillance.descents.check_descents import checked_descents
 
 TEXTS = st.lists(st.sampled_from(["a", "b", "é", "aa", ""]), min_size=1, max_size=40)
-
-
-@given(TEXTS)
-def test_rows_are_numbered_as_by_a_search_in_the_sorted_names(texts: list[str]) -> None:
-    names, number = numbered(pl.Series(texts))
-    expected, position = np.unique(np.array(texts, dtype=object).astype(str), return_inverse=True)
-    assert names.to_list() == expected.tolist()
-    assert number.tolist() == position.tolist()
-
-
-@given(TEXTS)
-def test_the_first_row_of_each_flight_is_that_of_a_group(texts: list[str]) -> None:
-    frame = pl.DataFrame({"flight_id": texts, "row": range(len(texts))})
-    expected = frame.group_by("flight_id", maintain_order=True).agg(pl.col("row").first())
-    assert first_rows(frame, "flight_id").equals(expected)
 
 
 @given(TEXTS, st.integers(1, 50))
@@ -35,11 +19,6 @@ def test_batches_hold_every_row_once_and_tear_no_flight_apart(texts: list[str], 
     assert sorted(row for part in parts for row in part["row"]) == list(range(len(texts)))
     owners = [set(part["flight_id"]) for part in parts]
     assert sum(len(one) for one in owners) == len(set(texts))
-
-
-def test_a_table_without_rows_is_one_batch() -> None:
-    empty = pl.DataFrame({"flight_id": []}, schema={"flight_id": pl.String})
-    assert [len(part) for part in batches(empty, "flight_id")] == [0]
 
 
 def test_a_level_twice_is_found_where_the_rows_of_a_flight_stand_apart() -> None:

@@ -8,7 +8,7 @@ from surveillance_toys import rows_at
 
 from descentflow.surveillance.cleaning.descent_filters import Descending, Falling, LargestDescent, SteadyDescent
 from descentflow.surveillance.cleaning.faulty_values import AirspeedsAgree, Despike
-from descentflow.surveillance.cleaning.filters import SEGMENT, Chain
+from descentflow.surveillance.cleaning.filters import SEGMENT
 from descentflow.surveillance.cleaning.rates import ConstantRate
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt
 from descentflow.surveillance.rows.drop_report import DropReport
@@ -37,17 +37,6 @@ def test_ends_of_a_sparse_steep_path_are_no_spikes_but_wild_ends_are() -> None:
         wild = [*steep]
         wild[end] = -900.0 if end == 0 else 45_000.0
         assert seconds_left(one.keep(rows_at(times, altitude=wild))) == [t for t in times if t != times[end]]
-
-
-def test_missing_values_and_flights_of_one_row_are_no_spikes() -> None:
-    values = [270.0, None, 270.0, 271.0, None, 270.0, None, 270.0, 270.0, 270.0, 270.0, None]
-    assert len(Despike("IAS", 15.0, 2.0).keep(rows_at(EVERY_10_S, IAS=values))) == 12
-    assert len(Despike("IAS", 15.0, 2.0).keep(rows_at([0.0], IAS=[270.0]))) == 1
-
-
-def test_spikes_are_judged_within_their_flight() -> None:
-    two = pl.concat([rows_at(EVERY_10_S, name, altitude=[height] * 12) for name, height in (("a", 1e4), ("b", 3e4))])
-    assert len(Despike("altitude", 300.0).keep(two)) == 24
 
 
 def test_airspeeds_that_contradict_each_other_go() -> None:
@@ -115,18 +104,6 @@ def test_what_is_not_taken_for_managed(rows: pl.DataFrame, why: str) -> None:
     assert len(ConstantRate().keep(rows)) == len(rows), why
 
 
-@pytest.mark.parametrize(("before_s", "after_s"), [(0.0, 200.0), (200.0, 0.0)])
-def test_a_held_rate_at_an_end_of_what_is_seen_has_one_change(before_s: float, after_s: float) -> None:
-    rows = managed(-1500.0, before_s=before_s, after_s=after_s)
-    left = ConstantRate().keep(rows)
-    assert len(rows) - len(left) == pytest.approx(30, abs=3)
-
-
-def test_a_held_rate_without_any_change_must_last() -> None:
-    assert len(ConstantRate().keep(managed(-1500.0, seconds=196.0, before_s=0.0, after_s=0.0))) == 49
-    assert len(ConstantRate().keep(managed(-1500.0, seconds=208.0, before_s=0.0, after_s=0.0))) == 0
-
-
 def test_a_descent_that_gets_shallower_for_good_is_not_managed() -> None:
     # From Mach to CAS: 30 % off the rate within some seconds, and idle goes on drifting.
     time = np.arange(0, 400.0, 4.0)
@@ -142,13 +119,6 @@ def test_smooth_idle_at_a_rate_that_could_be_selected_is_free(rate_fpm: float, b
     time = np.arange(0, 400.0, 4.0)
     rows = flown(time, np.where(time < before_s, rate_fpm - 600, rate_fpm))
     assert len(ConstantRate().keep(rows)) == len(rows)
-
-
-def test_held_rates_of_two_flights_do_not_add_up() -> None:
-    short = managed(-1500.0, seconds=120.0, before_s=0.0, after_s=0.0)
-    two = pl.concat([short, short.with_columns(flight_id=pl.lit("b"))])
-    assert len(ConstantRate().keep(two)) == len(two)
-    assert len(ConstantRate().keep(two.clear())) == 0
 
 
 def test_a_managed_stretch_parts_what_stands_around_it() -> None:
@@ -167,10 +137,3 @@ def test_of_two_descents_the_larger_is_kept() -> None:
 def test_rows_not_below_all_before_go() -> None:
     rows = rows_at(EVERY_10_S[:6], altitude=[1000.0, 975.0, 975.0, 1000.0, 950.0, 925.0])
     assert seconds_left(Falling().keep(rows)) == [0.0, 10.0, 40.0, 50.0]
-
-
-def test_chains_compose_in_order() -> None:
-    a, b, c = Descending(), SteadyDescent(), Falling()
-    assert (a | b | c).filters == (a, b, c)
-    assert (a | Chain((b, c))).filters == (a, b, c)
-    assert (Chain((a, b)) | c).filters == (a, b, c)

@@ -3,7 +3,7 @@
 import numpy as np
 import polars as pl
 import pytest
-from surveillance_toys import fleet, flight, rows_at
+from surveillance_toys import flight, rows_at
 
 from descentflow.core.errors import DataError
 from descentflow.surveillance.cleaning.flights import (
@@ -16,10 +16,7 @@ from descentflow.surveillance.cleaning.flights import (
     with_types,
 )
 from descentflow.surveillance.cleaning.rates import local_slope, with_rate
-from descentflow.surveillance.cleaning.report_checks import check_left
-from descentflow.surveillance.rows.air_data import isa_tas_of_mach_kt
-from descentflow.surveillance.rows.drop_report import DropReport, Step
-from descentflow.surveillance.rows.units_check import check_units
+from descentflow.surveillance.rows.drop_report import DropReport
 
 
 def test_unusable_rows_and_duplicates_count_each_kind_of_bad_row_once() -> None:
@@ -88,19 +85,6 @@ def test_types_wanted_are_kept_in_any_case_of_letters() -> None:
     ]
 
 
-def test_nothing_left_is_explained_by_the_step_that_left_nothing() -> None:
-    def report(**left: int) -> DropReport:
-        return DropReport([Step(name, 5, None, rows, None) for name, rows in left.items()])
-
-    check_left(report(duplicate=0, unknown_type=0), None, {})
-    with pytest.raises(DataError, match="without any typecode"):
-        check_left(report(duplicate=3, unknown_type=0), None, {})
-    with pytest.raises(DataError, match="no row of type C172; expected one of A320, A319, B738;"):
-        check_left(report(duplicate=3, unknown_type=3, other_type=0), ["C172"], {"B738": 1, "A320": 5, "A319": 1})
-    check_left(report(duplicate=3, unknown_type=3, other_type=1), ["C172"], {})
-    check_left(report(duplicate=3, unknown_type=3), None, {})
-
-
 def test_a_given_name_that_looks_made_for_another_aircraft_gets_its_address() -> None:
     rows = rows_at([0.0, 10.0], "4ca002_20240301T100000", altitude=[1.0, 2.0])
     assert names_shared(names_given(rows)).to_list() == ["4ca002_20240301T100000"]
@@ -137,30 +121,3 @@ def test_a_quantised_ramp_gives_its_rate_within_a_bound(every_s: float) -> None:
     assert np.nanmax(np.abs(slope + 1998)) <= 1.5 * 25 / 10 * 60
     assert np.median(np.abs(slope + 1998)) < 50
     assert not np.isnan(slope).any()
-
-
-def test_the_schema_s_units_pass_and_few_rows_say_nothing() -> None:
-    rows = fleet(2)
-    check_units(rows, "rows")
-    check_units(rows.head(19).with_columns(pl.col("altitude") * 0.3048), "rows")
-    check_units(rows.drop("vertical_rate"), "rows")
-
-
-def test_noise_and_position_error_are_no_wrong_unit() -> None:
-    rows = fleet(2)
-    noise = np.random.default_rng(0).normal(0, 3, len(rows))
-    check_units(rows.with_columns(IAS=pl.col("IAS") * 1.04 + pl.Series(noise)), "rows")
-
-
-def test_another_airspeed_and_flight_levels_are_recognised() -> None:
-    rows = fleet(4)
-    tas = pl.Series(isa_tas_of_mach_kt(rows["Mach"].to_numpy(), rows["altitude"].to_numpy()))
-    # One wind for each aircraft, up to 80 kt along its track, and air 15 K warmer than standard.
-    winds = pl.col("icao24").rank("dense") * 40.0 - 100.0
-    for speed in (tas, 1.03 * tas, rows.with_columns(tas=tas).select(pl.col("tas") + winds).to_series()):
-        with pytest.raises(DataError, match="rows: IAS seems to be TAS or groundspeed"):
-            check_units(rows.with_columns(IAS=speed), "rows")
-    with pytest.raises(DataError, match="altitude seems to be in hundreds of feet"):
-        check_units(rows.with_columns(altitude=(pl.col("altitude") / 100).round()), "rows")
-    with pytest.raises(DataError, match="IAS seems to be in km/h"):
-        check_units(rows.with_columns(IAS=1.852 * pl.col("IAS")), "rows")

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from polars.testing import assert_frame_equal
 from source_toys import (
     FLIGHT,
     all_call,
@@ -60,24 +59,6 @@ def test_frames_with_times_are_decoded_and_brought_together(form: str, tmp_path:
     assert set(found["groundspeed"]) == {400.0}
     assert np.allclose(found["roll"], -5.0, atol=0.1)
     assert np.allclose(found["track"], 90.0, atol=0.1)
-
-
-def test_frames_in_milliseconds_are_brought_together_as_well(tmp_path: Path) -> None:
-    pytest.importorskip("rs1090")
-    plain, _ = rows_of(written_to(tmp_path / "s", "\n".join(f"{time} {frame}" for time, frame in frames_of(FLIGHT))))
-    lines = "\n".join(f"{round(1000 * time)} {frame}" for time, frame in frames_of(FLIGHT))
-    milli, _ = rows_of(written_to(tmp_path / "ms", lines))
-    assert_frame_equal(milli, plain)
-
-
-def test_batches_of_messages_make_no_difference(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("rs1090")
-    lines = "\n".join(f"{time} {frame}" for time, frame in frames_of(FLIGHT))
-    path = written_to(tmp_path / "frames.txt", lines)
-    whole, _ = rows_of(path)
-    monkeypatch.setattr("descentflow.surveillance.formats.mode_s.BATCH_MESSAGES", 100)
-    parts, _ = rows_of(path)
-    assert_frame_equal(parts, whole)
 
 
 def test_registers_are_read_as_the_standard_has_them() -> None:

@@ -1,7 +1,6 @@
 """Every kind of file gives the same rows."""
 
 import gzip
-import json
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from descentflow.core.errors import ConfigError, DataError
 from descentflow.surveillance.descents.prepared_descents import read_descents
 from descentflow.surveillance.formats import aircraft_json
 from descentflow.surveillance.prepare import prepare
-from descentflow.surveillance.read_rows import read_rows, read_table
+from descentflow.surveillance.read_rows import read_rows
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.normalise import normalise
 from descentflow.surveillance.rows.schema import TIMESTAMP
@@ -135,14 +134,6 @@ def test_names_of_other_sources_and_letters_of_any_case() -> None:
     assert rows["icao24"][0] == "abcdef"
 
 
-def test_a_second_column_for_a_quantity_is_said_to_be_unused() -> None:
-    report = DropReport()
-    table = pl.DataFrame({"timestamp": [1709294400.25], "mach": [0.1], **ROW})
-    rows = normalise(table, Path("rows.csv"), report)
-    assert rows["Mach"][0] == 0.7
-    assert report.notes == {"values of column mach not used beside Mach": 1}
-
-
 def test_text_among_numbers_is_missing_and_noted_and_not_finite_is_missing() -> None:
     report = DropReport()
     table = pl.DataFrame({"timestamp": [1.0] * 4, **ROW} | {"IAS": ["270", "x", "nan", "inf"]})
@@ -162,19 +153,6 @@ def test_snapshots_are_timed_at_the_last_message_and_ground_is_no_altitude() -> 
     assert rows["temperature"][1] == pytest.approx(233.15)
     assert rows["groundspeed"][1] is None
     assert rows["heading"][1] == 90.5
-
-
-@pytest.mark.parametrize("form", ["one document", "list", "lines", "lines in gzip"])
-def test_snapshots_in_every_packing(form: str, tmp_path: Path) -> None:
-    snapshots = [{"now": 1709294400.0 + i, "aircraft": [{"hex": "4ca001", "ias": 270 + i}]} for i in range(3)]
-    if form == "one document":
-        text, expected = json.dumps(snapshots[0], indent=1), [270.0]
-    else:
-        text = json.dumps(snapshots) if form == "list" else "\n".join(map(json.dumps, snapshots)) + "\n\n"
-        expected = [270.0, 271.0, 272.0]
-    content = text.encode()
-    (tmp_path / "a.json").write_bytes(gzip.compress(content) if "gzip" in form else content)
-    assert read_table(tmp_path / "a.json")["IAS"].to_list() == expected
 
 
 def test_rows_in_memory_are_prepared_like_those_of_a_file(tmp_path: Path) -> None:

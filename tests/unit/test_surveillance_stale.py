@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 from surveillance_toys import fleet, flight, rows_at
 
-from descentflow.surveillance.cleaning.chain import after_rates, before_rates
+from descentflow.surveillance.cleaning.chain import before_rates
 from descentflow.surveillance.cleaning.descent_filters import ClearedLevel, ClearedSpeed, Descending, LargestBank
 from descentflow.surveillance.cleaning.faulty_values import Stale
 from descentflow.surveillance.cleaning.filters import SEGMENT
@@ -125,17 +125,6 @@ def test_rows_near_a_cleared_level_go_and_a_level_cleared_further_in_time_is_non
     assert len(ClearedLevel(500.0).keep(rows.drop("cleared_flight_level"))) == 12
     assert len(ClearedLevel(500.0).keep(rows.with_columns(cleared_flight_level=pl.lit(None, pl.Float64)))) == 12
     assert ClearedLevel(500.0).keep(rows.clear()).is_empty()
-
-
-def test_optional_filters_are_in_the_chain_when_they_are_asked_for() -> None:
-    def reasons(rules: Cleaning) -> set[str]:
-        return {one.reason for one in after_rates(rules).filters}
-
-    assert {"banked", "cleared_level"}.isdisjoint(reasons(Cleaning()))
-    assert "cleared_speed" in reasons(Cleaning())
-    asked = Cleaning(largest_bank_deg=25.0, cleared_speed_after_s=None, cleared_level_within_ft=500.0)
-    assert {"banked", "cleared_level"} <= reasons(asked)
-    assert "cleared_speed" not in reasons(asked)
 
 
 def test_a_change_of_speed_that_mach_shares_is_no_spike() -> None:

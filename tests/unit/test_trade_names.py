@@ -10,7 +10,6 @@ from surveillance_toys import fleet
 
 from descentflow.cli.entry import main
 from descentflow.core.errors import ConfigError, DataError
-from descentflow.surveillance.cleaning.chain import DIFFERENCED
 from descentflow.surveillance.prepare import prepare
 from descentflow.surveillance.read_rows import read_rows
 from descentflow.surveillance.rows.column_names import LEVEL_NAMES, row_names
@@ -58,15 +57,6 @@ def test_surer_names_go_first_and_others_are_told(rows: pl.DataFrame) -> None:
     assert row_names(["FL", "ALT_FT"]) == {"FL": "FL", "ALT_FT": "altitude"}
     both = rows.rename({"altitude": "ALT_FT"}).with_columns(FL=pl.lit(1.0))
     assert_frame_equal(read_rows([both], DropReport()), rows)
-
-
-def test_names_in_capitals_are_known(rows: pl.DataFrame) -> None:
-    assert_frame_equal(read_rows([rows.rename(str.upper)], DropReport()), rows)
-
-
-def test_rates_that_are_differenced_are_told(rows: pl.DataFrame) -> None:
-    assert DIFFERENCED not in prepare(rows).report.notes
-    assert prepare(rows.drop("vertical_rate")).report.notes[DIFFERENCED] == len(rows)
 
 
 def test_flight_levels_of_another_name_and_feet_in_their_place(rows: pl.DataFrame) -> None:

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from position_toys import steady_descents
-from weather_toys import written_as_grib
 
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.positions.ground_plan import ground_plan
@@ -43,32 +42,6 @@ def netcdf(tmp_path: Path) -> Path:
     return tmp_path / "era5.nc"
 
 
-def test_a_linear_field_is_given_back(netcdf: Path) -> None:
-    field = read_wind_field(netcdf)
-    rng = np.random.default_rng(0)
-    latitude, longitude = rng.uniform(45, 55, 50), rng.uniform(-5, 11, 50)
-    hours = rng.uniform(0, 12, 50)
-    start = TIMES[0].astype("datetime64[s]").astype(float)
-    found = field.at(300.0, latitude, longitude, start + 3600 * hours)
-    np.testing.assert_allclose(found, linear(hours, latitude, longitude), atol=1e-9)
-    # 200 hPa is FL387 of the standard atmosphere, 600 hPa FL138; beyond them the ends are held.
-    assert field.levels_fl.round().tolist() == [138, 387]
-    np.testing.assert_allclose(field.at(500.0, latitude, longitude, start + 3600 * hours), found)
-
-
-def test_longitudes_that_begin_at_zero_and_go_around(tmp_path: Path) -> None:
-    longitude = np.arange(0.0, 360.0, 1.0)
-    east = np.broadcast_to(np.cos(np.radians(longitude)), (1, 3, 360)).copy()
-    axes = {"level": [300.0], "latitude": [40.0, 50.0, 60.0], "longitude": longitude}
-    winds = {name: (tuple(axes), east, {"units": "m/s"}) for name in ("u", "v")}
-    xarray.Dataset(winds, axes).to_netcdf(tmp_path / "globe.nc")
-    field = read_wind_field(tmp_path / "globe.nc")
-    place = np.array([-10.0, -0.5, 0.0, 179.5])
-    found, _ = field.at(320.0, np.full(4, 51.0), place, None)
-    expected = (np.cos(np.radians(np.floor(place))) + np.cos(np.radians(np.ceil(place)))) / 2
-    np.testing.assert_allclose(found, expected, atol=1e-9)
-
-
 def test_flights_in_a_field_of_constant_wind_fly_as_in_that_wind(tmp_path: Path) -> None:
     field = dataset()
     field["u"][:], field["v"][:] = 30.0, 0.0
@@ -104,13 +77,3 @@ def test_files_that_are_no_winds_are_refused(tmp_path: Path) -> None:
     dataset().drop_vars("v").to_netcdf(tmp_path / "half.nc")
     with pytest.raises(DataError, match="without northward_wind, with eastward_wind"):
         read_wind_field(tmp_path / "half.nc")
-
-
-def test_grib_is_read_as_netcdf_is(tmp_path: Path, netcdf: Path) -> None:
-    written_as_grib(dataset(), tmp_path / "era5.grib")
-    from_grib, from_netcdf = read_wind_field(tmp_path / "era5.grib"), read_wind_field(netcdf)
-    np.testing.assert_allclose(from_grib.levels_fl, from_netcdf.levels_fl)
-    start = TIMES[0].astype("datetime64[s]").astype(float)
-    place = np.array([50.3, 47.1]), np.array([-3.2, 8.9]), start + np.array([3600.0, 30000.0])
-    np.testing.assert_allclose(from_grib.at(250.0, *place), from_netcdf.at(250.0, *place), atol=1e-5)
-    assert [path.name for path in tmp_path.iterdir() if "grib" in path.name] == ["era5.grib"], "no index is left"

@@ -10,7 +10,7 @@ path of a file that holds it, and nothing heavy is imported before it is used:
 - :func:`sample` draws descents, :class:`Generator` those that a running simulator asks for, :func:`predict` continues
   observed ones, :func:`evaluate` scores a model,
   :func:`export` writes for other programs;
-- :func:`diagnose` finds where a simulator and real flights disagree, and why.
+- :func:`diagnose` finds where a simulator and real flights disagree, and why; :func:`repair` mends coefficients.
 
 Import it before torch: how torch's threads wait is settled when torch is loaded, and by default they take the processor
 from others meanwhile. Where torch came first (and OMP_WAIT_POLICY and OMP_NUM_THREADS are not set), sampling, scoring
@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from descentflow.generation.conditional.generator import Generator
     from descentflow.generation.prediction.predict import predict
     from descentflow.generation.sample import sample
+    from descentflow.repairs.repair import repair
     from descentflow.simulation.world import simulate
     from descentflow.surveillance.descents.prepared_descents import read_descents
     from descentflow.surveillance.prepare import prepare
@@ -82,6 +83,7 @@ __all__ = [
     "predict",
     "prepare",
     "read_descents",
+    "repair",
     "sample",
     "simulate",
 ]
@@ -98,6 +100,7 @@ _PLACES = {
     "predict": ("generation.prediction.predict", "predict"),
     "prepare": ("surveillance.prepare", "prepare"),
     "read_descents": ("surveillance.descents.prepared_descents", "read_descents"),
+    "repair": ("repairs.repair", "repair"),
     "sample": ("generation.sample", "sample"),
     "simulate": ("simulation.world", "simulate"),
     **{kind.model: (f"training.models.{kind.trained_in}", kind.model) for kind in KINDS},

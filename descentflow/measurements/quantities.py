@@ -196,8 +196,12 @@ def checked(found: Quantities) -> Quantities:
     return found
 
 
-def measured(grid: LevelGrid) -> Quantities:
+def measured(grid: LevelGrid, band_fl: float | None = None) -> Quantities:
     """Quantities of flights on levels; those without a band are left out.
+
+    Args:
+        grid: The flights.
+        band_fl: Height of a band; about a fifteenth of the grid's if absent.
 
     Example:
         >>> from descentflow.surveillance.descents.prepared_descents import read_descents
@@ -206,7 +210,7 @@ def measured(grid: LevelGrid) -> Quantities:
         False
     """
     low_fl, high_fl = float(grid.levels_fl[0]), float(grid.levels_fl[-1])
-    band = band_height_fl(low_fl, high_fl)
+    band = band_height_fl(low_fl, high_fl) if band_fl is None else band_fl
     bands = grid.bands(band)
     cas_kt = grid.values["IAS"]
     # The mean of the rate and not of its logarithm: noise would pull that down.

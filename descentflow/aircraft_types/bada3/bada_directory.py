@@ -93,6 +93,22 @@ def load_aircraft(typecode: str, bada_dir: str | Path) -> Bada3Aircraft:
         >>> load_aircraft("A320", ".").wing_area_m2
         122.4
     """
+    folder, wanted = Path(bada_dir), typecode.strip().upper()
+    return _load(folder, synonym_of(wanted, folder).file, wanted, _limits(folder))
+
+
+def synonym_of(typecode: str, bada_dir: str | Path) -> Synonym:
+    """The line of SYNONYM.NEW that names the files of a type, see :func:`load_aircraft`.
+
+    Raises:
+        AircraftError: If the directory is missing, or the type is not in it.
+
+    Example:
+        >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+        >>> write_opf(opf_of(open_aircraft("A320")), "A320__.OPF")
+        >>> synonym_of("A320", ".").file
+        'A320__'
+    """
     folder = _folder(bada_dir)
     wanted = typecode.strip().upper()
     synonyms = _synonyms(folder)
@@ -103,7 +119,7 @@ def load_aircraft(typecode: str, bada_dir: str | Path) -> Bada3Aircraft:
             expected=f"one of the {len(synonyms)} types there (near it: {near})",
             mend="choose a type the directory holds, or add a line to its SYNONYM.NEW",
         )
-    return _load(folder, synonyms[wanted].file, wanted, _limits(folder))
+    return synonyms[wanted]
 
 
 def load_directory(bada_dir: str | Path) -> dict[str, Bada3Aircraft]:

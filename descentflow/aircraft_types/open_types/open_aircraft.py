@@ -15,15 +15,16 @@ from typing import Any, Literal, get_args
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
 from descentflow.core.errors import AircraftError, UnknownTypeError
 
-Confidence = Literal["direct", "derived", "textbook estimate", "unchecked"]
+Confidence = Literal["direct", "derived", "textbook estimate", "unchecked", "fitted"]
 """Printed by the source; follows from printed numbers by the stated formula; typical of the class of aircraft; commonly
-published but not checked against a type-certificate data sheet."""
+published but not checked against a type-certificate data sheet; estimated from real flights, with an interval."""
 
 _FOLDER = "coefficients"
 _SOURCES = "sources"
 _TEXT_FIELDS = ("engine", "wake_category")
 _ABOUT_FIELDS = ("typecode", "source", "limits")
 _ENTRY = {"value", "unit", "source", "confidence"}
+_FITTED = {*_ENTRY, "interval"}
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,8 @@ class CoefficientSource:
     unit: str
     source: str
     confidence: Confidence
+    interval: tuple[float, float] | None = None
+    """90 % interval of a number that was fitted."""
 
 
 @dataclass(frozen=True)
@@ -157,7 +160,8 @@ def _merged(content: dict[str, Any], table: str, base: tuple[CoefficientSource, 
 
 def _entry(name: str, raw: dict[str, Any]) -> CoefficientSource:
     """Check one inline table of a type file and write out its source key."""
-    if set(raw) != _ENTRY or raw["confidence"] not in get_args(Confidence):
+    is_fitted = raw.get("confidence") == "fitted"
+    if set(raw) != (_FITTED if is_fitted else _ENTRY) or raw["confidence"] not in get_args(Confidence):
         raise AircraftError(
             f"open aircraft entry {name} = {raw}",
             expected=f"the keys {sorted(_ENTRY)} and a confidence among {', '.join(get_args(Confidence))}",
@@ -168,7 +172,8 @@ def _entry(name: str, raw: dict[str, Any]) -> CoefficientSource:
         value = tuple(float(v) for v in value)
     elif not isinstance(value, str) and name != "n_engines":
         value = float(value)
-    return CoefficientSource(name, value, raw["unit"], _source_text(raw["source"]), raw["confidence"])
+    ends = (float(raw["interval"][0]), float(raw["interval"][1])) if is_fitted else None
+    return CoefficientSource(name, value, raw["unit"], _source_text(raw["source"]), raw["confidence"], ends)
 
 
 def _source_text(key_and_detail: str) -> str:

@@ -118,6 +118,20 @@ class FlightShapes:
             found.append(FlightsEffect(name, law, parts, gain, misfit, self._factor_errors(name, parts.shape[1])))
         return found
 
+    def shifts_by_flight(self, names: Sequence[str]) -> Array:
+        """Expected shift (n, m) of ln rate of each real flight by effects, in the flights and bands of ``real``."""
+        fit = self.fit(self.real, tuple(names))
+        found = np.zeros_like(self.real.values)
+        for name in names:
+            mine, law = self.real.ways[name], fit.laws[name].theta
+            effect = mine.effect.coarser(mine.start)
+            ways = effect.ways(mine.state, law, torch.zeros_like(mine.state.cas_mps) + mine.state.beyond_polar)
+            at = [ways.slots.index(("rate", int(band))) for band in self.rates.bands]
+            weights = (ways.table[ways.upper] - ways.table[ways.lower])[:, at].numpy()
+            found += ((fit.taken[name] * fit.sizes[name]) @ weights) * ways.shape[:, at].numpy()
+            found += fit.taken[name].sum(1)[:, None] * ways.offset[:, at].numpy()
+        return found
+
     def _factor_errors(self, name: str, count: int) -> Array:
         """Prior standard deviations of the factors: a size that holds over the whole flight looks like its mass."""
         ways = self.real.ways[name]

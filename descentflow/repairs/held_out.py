@@ -1,0 +1,166 @@
+"""Errors of coefficients on aircraft that were not used: time, rate and speeds by level, with what chance gives."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
+from descentflow.diagnosis.inference.linear_gaussian import Array
+from descentflow.physics.performance_model import PerformanceModel
+from descentflow.repairs.mixed_model import PRIOR, Posterior, predictive_log_density
+from descentflow.repairs.type_fit import TypeFlights, fit_types, linearised
+
+FOLDS = 8
+"""Parts of the aircraft, each predicted by the others."""
+FLEETS = 400
+"""Bootstrapped fleets."""
+FEWEST = 3
+"""Aircraft that show a level, for its errors to be given."""
+
+
+@dataclass(frozen=True)
+class Error:
+    """Mean error of one quantity, before and after, on aircraft that were not used.
+
+    Attributes:
+        before: Model minus flights.
+        after: The same with the repaired coefficients.
+        low: Lower end of the 90 % interval of ``after``, by aircraft.
+        high: Its upper end.
+        floor: What the means of nine in ten pairs of such fleets differ by at most.
+
+    Example:
+        >>> Error(25.0, 1.0, -2.0, 4.0, 3.0).within
+        True
+    """
+
+    before: float
+    after: float
+    low: float
+    high: float
+    floor: float
+
+    @property
+    def within(self) -> bool:
+        """True if the rest is no more than chance."""
+        return abs(self.after) <= self.floor
+
+
+@dataclass(frozen=True)
+class LevelErrors:
+    """Errors at one level: of the rate (ft/min) at the flights' own speeds, and of the scheduled CAS (kt)."""
+
+    level_fl: float
+    aircraft: int
+    rate: Error
+    cas: Error
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Errors on aircraft that were not used.
+
+    Attributes:
+        flights: Number.
+        aircraft: Number.
+        time: Of the time over a flight's own levels at its own speeds, percent.
+        absolute: Median absolute error of one flight's time, percent, before and after.
+        levels: By level, from the top down.
+        log_score: Mean log density of an aircraft's flights, nats, before and after; larger is better.
+
+    Example:
+        >>> HeldOut(3, 3, Error(2.0, 1.0, 0.0, 2.0, 1.0), (9.0, 8.0), (), (-3.0, -2.0)).better
+        True
+    """
+
+    flights: int
+    aircraft: int
+    time: Error
+    absolute: tuple[float, float]
+    levels: tuple[LevelErrors, ...]
+    log_score: tuple[float, float]
+
+    @property
+    def better(self) -> bool:
+        """True if the repaired coefficients predict other aircraft better than the prior did."""
+        return self.log_score[1] > self.log_score[0]
+
+
+Finish = Callable[[TypeFlights, Array], PerformanceModel]
+"""The file that flights and coefficients (3,) lead to, speeds included."""
+
+
+def held_out(types: Sequence[TypeFlights], finish: Finish) -> HeldOut:
+    """Predict each aircraft of the first type by a repair from the others.
+
+    Args:
+        types: Flights by type, that to be repaired first.
+        finish: Makes the file.
+    """
+    mine, before = types[0], types[0].aircraft
+    names = np.unique(mine.tails)
+    fold = np.random.default_rng(0).permutation(len(names)) % min(FOLDS, len(names))
+    after: dict[str, list[Array]] = {"seconds": [], "rate": [], "cas": []}
+    order, scores = [], []
+    for k in range(fold.max() + 1):
+        out = np.isin(mine.tails, names[fold == k])
+        kept, left = mine.rows(np.flatnonzero(~out)), mine.rows(np.flatnonzero(out))
+        found = fit_types([kept, *types[1:]])
+        flown = _flown(left, finish(kept, found.of(0)[0]))
+        for name, part in zip(after, flown, strict=True):
+            after[name].append(part)
+        order.append(np.flatnonzero(out))
+        prior = Posterior(np.zeros((1, 3)), PRIOR, found.sizes, 0.0)
+        both = (prior, Posterior(found.mean[:1], found.covariance[:3, :3], found.sizes, 0.0))
+        scores.append([predictive_log_density(linearised([left], one.mean), one) for one in both])
+    place = np.argsort(np.concatenate(order))
+    seconds, rate, cas = (np.concatenate(part)[place] for part in after.values())
+    seconds_before, rate_before, cas_before = _flown(mine, before)
+    own_rate = np.exp(mine.log_rate) / FPM_MPS
+    own_seconds = np.nansum(mine.evidence.state.width_m / np.exp(mine.log_rate), axis=1)
+    own_cas = np.where(np.isfinite(own_rate), mine.evidence.state.cas_mps.numpy() / KT_MPS, np.nan)
+    late = [100.0 * (value / own_seconds - 1.0) for value in (seconds_before, seconds)]
+    levels = []
+    for band in range(own_rate.shape[1] - 1, -1, -1):
+        shown = np.isfinite(own_rate[:, band])
+        tails = mine.tails[shown]
+        if len(np.unique(tails)) >= FEWEST:
+            errors = [
+                _error(tails, was[shown, band] - own[shown, band], now[shown, band] - own[shown, band])
+                for was, now, own in ((rate_before, rate, own_rate), (cas_before, cas, own_cas))
+            ]
+            level = float(mine.evidence.state.altitude_m[band]) / FL_M
+            levels.append(LevelErrors(level, len(np.unique(tails)), errors[0], errors[1]))
+    absolute = (float(np.median(np.abs(late[0]))), float(np.median(np.abs(late[1]))))
+    score = np.concatenate([np.stack(part, 1) for part in scores]).mean(0)
+    return HeldOut(
+        len(mine.evidence),
+        len(names),
+        _error(mine.tails, late[0], late[1]),
+        absolute,
+        tuple(levels),
+        (float(score[0]), float(score[1])),
+    )
+
+
+def _flown(flights: TypeFlights, aircraft: PerformanceModel) -> tuple[Array, Array, Array]:
+    """Seconds (n,) over each flight's bands, rate (n, K) at its own speed, ft/min, and scheduled CAS (n, K), kt."""
+    evidence = flights.evidence
+    rate = np.exp(evidence.expected(aircraft).numpy())
+    seconds = np.where(evidence.seen.numpy(), evidence.state.width_m / rate, 0.0).sum(1)
+    cas = (aircraft.descent_cas_mps(evidence.state.altitude_m) / KT_MPS).to(torch.float64).numpy()
+    return seconds, rate / FPM_MPS, np.broadcast_to(cas, rate.shape)
+
+
+def _error(tails: np.ndarray, before: Array, after: Array) -> Error:
+    """Means over flights, with what drawing other aircraft of the same fleet changes."""
+    names, index = np.unique(tails, return_inverse=True)
+    count = np.bincount(index).astype(float)
+    sums = np.bincount(index, after)
+    drawn = np.random.default_rng(0).integers(0, len(names), (2 * FLEETS, len(names)))
+    means = sums[drawn].sum(1) / count[drawn].sum(1)
+    low, high = np.quantile(means, [0.05, 0.95])
+    floor = np.quantile(np.abs(means[:FLEETS] - means[FLEETS:]), 0.9)
+    return Error(float(before.mean()), float(after.mean()), float(low), float(high), float(floor))

@@ -1,0 +1,262 @@
+r"""Linear mixed model of flights of several types, in closed form.
+
+Flight f of the aircraft a of the type t shows in its bands
+
+.. math:: y_f = X_f \theta_t + u_a + v_f + w_f m_f + s_f + e_f
+
+with the coefficients :math:`\theta_t`, a random effect of the aircraft :math:`u_a` and one of the flight (crew)
+:math:`v_f`, the mass :math:`w_f` along its own derivative :math:`m_f`, an error :math:`s_f` that is smooth in altitude,
+and white noise. All are normal. The types share a prior, with weights c that are learnt (partial pooling),
+
+.. math:: \mathrm{cov}(\theta_t, \theta_u) = \lambda^2 \Big(\sum_g c_g [t, u \text{ in one group } g]\Big) P .
+
+Each flight is whitened once; its aircraft takes a rank-one update, and the coefficients one of rank 3 a type, so that
+the marginal likelihood costs no more than the flights' own Cholesky factors. Standard deviations and weights are the
+likeliest under weak priors (empirical Bayes; Searle, Casella and McCulloch, Variance Components, 1992, chapter 6).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.optimize import minimize
+
+from descentflow.diagnosis.inference.assumptions import ASSUMED
+from descentflow.diagnosis.inference.linear_gaussian import Array
+
+MASS_SPREAD = ASSUMED.coefficient_spread[0]
+COEFFICIENT_SPREAD = (ASSUMED.coefficient_spread[1], ASSUMED.coefficient_spread[1], ASSUMED.coefficient_spread[3])
+"""Prior standard deviations of ln CD0, ln CD2 and idle thrust over the file's: a wrong file may be as wrong in CD2 as
+open sources differ in CD0."""
+GAUGE = (-1.0, 1.0, -1.0)
+"""A mean mass that is more than the reference mass by so much shows as less CD0, more CD2 and less idle thrust."""
+PRIOR = np.diag(np.square(COEFFICIENT_SPREAD)) + MASS_SPREAD**2 * np.outer(GAUGE, GAUGE)
+"""Covariance (3, 3) of what a file is off by, at the reference mass."""
+WIDE = 1.645
+"""Standard deviations of a 90 % interval."""
+UNSEEN = 1e6
+"""Variance of a band that a flight does not show: it tells nothing."""
+WEAK = 1.0
+"""Prior standard deviation of the logarithm of each learnt size."""
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Standard deviations of ln rate, and of the types' prior.
+
+    Example:
+        >>> Sizes().flight
+        0.08
+    """
+
+    aircraft: float = 0.04
+    flight: float = 0.08
+    mass: float = 0.08
+    smooth: float = 0.06
+    white: float = 0.03
+    scale: float = 1.0
+    """Lambda, of the types' prior."""
+    weights: tuple[float, ...] = ()
+    """Of the groups, what is left to one being the type's own."""
+
+
+@dataclass(frozen=True)
+class Flights:
+    """n flights in K bands, zero where ``seen`` is not: ``y`` (n, K), ``x`` (n, K, 3), ``by_mass`` (n, K).
+
+    ``kind`` (n,) numbers the types and ``tail`` (n,) the aircraft; ``groups`` (G, T) numbers in each row
+    the group of each type.
+
+    Example:
+        >>> one = np.ones((2, 3))
+        >>> x = np.zeros((2, 3, 3))
+        >>> bands = np.array([5e3, 6e3, 7e3])
+        >>> two = Flights(one, x, one, one > 0, np.zeros(2, int), np.arange(2), bands, np.zeros((0, 1), int))
+        >>> two.types
+        1
+    """
+
+    y: Array
+    x: Array
+    by_mass: Array
+    seen: np.ndarray
+    kind: np.ndarray
+    tail: np.ndarray
+    altitude_m: Array
+    groups: np.ndarray
+
+    @property
+    def types(self) -> int:
+        """Number of types."""
+        return int(self.groups.shape[1])
+
+    @cached_property
+    def kernel(self) -> Array:
+        """Correlation (K, K) of the smooth errors over altitude."""
+        away = (self.altitude_m[:, None] - self.altitude_m) / ASSUMED.length_m
+        found: Array = np.exp(-0.5 * away**2)
+        return found
+
+    def rows(self, index: np.ndarray) -> "Flights":
+        """Those of some flights."""
+        names = ("y", "x", "by_mass", "seen", "kind", "tail")
+        return replace(self, **{name: getattr(self, name)[index] for name in names})
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Mean (T, 3) and covariance (3 T, 3 T) of the coefficients, the sizes and the log marginal likelihood.
+
+    Example:
+        >>> Posterior(np.zeros((1, 3)), PRIOR, Sizes(), 0.0).of(0)[0].tolist()
+        [0.0, 0.0, 0.0]
+    """
+
+    mean: Array
+    covariance: Array
+    sizes: Sizes
+    log_likelihood: float
+
+    def of(self, kind: int) -> tuple[Array, Array]:
+        """Mean (3,) and covariance (3, 3) of one type."""
+        at = slice(3 * kind, 3 * kind + 3)
+        return self.mean[kind], self.covariance[at, at]
+
+
+def type_covariance(groups: np.ndarray, sizes: Sizes) -> Array:
+    """Prior covariance (3 T, 3 T) of the coefficients of the types.
+
+    Example:
+        >>> both = type_covariance(np.array([[0, 0]]), Sizes(weights=(0.75,)))
+        >>> round(float(both[0, 3] / both[0, 0]), 2)  # of ln CD0 of two sisters
+        0.75
+    """
+    own = 1.0 - sum(sizes.weights)
+    shared = sum(
+        (w * (g[:, None] == g) for w, g in zip(sizes.weights, groups, strict=True)), own * np.eye(groups.shape[1])
+    )
+    found: Array = sizes.scale**2 * np.kron(shared, PRIOR)
+    return found
+
+
+def whitened(flights: Flights, sizes: Sizes) -> tuple[Array, Array]:
+    """Gram matrices (n, 5, 5) of [y, x, 1] in each flight's own noise, and the log determinants (n,) of that."""
+    n, bands = flights.y.shape
+    one = flights.seen.astype(float)
+    noise = np.broadcast_to(sizes.smooth**2 * flights.kernel + sizes.white**2 * np.eye(bands), (n, bands, bands))
+    noise = noise + sizes.flight**2 + sizes.mass**2 * flights.by_mass[:, :, None] * flights.by_mass[:, None]
+    noise = noise * one[:, :, None] * one[:, None] + UNSEEN * np.eye(bands) * (1 - one)[:, None]
+    factor = np.linalg.cholesky(noise)
+    columns = np.concatenate([flights.y[:, :, None], flights.x, np.ones((n, bands, 1))], 2) * one[:, :, None]
+    white = np.linalg.solve(factor, columns)
+    log = 2.0 * np.log(np.diagonal(factor, axis1=1, axis2=2)) * one
+    return white.transpose(0, 2, 1) @ white, log.sum(1)
+
+
+def posterior(flights: Flights, sizes: Sizes) -> Posterior:
+    """Coefficients of all types at given sizes, and the marginal likelihood (without the constant).
+
+    Example:
+        >>> x = np.ones((50, 1, 3)) * [1.0, 0.0, 0.0]
+        >>> one = np.ones((50, 1))
+        >>> flights = Flights(0.2 * one, x, 0 * one, one > 0, np.zeros(50, int), np.arange(50), one[0], np.ones((0, 1)))
+        >>> posterior(flights, Sizes()).mean.round(2)  # what the flights do not tell keeps its prior, up to the gauge
+        array([[ 0.2 , -0.04,  0.04]])
+    """
+    gram, log = whitened(flights, sizes)
+    tails, index = np.unique(flights.tail, return_inverse=True)
+    total = np.zeros((len(tails), 5, 5))
+    np.add.at(total, index, gram)
+    kind = np.zeros(len(tails), dtype=int)
+    kind[index] = flights.kind
+    # One aircraft's flights share a level: a rank-one update.
+    shared = 1.0 + sizes.aircraft**2 * total[:, 4, 4]
+    total = total - (sizes.aircraft**2 / shared)[:, None, None] * total[:, :, 4:] * total[:, 4:, :]
+    prior = type_covariance(flights.groups, sizes)
+    information, towards = np.zeros_like(prior), np.zeros(len(prior))
+    for t in range(flights.types):
+        mine, at = total[kind == t].sum(0), slice(3 * t, 3 * t + 3)
+        information[at, at], towards[at] = mine[1:4, 1:4], mine[1:4, 0]
+    # (prior^-1 + information)^-1 without the inverse of the prior, which pooling makes singular.
+    covariance = np.linalg.solve(np.eye(len(prior)) + prior @ information, prior)
+    mean = covariance @ towards
+    square = total[:, 0, 0].sum() - towards @ mean
+    determinant = log.sum() + np.log(shared).sum() + np.linalg.slogdet(np.eye(len(prior)) + prior @ information)[1]
+    return Posterior(mean.reshape(-1, 3), (covariance + covariance.T) / 2, sizes, float(-0.5 * (square + determinant)))
+
+
+def fit(flights: Flights, first: Sizes = Sizes()) -> Posterior:
+    """Coefficients at the likeliest sizes under weak priors about the first ones.
+
+    Example:
+        >>> rng = np.random.default_rng(0)
+        >>> x, one = np.broadcast_to(-np.array([0.7, 0.3, -0.1]), (300, 8, 3)), np.ones((300, 8))
+        >>> y = x[:, :, 0] * 0.2 + 0.1 * rng.normal(size=(300, 1)) + 0.02 * rng.normal(size=(300, 8))
+        >>> kinds, bands = np.zeros(300, int), np.arange(8) * 600.0
+        >>> found = fit(Flights(y, x, 0 * one, one > 0, kinds, np.arange(300), bands, np.zeros((0, 1), int)))
+        >>> bool(abs(x[0, 0] @ found.mean[0] + 0.14) < 0.02), round(found.sizes.white, 2)
+        (True, 0.02)
+    """
+    groups = len(flights.groups)
+    # How wrong files are shows where there are several.
+    names = ("aircraft", "flight", "mass", "smooth", "white", *(("scale",) if groups else ()))
+    usual = np.log([getattr(first, name) for name in names])
+
+    def sizes_at(point: Array) -> Sizes:
+        # Weights by a softmax beside a type's own part.
+        odds = np.exp(np.append(point[len(names) :], 0.0))
+        weights = tuple((odds / odds.sum())[:-1].tolist()) if groups else ()
+        return Sizes(**dict(zip(names, np.exp(point[: len(names)]).tolist(), strict=True)), weights=weights)
+
+    def cost(point: Array) -> float:
+        strange = np.concatenate([point[: len(names)] - usual, point[len(names) :]]) / WEAK
+        return 0.5 * float(strange @ strange) - posterior(flights, sizes_at(point)).log_likelihood
+
+    start = np.concatenate([usual, np.zeros(groups)])
+    found = minimize(cost, start, method="L-BFGS-B", options={"maxiter": 60}).x
+    return posterior(flights, sizes_at(found))
+
+
+def predictive_log_density(flights: Flights, found: Posterior) -> Array:
+    """Log density (A,) of the flights of each new aircraft under a posterior, without the constant.
+
+    Example:
+        >>> one, x = np.ones((1, 1)), np.zeros((1, 1, 3))
+        >>> new = Flights(0.3 * one, x, 0 * one, one > 0, np.zeros(1, int), np.arange(1), one[0], np.zeros((0, 1), int))
+        >>> bool(predictive_log_density(new, Posterior(np.zeros((1, 3)), PRIOR, Sizes(), 0.0))[0] < 0)
+        True
+    """
+    densities = []
+    gram, log = whitened(flights, found.sizes)
+    for tail in np.unique(flights.tail):
+        mine = flights.tail == tail
+        total, sizes = gram[mine].sum(0), found.sizes
+        mean, covariance = found.of(int(flights.kind[mine][0]))
+        # The aircraft's level and the coefficients, (4,), are one random effect of a new aircraft's flights.
+        prior = np.zeros((4, 4))
+        prior[:3, :3], prior[3, 3] = covariance, sizes.aircraft**2
+        inner, cross = total[1:, 1:], total[1:, 0]
+        shift = np.append(mean, 0.0)
+        towards = cross - inner @ shift
+        square = total[0, 0] - 2 * shift @ cross + shift @ inner @ shift
+        shared = np.eye(4) + prior @ inner
+        square -= towards @ np.linalg.solve(shared, prior @ towards)
+        densities.append(-0.5 * (square + log[mine].sum() + np.linalg.slogdet(shared)[1]))
+    return np.array(densities)
+
+
+def stacked(parts: Sequence[tuple[Array, Array, Array, np.ndarray, np.ndarray, Array]], groups: np.ndarray) -> Flights:
+    """Flights of several types, each ``y x by_mass seen tail altitude_m``, on the bands of all of them."""
+    altitude = np.unique(np.concatenate([part[5] for part in parts]).round(3))
+    whole: list[list[Array]] = [[], [], [], [], [], []]
+    for kind, (y, x, by_mass, seen, tail, own) in enumerate(parts):
+        at = np.searchsorted(altitude, own.round(3))
+        for place, value in enumerate((y, x, by_mass, seen)):
+            wide = np.zeros((len(y), len(altitude), *value.shape[2:]), dtype=value.dtype)
+            wide[:, at] = np.where(seen.reshape(*seen.shape, *[1] * (value.ndim - 2)), value, 0)
+            whole[place].append(wide)
+        whole[4].append(np.full(len(y), kind))
+        whole[5].append(tail)
+    y, x, by_mass, seen, kinds, tails = (np.concatenate(part) for part in whole)
+    return Flights(y, x, by_mass, seen.astype(bool), kinds, tails, altitude, groups)

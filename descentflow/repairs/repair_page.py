@@ -1,0 +1,126 @@
+"""The page of a repair: errors on aircraft that were not used, what was changed, and what could not be."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from descentflow.repairs.held_out import Error
+from descentflow.repairs.repair_found import COEFFICIENTS, Estimate, Repair
+from descentflow.reporting.pages import drawing, rendered
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+WIDTH_IN = 3.2
+LABELS = {
+    "cd0_cr": "drag without lift, CD0",
+    "cd2_cr": "drag by lift, CD2",
+    "ct_des_low": "idle thrust below H_p,des, over climb thrust",
+    "ct_des_high": "idle thrust above H_p,des, over climb thrust",
+    "des_mach": "Mach number of the descent",
+    "des_cas_high_kt": "CAS above 10,000 ft, kt",
+    "des_cas_low_kt": "CAS below 10,000 ft, kt",
+}
+COUNTS = {
+    "flights_without_air": "{:.0f} flights did not measure their air: they have the others' mean, or standard air.",
+    "powered_bands": "{:.0f} bands of 2,000 ft are shallower than any glide at idle (30 to 1): left out.",
+    "share_with_speed_brake": "{:.0%} of the flights have brakes out somewhere: taken out of their rates.",
+    "share_with_geometric_path": "{:.0%} of the flights hold a path somewhere: taken out of their rates.",
+}
+FILES = {
+    "toml": "coefficients with sources and intervals",
+    "opf": "BADA 3, with the APF a folder for bada_dir",
+    "apf": "BADA 3",
+    "openap": "clean polar of OpenAP, which BlueSky flies",
+    "profile": "bluebird-dt",
+    "uncertainty": "bluebird-dt",
+    "mapping": "bluebird-dt",
+}
+
+
+def page(found: Repair, paths: Mapping[str, Path]) -> str:
+    """The page as HTML.
+
+    Args:
+        found: The repair.
+        paths: Files beside it.
+
+    Example:
+        >>> from descentflow.repairs.repair import repair
+        >>> page(repair("descents.parquet", aircraft="A320"), {})[:15]
+        '<!doctype html>'
+    """
+    judged = found.held_out
+    figures = [
+        ("Error of the rate of descent by level, before and after", "rate", "rate, model minus flights (ft/min)"),
+        ("Error of the scheduled CAS by level, before and after", "cas", "scheduled CAS minus flights' (kt)"),
+    ]
+    return rendered(
+        "repairs/repair.html.j2",
+        found=found,
+        judged=judged,
+        levels=_levels(found),
+        figures=[(alt, drawing(_level_figure(found, which, title))) for alt, which, title in figures],
+        changes=[[LABELS[one.name], *_numbers(one)] for one in found.estimates],
+        counts=[COUNTS[name].format(value) for name, value in found.counts.items() if name in COUNTS and value],
+        sisters=[f"{number} of {code}" for code, number in found.flights.items() if code != found.before.typecode],
+        files=[[paths[kind].name, what] for kind, what in FILES.items() if kind in paths],
+        sizes=_sizes(found),
+    )
+
+
+def _levels(found: Repair) -> list[list[str]]:
+    rows = []
+    for which, label, form in (("rate", "rate, ft/min", "+.0f"), ("cas", "scheduled CAS, kt", "+.1f")):
+        for level in found.held_out.levels:
+            name = f"{label}, FL{level.level_fl:.0f} ({level.aircraft} aircraft)"
+            rows.append([name, *_signed(getattr(level, which), form)])
+    return rows
+
+
+def _signed(error: Error, form: str) -> list[str]:
+    after = f"{error.after:{form}} ({error.low:{form}} to {error.high:{form}})"
+    return [f"{error.before:{form}}", after, f"{error.floor:{form}}".lstrip("+")]
+
+
+def _numbers(one: Estimate) -> list[str]:
+    changed = f"{100 * (one.after / one.before - 1):+.0f} %" if one.name in COEFFICIENTS and one.before else ""
+    return [f"{one.before:.4g}", f"{one.after:.4g}", changed, f"{one.low:.4g} to {one.high:.4g}", one.source]
+
+
+def _sizes(found: Repair) -> list[list[str]]:
+    sizes = found.posterior.sizes
+    named = {
+        "between aircraft": sizes.aircraft,
+        "between flights of an aircraft": sizes.flight,
+        "mass of a flight": sizes.mass,
+        "smooth in altitude": sizes.smooth,
+        "of one band": sizes.white,
+    }
+    return [[name, f"{100 * size:.1f} %"] for name, size in named.items()]
+
+
+def _level_figure(found: Repair, which: str, title: str) -> "Figure":
+    from matplotlib.figure import Figure
+
+    from descentflow.reporting.figure_style import BLUE, RED, say_why_empty, tidy
+
+    figure = Figure(figsize=(WIDTH_IN, 3.4), layout="constrained")
+    ax = figure.subplots()
+    levels = [level.level_fl for level in found.held_out.levels]
+    errors: Sequence[Error] = [getattr(level, which) for level in found.held_out.levels]
+    if not errors:
+        say_why_empty(ax, "no level is shown by three aircraft")
+    else:
+        half = found.band_fl / 2
+        for level, error in zip(levels, errors, strict=True):
+            ax.fill_betweenx([level - half, level + half], -error.floor, error.floor, color="#dddddd", linewidth=0)
+            ax.plot([error.low, error.high], [level, level], color=BLUE, linewidth=1.4)
+        ax.axvline(0.0, color="#888888", linewidth=0.8)
+        ax.plot([one.before for one in errors], levels, "o", color=RED, markersize=5, label="before")
+        after = [one.after for one in errors]
+        ax.plot(after, levels, "s", color=BLUE, markersize=5, markerfacecolor="white", label="after")
+        ax.set_ylabel("flight level", fontsize=9)
+    ax.set_title(title, fontsize=9, loc="left")
+    tidy([ax])
+    return figure

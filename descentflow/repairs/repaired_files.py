@@ -1,0 +1,148 @@
+"""Files of a repaired type: our TOML with intervals, BADA 3's OPF and APF, OpenAP's polar, bluebird-dt's tables."""
+
+import json
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+from descentflow.aircraft_types.bada3.apf_file import Apf, Company, apf_of, read_apf, write_apf
+from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
+from descentflow.aircraft_types.bada3.bada_directory import synonym_of
+from descentflow.aircraft_types.bada3.opf_file import Opf, opf_of, read_opf, write_opf
+from descentflow.aircraft_types.open_types.open_aircraft import open_type
+from descentflow.core.errors import ConfigError
+from descentflow.core.files import check_output, whole_file
+from descentflow.exports.bluebird_tables import KINDS, tables
+from descentflow.repairs.nominal_fleet import nominal_fleet
+from descentflow.repairs.repair_found import COEFFICIENTS, SPEEDS, Estimate, Repair
+from descentflow.repairs.repair_page import page
+
+
+def paths_of(out: Path, typecode: str) -> dict[str, Path]:
+    """All files that are written, by kind.
+
+    Example:
+        >>> [path.name for path in paths_of(Path("A320.toml"), "A320").values()][:4]
+        ['A320.toml', 'A320__.OPF', 'A320__.APF', 'A320_openap.yml']
+    """
+    own = {"toml": out, "opf": out.with_name(f"{typecode:_<6}.OPF"), "apf": out.with_name(f"{typecode:_<6}.APF")}
+    own["openap"] = out.with_name(f"{out.stem}_openap.yml")
+    tabled = {kind: out.with_name(f"{out.stem}_bluebird_{kind}.json") for kind in KINDS}
+    return own | tabled | {"page": out.with_name(f"{out.stem}.html")}
+
+
+def check_out(out: Path, typecode: str, bada_dir: str | Path | None) -> None:
+    """Refuse an output that cannot be written, or would write over the files that are repaired.
+
+    Raises:
+        ConfigError: If its name does not end in .toml, or it lies in the folder of the files themselves.
+        DataError: If the folder does not exist.
+    """
+    if out.suffix != ".toml":
+        raise ConfigError(f"output {out}", expected="a name that ends in .toml", mend=f"name it {typecode}.toml")
+    if bada_dir is not None and out.resolve().parent == Path(bada_dir).resolve():
+        raise ConfigError(
+            f"output in {bada_dir}, whose files would be written over", expected="another folder", mend="choose one"
+        )
+    for path in paths_of(out, typecode).values():
+        check_output(path)
+
+
+def write_repair(found: Repair, out: Path) -> list[Path]:
+    """Write all files, each whole or not at all.
+
+    Args:
+        found: The repair.
+        out: Name of the TOML file; the others lie beside it, the OPF and APF by their usual names, so that the folder
+            is a ``bada_dir``.
+
+    Returns:
+        The files.
+    """
+    code = found.after.typecode
+    paths = paths_of(out, code)
+    opf, apf = _of_file(found)
+    profile, uncertainty = tables(nominal_fleet(found))
+    made = {"profile": {"aircraft": {code: profile}}, "uncertainty": {"aircraft": {code: uncertainty}}}
+    texts = {kind: json.dumps({**made, "mapping": {code: code, "DEFAULT": code}}[kind], indent=1) for kind in KINDS}
+    texts |= {"toml": toml_text(found), "openap": openap_text(found.after), "page": page(found, paths)}
+    write_opf(opf, paths["opf"])
+    write_apf(apf, paths["apf"])
+    for kind, text in texts.items():
+        with whole_file(paths[kind]) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    return list(paths.values())
+
+
+def _of_file(found: Repair) -> tuple[Opf, Apf]:
+    """The user's own OPF and APF with the repaired numbers alone changed; those of an open type are made new."""
+    after, day = found.after, found.last_day
+    opf, apf = replace(opf_of(after), created=day), replace(apf_of(after), created=day)
+    if found.bada_dir is not None:
+        name = synonym_of(after.typecode, found.bada_dir).file
+        own = read_opf(Path(found.bada_dir) / f"{name}.OPF")
+        numbers = {**own.numbers, **{key: opf.numbers[key] for key in COEFFICIENTS}}
+        opf = replace(own, typecode=after.typecode, numbers=numbers)
+        apf = replace(read_apf(Path(found.bada_dir) / f"{name}.APF"), typecode=after.typecode)
+    held = {key: float(getattr(after, key)) for key in SPEEDS}
+
+    def with_speeds(company: Company) -> Company:
+        masses = {mass: replace(getattr(company, mass), **held) for mass in ("low", "average", "high")}
+        return replace(company, **masses)
+
+    companies = tuple(with_speeds(one) if one == apf.default else one for one in apf.companies)
+    return replace(opf, modified=day), replace(apf, modified=day, companies=companies)
+
+
+def toml_text(found: Repair) -> str:
+    """The type in the form of the open types, repaired numbers with a 90 % interval.
+
+    Example:
+        >>> from descentflow.repairs.repair import repair
+        >>> import tomllib
+        >>> tomllib.loads(toml_text(repair("descents.parquet", aircraft="A320")))["coefficients"]["cd0_cr"]["unit"]
+        '1'
+    """
+    after, judged = found.after, found.held_out
+    units = {one.name: one.unit for one in open_type("A320").coefficients}
+    repaired = {one.name: one for one in found.estimates} if found.changed else {}
+    flights = f"{judged.flights} flights of {judged.aircraft} aircraft"
+    lines = [
+        f"# {after.typecode}, repaired by descentflow; the numbers hold at the reference mass.",
+        f"summary = {json.dumps(after.source)}",
+        f"known_to_be_off = {json.dumps(found.what_stays)}",
+        "",
+        "[coefficients]",
+    ]
+    for one in fields(Bada3Aircraft):
+        if one.name in units:
+            value: Any = getattr(after, one.name)
+            entry = {"value": value, "unit": units[one.name], "source": found.before.source, "confidence": "unchecked"}
+            if one.name in repaired:
+                entry |= _entry(repaired[one.name], flights)
+            lines.append(f"{one.name} = {{ {', '.join(f'{k} = {json.dumps(v)}' for k, v in entry.items())} }}")
+    return "\n".join(lines) + "\n"
+
+
+def _entry(one: Estimate, flights: str) -> dict[str, Any]:
+    ends = [float(f"{end:.4g}") for end in (one.low, one.high)]
+    return {"source": f"{one.source}: {flights}", "confidence": "fitted", "interval": ends}
+
+
+def openap_text(after: Bada3Aircraft) -> str:
+    """The clean polar as OpenAP has it, which BlueSky flies: for the file of the type in its ``data/dragpolar``.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> print(openap_text(aircraft("A320")))
+        # A320: clean polar on 122.4 m2, in place of `clean` in data/dragpolar/a320.yml of OpenAP
+        clean:
+          cd0: 0.01751
+          k: 0.04269
+        <BLANKLINE>
+    """
+    code, area = after.typecode, float(after.wing_area_m2)
+    return (
+        f"# {code}: clean polar on {area:g} m2, in place of `clean` in data/dragpolar/{code.lower()}.yml of OpenAP\n"
+        f"clean:\n  cd0: {float(after.cd0_cr):.5g}\n  k: {float(after.cd2_cr):.5g}\n"
+    )

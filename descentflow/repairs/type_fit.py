@@ -1,0 +1,122 @@
+"""Coefficients of types by their flights: the mixed model about the energy equation, which is nearly linear in them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import polars as pl
+
+from descentflow.diagnosis.inference.linear_gaussian import Array
+from descentflow.physics.performance_model import PerformanceModel
+from descentflow.repairs.flight_evidence import Evidence, flight_evidence
+from descentflow.repairs.mixed_model import Flights, Posterior, fit, stacked
+from descentflow.repairs.sisters import groups_of
+from descentflow.repairs.unusual_flights import unusual_shifts
+
+ROUNDS = 3
+"""Gauss-Newton steps: ln rate is close to linear in these parameters."""
+LEAST_IDLE = -3.0
+"""Idle thrust relative to the file's, minus one: below, engines would brake more than they idle."""
+
+
+@dataclass(frozen=True)
+class TypeFlights:
+    """Flights of one type, with the coefficients that are to be repaired.
+
+    Attributes:
+        aircraft: Coefficients before.
+        evidence: Its flights.
+        shifts: (n, K) of ln rate by brakes and held paths of single flights.
+        unusual: Share of the flights with each of these.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> flights = type_flights(pl.read_parquet("descents.parquet"), aircraft("A320"))
+        >>> len(flights.evidence), flights.unusual
+        (120, {})
+    """
+
+    aircraft: PerformanceModel
+    evidence: Evidence
+    shifts: Array
+    unusual: Mapping[str, float]
+
+    @property
+    def log_rate(self) -> Array:
+        """Ln of the rate (n, K) without brakes and held paths; NaN where not seen."""
+        return np.asarray(self.evidence.log_rate.numpy()) - self.shifts
+
+    @property
+    def tails(self) -> np.ndarray:
+        """(n,) numbers of the aircraft."""
+        return np.asarray(self.evidence.quantities.airframe.numpy())
+
+    def rows(self, index: np.ndarray) -> "TypeFlights":
+        """Some of the flights."""
+        return replace(self, evidence=self.evidence.rows(index), shifts=self.shifts[index])
+
+    def linear(self, theta: Array) -> tuple[Array, Array, Array, np.ndarray, np.ndarray, Array]:
+        """Arrays for :func:`~descentflow.repairs.mixed_model.stacked`, linear about coefficients (3,)."""
+        value, by_theta, by_mass = self.evidence.columns(theta)
+        y = self.log_rate - value + by_theta @ theta
+        seen = np.isfinite(y)
+        return np.where(seen, y, 0.0), by_theta, by_mass, seen, self.tails, self.evidence.state.altitude_m.numpy()
+
+
+def type_flights(frame: pl.DataFrame, aircraft: PerformanceModel) -> TypeFlights:
+    """Measure the flights of one type, brakes and held paths of single flights apart.
+
+    Raises:
+        DataError: If no flight shows a whole band.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> type_flights(pl.read_parquet("descents.parquet"), aircraft("A320")).log_rate.shape
+        (120, 11)
+    """
+    evidence = flight_evidence(frame, aircraft)
+    shifts, shares = unusual_shifts(evidence, aircraft)
+    return TypeFlights(aircraft, evidence, shifts, shares)
+
+
+def linearised(types: Sequence[TypeFlights], theta: Array) -> Flights:
+    """All flights about coefficients (T, 3), with aircraft of different types apart."""
+    parts, first = [], 0
+    for one, own in zip(types, theta, strict=True):
+        y, x, by_mass, seen, tails, altitude = one.linear(own)
+        parts.append((y, x, by_mass, seen, tails + first, altitude))
+        first += int(tails.max()) + 1
+    return stacked(parts, groups_of([one.aircraft.typecode for one in types]))
+
+
+def fit_types(types: Sequence[TypeFlights]) -> Posterior:
+    """Ln CD0, ln CD2 and relative idle thrust of each type, over the file's, at the reference mass.
+
+    Args:
+        types: Flights by type; sisters share a prior that is learnt.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> flights = type_flights(pl.read_parquet("descents.parquet"), aircraft("A320"))
+        >>> fit_types([flights]).mean.shape
+        (1, 3)
+    """
+    theta = np.zeros((len(types), 3))
+    for _ in range(ROUNDS):
+        found = fit(linearised(types, theta))
+        theta = found.mean.copy()
+        theta[:, 2] = np.maximum(theta[:, 2], LEAST_IDLE)
+    return found
+
+
+def repaired(aircraft: PerformanceModel, theta: Array) -> PerformanceModel:
+    """The aircraft at ln CD0, ln CD2 and relative idle thrust (3,) over its own.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> before = aircraft("A320")
+        >>> round(repaired(before, np.array([np.log(1.2), 0.0, 0.0])).cd0_cr / before.cd0_cr, 3)
+        1.2
+    """
+    zero, two, idle = (float(value) for value in theta)
+    return aircraft.with_factors(parasitic=float(np.exp(zero)), induced=float(np.exp(two)), idle=1.0 + idle)

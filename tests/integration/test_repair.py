@@ -1,0 +1,141 @@
+"""Repair: planted wrong files, files that others read back, and inputs that tell nothing."""
+
+import importlib
+import json
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+import descentflow as df
+from descentflow.aircraft_types.bada3.apf_file import apf_of, write_apf
+from descentflow.aircraft_types.bada3.opf_file import opf_of, read_opf, write_opf
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.cli.entry import main
+from descentflow.core.errors import ConfigError, DataError
+from descentflow.repairs.repair_found import COEFFICIENTS, Repair
+from descentflow.surveillance.descents.prepared_descents import Descents, write_descents
+
+# pyBADA warns of its own.
+pytestmark = [pytest.mark.usefixtures("worlds_once"), pytest.mark.filterwarnings("ignore:::pyBADA")]
+TRUE = open_aircraft("A320")
+WRONG = replace(
+    TRUE, cd0_cr=round(1.25 * TRUE.cd0_cr, 5), ct_des_low=0.7 * TRUE.ct_des_low, ct_des_high=0.7 * TRUE.ct_des_high
+)
+
+
+@pytest.fixture(scope="module")
+def bada(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A licence holder's folder with a wrong file."""
+    folder = tmp_path_factory.mktemp("bada")
+    write_opf(replace(opf_of(WRONG), description="a licence holder's own"), folder / "A320__.OPF")
+    write_apf(apf_of(WRONG), folder / "A320__.APF")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def descents() -> Descents:
+    """Flights of the true type; one in two has brakes out between FL210 and FL260."""
+    brakes = {"speed_brake": {"factor": 1.6, "share": 0.5, "low_fl": 210.0, "high_fl": 260.0}}
+    return df.prepare(df.simulate(TRUE, 60, seed=5, plant=brakes))
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("repaired") / "A320.toml"
+
+
+@pytest.fixture(scope="module")
+def found(bada: Path, descents: Descents, out: Path) -> Repair:
+    return df.repair(descents, aircraft="A320", bada_dir=bada, out=out)
+
+
+def test_a_planted_error_is_mended_on_aircraft_that_were_not_used(found: Repair) -> None:
+    time = found.held_out.time
+    assert found.changed
+    assert time.before < -8.0
+    assert abs(time.after) <= max(1.2 * time.floor, 1.0)
+    assert all(abs(level.rate.after) < abs(level.rate.before) for level in found.held_out.levels)
+
+
+def test_brakes_of_some_flights_are_set_apart_and_not_averaged_in(found: Repair, bada: Path) -> None:
+    assert found.counts["share_with_speed_brake"] == pytest.approx(0.4, abs=0.2)
+    without = df.repair(df.prepare(df.simulate(TRUE, 60, seed=5)), aircraft="A320", bada_dir=bada)
+    for mine, theirs in zip(found.estimates[:2], without.estimates[:2], strict=True):
+        assert mine.low < theirs.after < mine.high
+
+
+def test_files_are_read_back_by_us_and_by_pybada(found: Repair, bada: Path, out: Path) -> None:
+    back, after = df.aircraft("A320", bada_dir=out.parent), found.after
+    for name in COEFFICIENTS:
+        assert getattr(back, name) == getattr(after, name)
+    for name in ("des_mach", "des_cas_high_kt", "des_cas_low_kt"):
+        assert getattr(back, name) == pytest.approx(getattr(after, name))
+    theirs = importlib.import_module("pyBADA.bada3").Parser
+    read = theirs.combineOPF_APF(
+        theirs.parseOPF(str(out.parent), "A320__"), theirs.parseAPF(str(out.parent), "A320__")
+    ).iloc[0]
+    assert (read["CD0"]["CR"], read["CD2"]["CR"]) == (after.cd0_cr, after.cd2_cr)
+    assert (read["CTdeslow"], read["CTdeshigh"], read["M"]["des"]) == (
+        after.ct_des_low,
+        after.ct_des_high,
+        after.des_mach,
+    )
+    assert read["V2"]["des"] == pytest.approx(after.des_cas_high_kt * 0.514444)
+    # A licence holder's file is changed where it was repaired, and nowhere else.
+    before, now = (read_opf(folder / "A320__.OPF") for folder in (bada, out.parent))
+    assert {name for name in now.numbers if now.numbers[name] != before.numbers[name]} == set(COEFFICIENTS)
+    assert now.description == before.description
+    entries = tomllib.loads(out.read_text())["coefficients"]
+    assert entries["cd0_cr"]["value"] == after.cd0_cr
+    assert entries["cd0_cr"]["interval"][0] < after.cd0_cr < entries["cd0_cr"]["interval"][1]
+    assert "interval" not in entries["wing_area_m2"]
+    profile = json.loads(out.with_name("A320_bluebird_profile.json").read_text())["aircraft"]["A320"]
+    assert np.diff(profile["flight_level"]).min() > 0
+    assert min(profile["rocd_des"]) > 500
+
+
+def test_the_page_shows_both_and_the_command_writes_the_same(
+    found: Repair, bada: Path, descents: Descents, out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = out.with_suffix(".html").read_text()
+    assert "on aircraft that were not used" in page
+    rows = tmp_path / "prepared.parquet"
+    write_descents(descents, rows)
+    again = tmp_path / "again.toml"
+    assert main(["repair", str(rows), "--aircraft", "a320", "--bada-dir", str(bada), "--out", str(again)]) == 0
+    assert again.read_text() == out.read_text()
+    assert "flights do not tell the mass" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("change", "aircraft", "words"),
+    [
+        (lambda frame: frame.filter(pl.col("flight_id") < "A320-5-00010"), "A320", "at least 20 flights"),
+        (lambda frame: frame, "A321", "no flight of A321 among A320"),
+        (lambda frame: frame.filter(pl.col("level_fl") < 155), "A320", "no free descent of A320"),
+        (lambda frame: frame.drop("IAS"), "A320", "IAS"),
+    ],
+)
+def test_flights_that_tell_nothing_are_refused(change: object, aircraft: str, words: str, descents: Descents) -> None:
+    with pytest.raises(DataError, match=words):
+        df.repair(change(descents.frame), aircraft=aircraft)  # type: ignore[operator]
+
+
+def test_the_files_that_are_repaired_are_not_written_over(descents: Descents, bada: Path) -> None:
+    with pytest.raises(ConfigError, match="written over"):
+        df.repair(descents, aircraft="A320", bada_dir=bada, out=bada / "A320.toml")
+    with pytest.raises(ConfigError, match=r"ends in \.toml"):
+        df.repair(descents, aircraft="A320", out=bada / "A320.json")
+
+
+def test_a_right_file_keeps_its_place() -> None:
+    """At the world's own mean mass, coefficients that made the flights stay within their intervals."""
+    world = df.simulate(TRUE, 60, seed=10)
+    gauge = world.flights["mass_kg"].to_numpy().mean() / TRUE.mass_reference_kg
+    truth = {"cd0_cr": TRUE.cd0_cr / gauge, "cd2_cr": TRUE.cd2_cr * gauge, "ct_des_high": TRUE.ct_des_high / gauge}
+    found = {one.name: one for one in df.repair(df.prepare(world), aircraft="A320").estimates}
+    assert all(found[name].low < value < found[name].high for name, value in truth.items())

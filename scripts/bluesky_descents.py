@@ -9,7 +9,7 @@ from tqdm import tqdm
 
 from descentflow.core.errors import DescentflowError
 from descentflow.core.files import whole_file
-from descentflow.surveillance.open_descents import open_descents
+from descentflow.surveillance.open_descents import FlightSource
 from descentflow.surveillance.read_rows import read_rows
 from descentflow.surveillance.rows.drop_report import DropReport
 from flying.bluesky_fleet import Orders, fly, start
@@ -66,7 +66,7 @@ def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
 
 def read_plans(args: argparse.Namespace) -> list[FlightPlan]:
     """Plans of the descents that were asked for."""
-    frame = open_descents(args.like if len(args.like) > 1 else args.like[0]).frame
+    frame = FlightSource(args.like if len(args.like) > 1 else args.like[0]).descents().frame
     if args.typecode:
         frame = frame.filter(pl.col("typecode").is_in(args.typecode.split(",")))
     rows = read_rows(args.rows, DropReport()) if args.rows else None

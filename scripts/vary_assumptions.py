@@ -11,12 +11,11 @@ from typing import Any
 import torch
 
 from descentflow.core.threads import one_thread
+from descentflow.diagnosis.diagnosis_inputs import Inputs
 from descentflow.diagnosis.inference.assumptions import ASSUMED, Assumptions
 from descentflow.diagnosis.inference.explain import explain
 from descentflow.diagnosis.inference.two_sides import compare
-from descentflow.diagnosis.open_both import open_both
 from descentflow.diagnosis.reference_flights import both_sides
-from descentflow.diagnosis.simulator_flights import SignatureSource
 from descentflow.effects import EFFECTS
 from descentflow.measurements.quantity_registry import CHANNELS
 
@@ -54,7 +53,7 @@ def main() -> None:
     parser.add_argument("simulator")
     parser.add_argument("--typecode", help="whose coefficients give the signatures (default: the flights' own)")
     asked = parser.parse_args()
-    opened = open_both(asked.real, asked.simulator, SignatureSource(asked.typecode))
+    opened = Inputs(asked.real, asked.simulator, asked.typecode).open()
     sides, usual = both_sides(opened.simulator, opened.frame, CHANNELS), ""
     for name, assumed in every():
         with one_thread(), torch.inference_mode():

@@ -10,12 +10,11 @@ from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_folder
 from descentflow.core.own_file import lines_named
 from descentflow.core.threads import one_thread
+from descentflow.diagnosis.diagnosis_inputs import Inputs
 from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.earlier_report import check_no_other_report
-from descentflow.diagnosis.open_both import open_both
 from descentflow.diagnosis.procedure import run
 from descentflow.diagnosis.report.gap_report import FILES, GapReport
-from descentflow.diagnosis.simulator_flights import SignatureSource
 from descentflow.effects import EFFECTS, Effect, checked_catalogue
 from descentflow.effects.user_catalogue import effects_of_file
 from descentflow.measurements.quantity_registry import CHANNELS
@@ -114,9 +113,9 @@ def diagnose(
         check_no_other_report(out, previous)
     wanted = _channels(channels)
     effects, user_files = _catalogue(catalogue, say)
-    source = SignatureSource(typecode, bada_dir, nearest_type)
-    named = {"columns": columns, "simulator_columns": simulator_columns}
-    opened = open_both(real, simulator, source, say, any_type=any_type, air=air, **named)
+    opened = Inputs(
+        real, simulator, typecode, bada_dir, nearest_type, any_type, air, columns, simulator_columns, say
+    ).open()
     made = opened.provenance({"seed": str(seed), "channels": ", ".join(wanted)})
     made = replace(made, user_files=user_files)
     if out is not None:

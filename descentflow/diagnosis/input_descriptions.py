@@ -2,18 +2,23 @@
 
 import hashlib
 from dataclasses import asdict
+from typing import TYPE_CHECKING
 
 import numpy as np
 import polars as pl
+from torch import Tensor
 
 from descentflow.diagnosis.findings.inputs_found import InputUsed
-from descentflow.diagnosis.simulator_flights import types_of
+from descentflow.diagnosis.simulator import Simulator, types_of
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents
 
+if TYPE_CHECKING:
+    from descentflow.representation.representation import Representation
+
 
 def input_of_flights(name: str, descents: Descents) -> InputUsed:
-    """Prepared descents, or rows that have been cleaned to such.
+    """Origin of prepared descents, or of rows that have been cleaned to such: days, version, settings, fingerprint.
 
     Args:
         name: Of the file or folder that they were read from.
@@ -27,7 +32,6 @@ def input_of_flights(name: str, descents: Descents) -> InputUsed:
     """
     frame, metadata = descents.frame, descents.metadata
     first, last = frame.select(first=pl.min("timestamp"), last=pl.max("timestamp")).row(0)
-    cleaning = descents.cleaning
     version = metadata.get("descentflow")
     return InputUsed(
         name=name,
@@ -38,19 +42,14 @@ def input_of_flights(name: str, descents: Descents) -> InputUsed:
         first=None if first is None else first.date().isoformat(),
         last=None if last is None else last.date().isoformat(),
         version=version if isinstance(version, str) else None,
-        settings=settings_in_text(cleaning),
+        settings=settings_in_text(descents.cleaning),
         files=[str(one.get("name")) for one in metadata.get("inputs", []) if isinstance(one, dict)],
         fingerprint=fingerprint(frame),
     )
 
 
 def settings_in_text(cleaning: Cleaning | None) -> dict[str, str]:
-    """Cleaning settings by name; none where they are unknown.
-
-    Example:
-        >>> settings_in_text(Cleaning())["slowest_fpm"]
-        '500.0'
-    """
+    """Cleaning settings by name; none where they are unknown."""
     return {} if cleaning is None else {name: str(value) for name, value in asdict(cleaning).items()}
 
 
@@ -70,3 +69,37 @@ def fingerprint(frame: pl.DataFrame) -> str:
     # To a thousandth of a second, so that a file in single precision holds the same flights.
     digest.update((ordered["time_s"].to_numpy() * 1000).round().astype(np.int64).tobytes())
     return digest.hexdigest()
+
+
+def input_of_model(simulator: Simulator, parts: "Representation") -> InputUsed:
+    """Origin of a model: its name, training flights, settings and a fingerprint of its weights.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnosis_inputs import Inputs
+        >>> trained = Inputs("descents.parquet", "best.ckpt").open().simulator_input
+        >>> trained.flights, trained.aircraft, trained.first, trained.last
+        (86, 24, '2024-03-04', '2024-03-08')
+    """
+    from descentflow.representation.read_checkpoint import SECTION
+
+    provenance, seen, content = parts.provenance, parts.seen, simulator.content()
+    first, last = (None, None) if seen is None else seen.training_days()
+    version = content.get(SECTION, {}).get("version")
+    tensors = {name: value for name, value in content.get("state_dict", {}).items() if isinstance(value, Tensor)}
+    digest = hashlib.sha256()
+    for name in sorted(tensors):
+        digest.update(name.encode())
+        digest.update(tensors[name].detach().cpu().contiguous().numpy().tobytes())
+    return InputUsed(
+        name=simulator.name,
+        kind="checkpoint",
+        typecodes=[str(name) for name in provenance.get("typecodes") or [simulator.aircraft.typecode]],
+        flights=len(parts.split.train),
+        aircraft=None if seen is None else seen.training_aircraft(),
+        first=first,
+        last=last,
+        version=version if isinstance(version, str) else None,
+        settings=settings_in_text(parts.cleaning),
+        files=[str(provenance["descents"])] if provenance.get("descents") else [],
+        fingerprint=digest.hexdigest() if tensors else None,
+    )

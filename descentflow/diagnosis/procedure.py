@@ -40,7 +40,6 @@ from descentflow.diagnosis.report.what_is_left import (
     would_split,
 )
 from descentflow.effects import UNKNOWN
-from descentflow.surveillance.cleaning.thresholds import Cleaning
 
 SHOWN_SETS = 10
 """Sets of effects that are written down."""
@@ -237,9 +236,8 @@ class Diagnosis:
         return corrected_entries(self.compared, self._correction(theta))
 
     def _correction(self, theta: Mapping[str, Tensor]) -> Correction:
-        cleaning = self.settings.simulator.cleaning or Cleaning()
-        mass_kg = self.compared.state.mass_kg
-        return Correction(self.settings.catalogue, theta, mass_kg, cleaning, self.settings.seed)
+        asked, mass_kg = self.settings, self.compared.state.mass_kg
+        return Correction(asked.catalogue, theta, mass_kg, asked.simulator.cleaning, asked.seed)
 
     def _measured_over(self) -> Tensor:
         """Entries (p,) whose means surely differ, all where none does; what a simulator lacks besides is no gap."""

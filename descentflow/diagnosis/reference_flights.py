@@ -7,9 +7,11 @@ import polars as pl
 import torch
 
 from descentflow.core.errors import DataError
-from descentflow.diagnosis.simulator import Simulator, check_count, kept_channels
+from descentflow.diagnosis.simulator import Simulator
 from descentflow.measurements.quantities import Quantities, checked, grid_of, measured, of_some_aircraft
 
+MIN_FLIGHTS = 20
+"""Of either side: fewer say nothing of any effect; hundreds tell effects apart."""
 MIN_SHARE = 0.1
 """A channel that this share of the flights report, or fewer, is one that they lack."""
 MIN_AIRCRAFT = 5
@@ -36,10 +38,10 @@ class BothSides:
         lacked: Channel -> the side that lacks it, where one side alone does; it is left out on both.
 
     Example:
-        >>> from descentflow.diagnosis.open_simulator import open_simulator
+        >>> from descentflow.diagnosis.diagnosis_inputs import Inputs
         >>> from descentflow.measurements.quantity_registry import CHANNELS
-        >>> frame = pl.read_parquet("descents.parquet")
-        >>> sides = both_sides(open_simulator("best.ckpt"), frame, CHANNELS)
+        >>> opened = Inputs("descents.parquet", "best.ckpt").open()
+        >>> sides = both_sides(opened.simulator, opened.frame, CHANNELS)
         >>> sides.source, len(sides.reference), len(sides.real), sides.lacked
         ('training flights', 96, 120, {})
     """
@@ -62,23 +64,15 @@ def both_sides(simulator: Simulator, frame: pl.DataFrame, channels: Sequence[str
     Raises:
         DataError: If either side has too few flights on the grid, they have no level or no needed channel in common, or
             a checkpoint keeps no flights, or they were measured in another way.
-
-    Example:
-        >>> from descentflow.diagnosis.simulator_flights import SignatureSource, simulator_of_flights
-        >>> frame = pl.read_parquet("descents.parquet")
-        >>> simulator = simulator_of_flights(frame.drop("TAS"), ["A320"], SignatureSource(), "mine")
-        >>> sides = both_sides(simulator, frame, ["IAS", "Mach", "vertical_rate", "TAS"])
-        >>> sides.source, sides.lacked
-        ('simulator flights', {'TAS': 'simulator'})
     """
     low, high = simulator.levels(frame)
     if simulator.flights is not None:
-        return _of_flights(simulator.flights, frame, channels, low, high)
+        return _of_flights(simulator.flights.frame, frame, channels, low, high)
     grid = grid_of(frame, low, high, channels)
     real = checked(measured(grid))
     check_count(real, frame["flight_id"].n_unique(), low, high)
     parts = simulator.representation
-    if parts is None or simulator.sampler is None:
+    if parts is None:
         return BothSides(None, real, "physics")
     if parts.air is not None:
         # Reports are rounded in the air as it was: what it does to them does not go with the wind.
@@ -144,3 +138,52 @@ def _check_aircraft(found: Quantities, whose: str) -> None:
             mend="give flights of more aircraft; where a simulator makes its flights independently of each other, "
             "give each an icao24 of its own",
         )
+
+
+def check_count(
+    found: Quantities,
+    given: int,
+    low: float,
+    high: float,
+    whose: str = "real flights",
+) -> None:
+    """Refuse too few flights of one side on the grid (DataError).
+
+    Args:
+        found: The flights that show a band.
+        given: How many there were.
+        low: Lowest level of the grid.
+        high: Highest.
+        whose: What they are called.
+
+    Example:
+        >>> from descentflow.measurements.quantities import CHANNELS, quantities_of
+        >>> frame = pl.read_parquet("descents.parquet")
+        >>> check_count(quantities_of(frame, 150, 340, CHANNELS).rows(torch.arange(5)), 120, 150, 340)
+        Traceback (most recent call last):
+        descentflow.core.errors.DataError: 5 real flights with levels between FL150 and FL340 (of 120 given); ...
+    """
+    if len(found) < MIN_FLIGHTS:
+        raise DataError(
+            f"{len(found)} {whose} with levels between FL{low:.0f} and FL{high:.0f} (of {given} given)",
+            expected=f"at least {MIN_FLIGHTS} flights a side, and hundreds to tell effects apart",
+            mend=f"give more {whose}, or both sides the same levels",
+        )
+
+
+def kept_channels(reference: Quantities, real: Quantities) -> Quantities:
+    """The simulator's flights with the quantities that the real ones show: a channel left out is left out of both.
+
+    Example:
+        >>> from descentflow.measurements.quantities import CHANNELS, quantities_of
+        >>> frame = pl.read_parquet("descents.parquet")
+        >>> every, few = (quantities_of(frame, 150, 340, names) for names in (CHANNELS, ["IAS", "vertical_rate"]))
+        >>> set(kept_channels(every, few).values) == set(few.values) < set(every.values)
+        True
+    """
+    names = set(real.values)
+    values = {name: value for name, value in reference.values.items() if name in names}
+    physics = dict(reference.physics)
+    if "wind" not in names:
+        physics["tailwind_mps"] = torch.zeros_like(physics["tailwind_mps"])
+    return replace(reference, values=values, physics=physics)

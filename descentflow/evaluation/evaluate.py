@@ -16,10 +16,11 @@ from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.scores import score
 from descentflow.generation.rejection import Sampler, sample_descents
 from descentflow.physics.nominal_descent import nominal_descent
-from descentflow.representation.encode_flights import comparable_descents, encode_flights, tell_other_types
+from descentflow.representation.encode_flights import encode_flights, tell_other_types
 from descentflow.representation.own_air import AirSource
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation
+from descentflow.surveillance.open_descents import FlightSource
 
 N_SPLITS = 100
 """Random splits behind each noise floor."""
@@ -81,7 +82,8 @@ def evaluate(
     notes: list[str] = []
     if density is not sampled:
         notes.append(f"scored: the fit to {density.representation.split.describe()}")
-    frame = comparable_descents(real, representation).frame
+    lowest_fl = float(representation.decoder.levels_fl[0])
+    frame = FlightSource(real).for_model(representation.cleaning, lowest_fl).frame
     tell_other_types(frame, representation)
     parts = encode_flights(frame, representation, context_table, air=air, say=notes.append)
     found = evaluate_profiles(

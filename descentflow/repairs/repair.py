@@ -20,7 +20,7 @@ from descentflow.repairs.mixed_model import WIDE, Posterior
 from descentflow.repairs.repair_found import COEFFICIENTS, SPEEDS, Estimate, Repair
 from descentflow.repairs.repaired_files import check_out, write_repair
 from descentflow.repairs.type_fit import TypeFlights, fit_types, repaired, type_flights
-from descentflow.surveillance.open_descents import open_descents
+from descentflow.surveillance.open_descents import FlightSource
 
 FEWEST_FLIGHTS, FEWEST_AIRCRAFT = 20, 5
 """Of the type and its sisters together, and aircraft of the type itself."""
@@ -68,7 +68,7 @@ def repair(
     if out is not None:
         check_out(Path(out), before.typecode, bada_dir)
     say("reading flights")
-    frame = open_descents(flights, columns=columns, progress=say).reported
+    frame = FlightSource(flights, columns, say).descents().reported
     types, skipped = _types(frame, before, bada_dir, say)
     say("estimating")
     found = fit_types(types)

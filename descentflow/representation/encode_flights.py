@@ -1,10 +1,9 @@
 """Descents as a model sees them: cleaned as its own, on its grid, as standardised weights, with context, in parts."""
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import polars as pl
 from torch import Tensor
@@ -17,9 +16,6 @@ from descentflow.representation.flight_parts import PARTS, Part, parts_of, rest_
 from descentflow.representation.own_air import AirSource, airs_as_kept, check_air_asked, with_own_air
 from descentflow.representation.profiles import Profiles, profiles_from_frame
 from descentflow.representation.representation import Representation, Split
-from descentflow.surveillance.cleaning.thresholds import Cleaning
-from descentflow.surveillance.descents.prepared_descents import Descents
-from descentflow.surveillance.open_descents import open_descents
 
 Say = Callable[[str], None]
 FEW = 100
@@ -209,48 +205,6 @@ def summary_of(parts: dict[Part, EncodedFlights], representation: Representation
         + ("" if representation.context is None else f"; context: {representation.context.describe()}")
         + few
     )
-
-
-def comparable_descents(
-    source: Any,
-    representation: Representation,
-    *,
-    columns: Mapping[str, str] | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> Descents:
-    """Open descents that a model is compared with; rows are cleaned with the settings of its training descents.
-
-    A checkpoint that does not keep those settings (written before descentflow kept them, or trained on descents that do
-    not say) is used all the same: rows are cleaned with the defaults, down to its lowest level, with a warning.
-
-    Args:
-        source: As :func:`~descentflow.surveillance.open_descents.open_descents` takes it.
-        representation: The model's.
-        columns: Name in a row -> column of the rows' tables.
-        progress: Called with what is being done.
-
-    Raises:
-        DataError: As :func:`~descentflow.surveillance.open_descents.open_descents`.
-
-    Warns:
-        DescentflowWarning: If the settings of either are unknown, or differ.
-
-    Example:
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> parts = load_representation("best.ckpt")
-        >>> comparable_descents("rows.parquet", parts).cleaning == parts.cleaning
-        True
-    """
-    if representation.cleaning is not None:
-        return open_descents(source, representation.cleaning, columns=columns, progress=progress)
-    warnings.warn(
-        "the cleaning settings of this model's training descents are unknown: rows are cleaned with the default "
-        "settings, and prepared descents are taken as they are; fit the model again to have it keep its settings",
-        DescentflowWarning,
-        stacklevel=2,
-    )
-    lowest = Cleaning(bottom_fl=int(representation.decoder.levels_fl[0]))
-    return open_descents(source, rows_cleaning=lowest, columns=columns, progress=progress)
 
 
 def tell_other_types(descents: pl.DataFrame, representation: Representation) -> None:

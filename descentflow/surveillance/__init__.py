@@ -8,6 +8,6 @@ Reading order: :mod:`~descentflow.surveillance.prepare` (all of it in order) and
 :mod:`~descentflow.surveillance.cleaning` (rows to free descents on flight levels; thresholds are changed here),
 :mod:`~descentflow.surveillance.out_of_core` (rows that do not fit in memory),
 :mod:`~descentflow.surveillance.descents` (the result). Beside them,
-:mod:`~descentflow.surveillance.open_descents` takes rows or prepared descents, and
+:mod:`~descentflow.surveillance.open_descents` takes rows or prepared descents for every command, and
 :mod:`~descentflow.surveillance.figure_pages` shows what cleaning kept.
 """

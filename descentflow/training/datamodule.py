@@ -25,7 +25,6 @@ from descentflow.representation.context import ContextEncoder
 from descentflow.representation.context_columns import without_missing
 from descentflow.representation.encode_flights import (
     EncodedFlights,
-    comparable_descents,
     context_of,
     encode_flights,
     encode_parts,
@@ -42,7 +41,7 @@ from descentflow.representation.representation import Representation, Split
 from descentflow.representation.seen_flights import SeenFlights
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents
-from descentflow.surveillance.open_descents import open_prepared
+from descentflow.surveillance.open_descents import FlightSource
 from descentflow.training.chosen_descents import aircraft_of, at_mass, bottom_of, cleaning_told, name_of, of_typecodes
 from descentflow.training.data_settings import BatchSettings, ContextSettings
 from descentflow.training.flight_batches import flight_batches
@@ -122,7 +121,9 @@ class DescentDataModule(LightningDataModule):
         with progress_stage("reading descents", total=4, unit="steps") as done:
             known = None if self.checkpoint is None else load_representation(self.checkpoint)
             if known is not None:
-                frame = of_typecodes(comparable_descents(self.descents, known), self.typecodes, name_of(self.descents))
+                lowest_fl = float(known.decoder.levels_fl[0])
+                source = FlightSource(self.descents).for_model(known.cleaning, lowest_fl)
+                frame = of_typecodes(source, self.typecodes, name_of(self.descents))
                 done.say("inferring drag")
                 representation = known
                 air = None if representation.air is None or self.air == STANDARD else self.air
@@ -198,7 +199,7 @@ class DescentDataModule(LightningDataModule):
 
     def _read(self, done: Stage) -> "_Read":
         """Ask the rows all that is wanted of them, then let them go: a gigabyte for forty thousand flights."""
-        source = open_prepared(self.descents)
+        source = FlightSource(self.descents).without_rows()
         frame = of_typecodes(source, self.typecodes, name_of(self.descents))
         done.say("inferring drag")
         asked = self.conditions

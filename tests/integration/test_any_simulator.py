@@ -11,11 +11,10 @@ from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.cli.entry import main
 from descentflow.core.errors import AircraftError, CheckpointError, ConfigError, DataError, DescentflowWarning
 from descentflow.diagnosis.diagnose import diagnose
+from descentflow.diagnosis.diagnosis_inputs import Inputs
 from descentflow.diagnosis.findings.read_gap import read_gap
-from descentflow.diagnosis.open_both import open_both
 from descentflow.diagnosis.reference_flights import both_sides
 from descentflow.diagnosis.report.gap_report import GapReport
-from descentflow.diagnosis.simulator_flights import SignatureSource
 from descentflow.effects import EFFECTS
 from descentflow.measurements.quantity_registry import CHANNELS
 from descentflow.simulation.world import simulate
@@ -109,7 +108,7 @@ def test_rows_files_folders_and_tables_are_the_same_flights(folder: Path, real: 
         table,
         [table],
     ]
-    opened = [open_both(real, form, SignatureSource()) for form in forms]
+    opened = [Inputs(real, form).open() for form in forms]
     prints = {one.simulator_input.fingerprint for one in opened}
     assert prints == {opened[0].simulator_input.fingerprint}
     assert opened[2].simulator_input.name == "several"
@@ -122,14 +121,14 @@ def test_rows_of_either_side_take_the_other_side_s_settings(folder: Path) -> Non
     write_descents(prepare(folder / "same_rows.parquet", cleaning=strict), folder / "strict.parquet")
     with warnings.catch_warnings():
         warnings.simplefilter("error", DescentflowWarning)
-        opened = open_both(folder / "strict.parquet", folder / "simulator_rows.parquet", SignatureSource())
+        opened = Inputs(folder / "strict.parquet", folder / "simulator_rows.parquet").open()
     assert opened.simulator_input.settings == opened.real_input.settings
     assert opened.real_input.settings["slowest_fpm"] == "1200.0"
     message = r"slowest_fpm is 500 in the simulator's descents and 1200 in the real descents"
     with pytest.warns(DescentflowWarning, match=message):
-        open_both(folder / "strict.parquet", folder / "simulator.parquet", SignatureSource())
+        Inputs(folder / "strict.parquet", folder / "simulator.parquet").open()
     with pytest.warns(DescentflowWarning, match="the cleaning settings of the simulator's descents are unknown"):
-        open_both(folder / "strict.parquet", read_descents(folder / "simulator.parquet").frame, SignatureSource())
+        Inputs(folder / "strict.parquet", read_descents(folder / "simulator.parquet").frame).open()
 
 
 def test_a_channel_that_one_side_lacks_is_left_out_and_named(real: Descents, simulator: Descents) -> None:
@@ -140,7 +139,7 @@ def test_a_channel_that_one_side_lacks_is_left_out_and_named(real: Descents, sim
     assert not {"tas", "wind", "height"} & set(report.details.quantities)
     assert "TAS is left out: the simulator's flights lack it." in str(report)
     assert "TAS would separate temperature" in str(report)
-    opened = open_both(with_frame(real, real.frame.drop("groundspeed")), simulator, SignatureSource())
+    opened = Inputs(with_frame(real, real.frame.drop("groundspeed")), simulator).open()
     sides = both_sides(opened.simulator, opened.frame, CHANNELS)
     assert sides.lacked == {"groundspeed": "real"}
     assert set(sides.real.values) == set(sides.reference.values)
@@ -196,9 +195,9 @@ def test_a_type_without_coefficients_is_asked_for(real: Descents, simulator: Des
     with pytest.raises(
         AircraftError, match=r"name a type whose coefficients stand for it \(--typecode\).*nearest-type"
     ):
-        open_both(*sides, SignatureSource())
-    nearest = open_both(*sides, SignatureSource(nearest=True)).simulator
-    named = open_both(*sides, SignatureSource(typecode="A388")).simulator
+        Inputs(*sides).open()
+    nearest = Inputs(*sides, nearest_type=True).open().simulator
+    named = Inputs(*sides, typecode="A388").open().simulator
     assert (nearest.aircraft.typecode, named.aircraft.typecode) == ("B772", "A388")
     assert str(nearest.coefficients).endswith("B772's coefficients, the nearest that there are to the B788.")
     assert str(named.coefficients).endswith("A388's coefficients, which stand for the B788.")
@@ -207,14 +206,14 @@ def test_a_type_without_coefficients_is_asked_for(real: Descents, simulator: Des
         for one, two in ((real, sides[0]), (simulator, sides[1]))
     ]
     with pytest.raises(DataError, match="flights of A320, B788, and no word whose coefficients"):
-        open_both(*mixed, SignatureSource())
+        Inputs(*mixed).open()
 
 
 def test_flights_of_other_types_are_counted(real: Descents, simulator: Descents) -> None:
     other = fewer(simulator, 3).frame.with_columns(typecode=pl.lit("B738"), flight_id=pl.col("flight_id") + "b")
-    opened = open_both(real, with_frame(simulator, pl.concat([simulator.frame, other])), SignatureSource())
+    opened = Inputs(real, with_frame(simulator, pl.concat([simulator.frame, other]))).open()
     assert opened.dropped["simulator_flights_of_other_types"] == 3
-    assert opened.simulator.flights["typecode"].unique().to_list() == ["A320"]
+    assert opened.simulator.flights.frame["typecode"].unique().to_list() == ["A320"]
 
 
 def test_a_checkpoint_is_known_by_its_content(folder: Path, real: Descents) -> None:
@@ -223,21 +222,21 @@ def test_a_checkpoint_is_known_by_its_content(folder: Path, real: Descents) -> N
         gap_toys.simulator(folder, folder / "simulator.parquet")
     renamed = folder / "flights_of_mine"
     renamed.write_bytes(checkpoint.read_bytes())
-    assert open_both(real, renamed, SignatureSource()).simulator.sampler is not None
+    assert Inputs(real, renamed).open().simulator.model is not None
     with pytest.raises(ConfigError, match=r"coefficients are to be taken, beside a checkpoint"):
-        open_both(real, checkpoint, SignatureSource(typecode="A320"))
+        Inputs(real, checkpoint, typecode="A320").open()
     with pytest.raises(ConfigError, match=r"simulator.ckpt among 2 paths"):
-        open_both(real, [checkpoint, folder / "simulator.parquet"], SignatureSource())
+        Inputs(real, [checkpoint, folder / "simulator.parquet"]).open()
     with pytest.raises(CheckpointError, match="no file"):
-        open_both(real, folder / "nothing.ckpt", SignatureSource())
+        Inputs(real, folder / "nothing.ckpt").open()
     with pytest.raises(DataError, match=r"no file A320.*--typecode"):
-        open_both(real, Path("A320"), SignatureSource())
+        Inputs(real, Path("A320")).open()
     cut = folder / "cut.ckpt"
     cut.write_bytes(checkpoint.read_bytes()[:5000])
     with pytest.raises(CheckpointError, match="truncated"):
-        open_both(real, cut, SignatureSource())
+        Inputs(real, cut).open()
     with pytest.raises(ConfigError, match="the nearest type, beside a type"):
-        open_both(real, None, SignatureSource(typecode="A320", nearest=True))
+        Inputs(real, None, typecode="A320", nearest_type=True).open()
 
 
 def test_the_report_says_what_was_compared(folder: Path, by_flights: GapReport) -> None:

@@ -8,8 +8,7 @@ import pytest
 
 import descentflow as df
 from descentflow.core.errors import DescentflowWarning
-from descentflow.diagnosis.open_both import Opened, open_both
-from descentflow.diagnosis.simulator_flights import SignatureSource
+from descentflow.diagnosis.diagnosis_inputs import Inputs, Opened
 from descentflow.generation.prediction.predict import Prediction
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 
@@ -33,7 +32,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def both_sides(folder: Path, real: str) -> Opened:
     """Inputs of a diagnosis."""
-    return open_both(folder / f"{real}.parquet", folder / "model.ckpt", SignatureSource())
+    return Inputs(folder / f"{real}.parquet", folder / "model.ckpt").open()
 
 
 def ahead(folder: Path, real: str) -> Prediction:

@@ -13,9 +13,8 @@ from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.errors import AircraftError, ConfigError, DescentflowWarning
 from descentflow.densities.checkpoint import load_model
 from descentflow.diagnosis.diagnose import diagnose
-from descentflow.diagnosis.open_both import open_both
+from descentflow.diagnosis.diagnosis_inputs import Inputs
 from descentflow.diagnosis.report.gap_report import GapReport
-from descentflow.diagnosis.simulator_flights import SignatureSource
 from descentflow.effects import EFFECTS
 from descentflow.effects.example_flights import example_flights
 from descentflow.effects.vertical_rate_lag import _late
@@ -102,10 +101,10 @@ def test_flights_of_other_types_are_left_out_counted_and_named(folder: Path) -> 
     mixed = Descents(real.with_columns(typecode=other), given.metadata)
     for simulator in (folder / "simulator.ckpt", "A320"):
         with pytest.warns(DescentflowWarning, match="flights of other types are left out: 30 of B738; --any-type"):
-            opened = open_both(mixed, simulator, SignatureSource())
+            opened = Inputs(mixed, simulator).open()
         assert opened.frame["typecode"].unique().to_list() == ["A320"]
         assert opened.dropped["flights_of_B738"] == 30
-        everyone = open_both(mixed, simulator, SignatureSource(), any_type=True)
+        everyone = Inputs(mixed, simulator, any_type=True).open()
         assert len(everyone.frame) == len(real)
         assert "flights_of_B738" not in everyone.dropped
         assert opened.simulator.coefficients is None

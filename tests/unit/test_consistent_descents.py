@@ -11,7 +11,7 @@ from descentflow.core.errors import DataError, DescentflowWarning
 from descentflow.simulation.world import simulate
 from descentflow.surveillance.descents.prepared_descents import read_descents
 from descentflow.surveillance.descents.store import KEY
-from descentflow.surveillance.open_descents import open_descents
+from descentflow.surveillance.open_descents import FlightSource
 from descentflow.surveillance.prepare import prepare
 
 ODD = pl.col("flight_id").str.slice(-1).cast(pl.Int64) % 2 == 1
@@ -55,7 +55,7 @@ def test_columns_that_contradict_each_other_are_refused(kind: str, descents: Pat
     with pytest.raises(DataError, match=f"{words}.*that `descentflow prepare` wrote"):
         read_descents(path)
     with pytest.raises(DataError, match=words):
-        open_descents(pl.read_parquet(path))
+        FlightSource(pl.read_parquet(path)).descents()
 
 
 @pytest.mark.parametrize("kind", NAMED)

@@ -11,7 +11,7 @@ from surveillance_toys import fleet
 from descentflow.cli.entry import main
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.surveillance.descents.prepared_descents import read_descents
-from descentflow.surveillance.open_descents import open_descents
+from descentflow.surveillance.open_descents import FlightSource
 from descentflow.surveillance.prepare import prepare
 
 
@@ -67,7 +67,7 @@ def test_mach_is_computed_where_rows_have_none(tmp_path: Path) -> None:
     assert "Mach is computed from IAS and altitude" in str(again)
     assert "Mach" in again.frame.columns
     assert "Mach" not in again.reported.columns
-    assert open_descents(tmp_path / "descents.parquet").computed == ["Mach"]
+    assert FlightSource(tmp_path / "descents.parquet").descents().computed == ["Mach"]
 
 
 def test_mach_is_computed_of_possible_values_only() -> None:

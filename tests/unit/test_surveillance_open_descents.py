@@ -8,13 +8,12 @@ import polars as pl
 import pytest
 
 from descentflow.core.errors import DataError, DescentflowWarning
-from descentflow.representation.encode_flights import comparable_descents
 from descentflow.representation.read_checkpoint import load_representation
 from descentflow.representation.representation import Representation
 from descentflow.simulation.world import simulate
 from descentflow.surveillance.cleaning.thresholds import Cleaning, different_settings, kept_cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents, write_descents
-from descentflow.surveillance.open_descents import open_descents, open_prepared
+from descentflow.surveillance.open_descents import FlightSource
 from descentflow.surveillance.prepare import prepare
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.fit import fit
@@ -44,7 +43,7 @@ def without_settings(path: Path, target: Path) -> Path:
 
 
 def test_rows_files_stores_descents_and_tables_open_alike(folder: Path) -> None:
-    expected = open_descents(folder / "rows.parquet")
+    expected = FlightSource(folder / "rows.parquet").descents()
     frame = read_descents(folder / "descents.parquet").frame
     for source in (
         str(folder / "descents.parquet"),
@@ -53,17 +52,17 @@ def test_rows_files_stores_descents_and_tables_open_alike(folder: Path) -> None:
         expected,
         frame,
     ):
-        assert open_descents(source).frame.equals(expected.frame, null_equal=True)
+        assert FlightSource(source).descents().frame.equals(expected.frame, null_equal=True)
     assert expected.cleaning == Cleaning()
-    assert open_descents(folder / "store").cleaning == Cleaning()
-    assert open_descents(frame).cleaning is None
+    assert FlightSource(folder / "store").descents().cleaning == Cleaning()
+    assert FlightSource(frame).descents().cleaning is None
 
 
 def test_rows_in_memory_are_cleaned(folder: Path) -> None:
     expected = read_descents(folder / "descents.parquet").frame
     rows = pl.read_parquet(folder / "rows.parquet")
     for source in (rows, simulate("A320", 30, 0)):
-        opened = open_descents(source)
+        opened = FlightSource(source).descents()
         assert opened.cleaning == Cleaning()
         assert opened.frame.equals(expected)
 
@@ -75,7 +74,7 @@ def test_a_pandas_table_is_prepared_descents_too(folder: Path) -> None:
     )
     table = pandas.DataFrame({name: frame[name].to_list() for name in frame.columns})
     assert str(table["timestamp"].dtype).startswith("datetime64")
-    opened = open_descents(table).frame
+    opened = FlightSource(table).descents().frame
     assert opened.with_columns(pl.col("timestamp").cast(pl.Datetime("us", "UTC"))).equals(
         frame.cast({"level_fl": pl.Int64}).with_columns(pl.col("timestamp").cast(pl.Datetime("us", "UTC")))
     )
@@ -83,11 +82,11 @@ def test_a_pandas_table_is_prepared_descents_too(folder: Path) -> None:
 
 def test_rows_are_cleaned_with_the_settings_asked_for_and_that_is_said(folder: Path) -> None:
     said: list[str] = []
-    strict = open_descents(folder / "rows_others.parquet", STRICT, progress=said.append)
+    strict = FlightSource(folder / "rows_others.parquet", progress=said.append).for_model(STRICT, 150)
     assert said[0] == "cleaning rows with slowest_fpm 1200.0, transient_s 60.0"
     assert strict.cleaning == STRICT
     assert strict.frame.equals(read_descents(folder / "strict.parquet").frame)
-    open_descents(folder / "rows.parquet", progress=said.append)
+    FlightSource(folder / "rows.parquet", progress=said.append).descents()
     assert "cleaning rows with the default settings" in said
 
 
@@ -97,30 +96,30 @@ def test_prepared_descents_of_other_settings_are_named(folder: Path) -> None:
         r"transient_s is 20 in these descents and 60 in"
     )
     with pytest.warns(DescentflowWarning, match=words):
-        open_descents(folder / "descents.parquet", STRICT)
+        FlightSource(folder / "descents.parquet").for_model(STRICT, 150)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        open_descents(folder / "descents.parquet", Cleaning())
+        FlightSource(folder / "descents.parquet").for_model(Cleaning(), 150)
 
 
 def test_descents_that_do_not_say_how_they_were_cleaned(folder: Path, tmp_path: Path) -> None:
     before = without_settings(folder / "descents.parquet", tmp_path / "before.parquet")
     assert read_descents(before).cleaning is None
     with pytest.warns(DescentflowWarning, match="unknown.* prepare the rows with the model"):
-        open_descents(before, Cleaning())
+        FlightSource(before).for_model(Cleaning(), 150)
     data = DescentDataModule(before)
     with pytest.warns(DescentflowWarning, match="unknown.* prepare the rows again"):
         data.setup()
     assert data.representation.cleaning is None
     with pytest.warns(DescentflowWarning, match="fit the model again"):
-        again = comparable_descents(folder / "rows.parquet", data.representation)
+        again = FlightSource(folder / "rows.parquet").for_model(data.representation.cleaning, 150)
     assert again.cleaning == Cleaning(bottom_fl=150)
 
 
 def test_prepared_files_of_one_cleaning_join(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "a.parquet").write_bytes((folder / "descents.parquet").read_bytes())
     (tmp_path / "b.parquet").write_bytes((folder / "descents_others.parquet").read_bytes())
-    of_folder = open_prepared(tmp_path)
+    of_folder = FlightSource(tmp_path).without_rows()
     parts = [read_descents(tmp_path / name) for name in ("a.parquet", "b.parquet")]
     assert of_folder.frame["flight_id"].n_unique() == sum(part.frame["flight_id"].n_unique() for part in parts)
     assert of_folder.cleaning == Cleaning()
@@ -129,7 +128,7 @@ def test_prepared_files_of_one_cleaning_join(folder: Path, tmp_path: Path) -> No
         part.metadata["report"]["steps"][0]["rows_left"] for part in parts
     )
     with pytest.raises(DataError, match="in two of"):
-        open_prepared([tmp_path / "a.parquet", tmp_path / "a.parquet"])
+        FlightSource([tmp_path / "a.parquet", tmp_path / "a.parquet"]).without_rows()
 
 
 def test_descents_of_mixed_settings_are_refused(folder: Path, tmp_path: Path) -> None:
@@ -142,17 +141,17 @@ def test_descents_of_mixed_settings_are_refused(folder: Path, tmp_path: Path) ->
 
 def test_rows_and_prepared_descents_do_not_mix(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(DataError, match="together"):
-        open_descents([folder / "rows_others.parquet", folder / "descents.parquet"])
+        FlightSource([folder / "rows_others.parquet", folder / "descents.parquet"]).descents()
     with pytest.raises(DataError, match="no file"):
-        open_descents(tmp_path / "absent.parquet")
+        FlightSource(tmp_path / "absent.parquet").descents()
     with pytest.raises(DataError, match="an object of type int for descents"):
-        open_descents(3)
+        FlightSource(3).descents()
     with pytest.raises(DataError, match="not prepared descents"):
-        open_prepared(folder / "rows.parquet")
+        FlightSource(folder / "rows.parquet").without_rows()
     with pytest.raises(DataError, match="rows that are not prepared"):
-        open_prepared(pl.read_parquet(folder / "rows.parquet"))
+        FlightSource(pl.read_parquet(folder / "rows.parquet")).without_rows()
     with pytest.raises(DataError, match="a table of descents: no column Mach"):
-        open_descents(read_descents(folder / "descents.parquet").frame.drop("Mach"))
+        FlightSource(read_descents(folder / "descents.parquet").frame.drop("Mach")).descents()
 
 
 def test_a_representation_keeps_the_settings_of_its_training_descents(folder: Path) -> None:
@@ -161,7 +160,7 @@ def test_a_representation_keeps_the_settings_of_its_training_descents(folder: Pa
     assert data.representation.cleaning == STRICT
     again = Representation.from_state(data.representation.to_state())
     assert again.cleaning == STRICT
-    assert comparable_descents(folder / "rows.parquet", again).cleaning == STRICT
+    assert FlightSource(folder / "rows.parquet").for_model(again.cleaning, 150).cleaning == STRICT
 
 
 def test_settings_of_another_version_are_unknown() -> None:

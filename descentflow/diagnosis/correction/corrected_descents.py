@@ -16,7 +16,6 @@ from descentflow.diagnosis.simulator import Simulator
 from descentflow.measurements.level_channels import LevelGrid
 from descentflow.measurements.quantity_registry import CHANNELS
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents, top_levels, write_descents
 from descentflow.surveillance.descents.store import SCHEMA_VERSION
 
@@ -153,10 +152,10 @@ def correction_made(
     """
     flights = simulator.flights
     if flights is not None:
-        correction = Correction(asked.catalogue, theta, mass_kg, simulator.cleaning or Cleaning(), asked.seed)
+        correction = Correction(asked.catalogue, theta, mass_kg, simulator.cleaning, asked.seed)
 
         def write(path: Path) -> None:
-            write_descents(corrected_descents(flights, simulator.aircraft, correction, simulator.metadata), path)
+            write_descents(corrected_descents(flights.frame, simulator.aircraft, correction, flights.metadata), path)
 
         return CorrectionMade(FLIGHTS, write)
     # Here and not above: a comparison of flights with flights must not pay for models.

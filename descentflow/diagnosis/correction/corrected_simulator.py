@@ -57,20 +57,20 @@ def corrected(
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
-        >>> from descentflow.diagnosis.open_simulator import open_simulator
+        >>> from descentflow.diagnosis.diagnosis_inputs import Inputs
         >>> theta = {"temperature": torch.tensor([10.0])}
-        >>> write = corrected(open_simulator("best.ckpt"), 64_000.0, EFFECTS, theta)
+        >>> write = corrected(Inputs("descents.parquet", "best.ckpt").open().simulator, 64_000.0, EFFECTS, theta)
         >>> write(Path("warm.ckpt"))
         >>> load_model("warm.ckpt").representation.correction.effects
         {'temperature': [10.0]}
     """
     foreign = any(catalogue[name] is not EFFECTS.get(name) for name in theta)
-    if simulator.content is None or simulator.representation is None or foreign:
+    parts = simulator.representation
+    if parts is None or foreign:
         return None
-    read, parts = simulator.content, simulator.representation
 
     def write(path: Path) -> None:
-        content = read()
+        content = simulator.content()
         # The correction is of the fit that samples are drawn from.
         content.pop(HELD_OUT, None)
         sizes = {name: value.tolist() for name, value in theta.items()}
@@ -99,8 +99,8 @@ def air_of_training(parts: Representation) -> dict[str, list[float]]:
     Also empty where it is unknown: the flights reported no TAS or no Mach number, or the model knows the air of each.
 
     Example:
-        >>> from descentflow.diagnosis.open_simulator import open_simulator
-        >>> air_of_training(open_simulator("best.ckpt").representation)  # in standard air
+        >>> from descentflow.diagnosis.diagnosis_inputs import Inputs
+        >>> air_of_training(Inputs("descents.parquet", "best.ckpt").open().simulator.representation)  # in standard air
         {}
     """
     if parts.reference is None or parts.air is not None:
@@ -143,17 +143,17 @@ def samples_with(
 
     Example:
         >>> import polars as pl
-        >>> from descentflow.diagnosis.open_simulator import open_simulator
+        >>> from descentflow.diagnosis.diagnosis_inputs import Inputs
         >>> real, theta = pl.read_parquet("descents.parquet"), {"temperature": torch.tensor([10.0])}
-        >>> samples_with(open_simulator("best.ckpt"), real, 64_000.0, theta, seed=0).flights
+        >>> simulator = Inputs("descents.parquet", "best.ckpt").open().simulator
+        >>> samples_with(simulator, real, 64_000.0, theta, seed=0).flights
         {'A320': 400}
     """
-    parts, sampler = simulator.representation, simulator.sampler
-    assert parts is not None
-    assert sampler is not None
+    assert simulator.model is not None
+    parts = simulator.model.representation
     mask = grid_of(frame, *simulator.levels(frame), NEEDED).mask
     entry = mask.shape[1] - 1 - mask.flip(1).byte().argmax(1)
-    flown = sample_descents(sampler, parts, SAMPLES, seed, entry=entry).trajectories
+    flown = sample_descents(simulator.model, parts, SAMPLES, seed, entry=entry).trajectories
     sizes = {name: value.tolist() for name, value in theta.items()}
     correction = Correction(sizes, mass_kg, cleaning=parts.cleaning or Cleaning(), of_training=air_of_training(parts))
     settings = None if parts.cleaning is None else asdict(parts.cleaning)

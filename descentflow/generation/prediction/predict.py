@@ -31,11 +31,11 @@ from descentflow.positions.wind import Wind
 from descentflow.reporting.in_notebook import InNotebook
 from descentflow.representation.encode_flights import (
     EncodedFlights,
-    comparable_descents,
     encode_flights,
     tell_other_types,
 )
 from descentflow.representation.profiles import Profiles
+from descentflow.surveillance.open_descents import FlightSource
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -279,7 +279,7 @@ def predict(
             expected=f"a level above FL{bottom:.0f} and up to FL{top:.0f}, the model's grid",
             mend="pass one of these",
         )
-    frame = comparable_descents(descents, representation).frame
+    frame = FlightSource(descents).for_model(representation.cleaning, bottom).frame
     tell_other_types(frame, representation)
     parts, fit = encode_flights(frame, representation, context_table), density
     if (final := as_density(model)) is not density:

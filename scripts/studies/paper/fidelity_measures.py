@@ -29,8 +29,9 @@ from descentflow.evaluation.metrics.classifier import pairs_by_entry
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.noise_floor import split_distances
 from descentflow.generation.prediction.predict import predict
-from descentflow.representation.encode_flights import comparable_descents, encode_flights, split_by_model
+from descentflow.representation.encode_flights import encode_flights, split_by_model
 from descentflow.surveillance.descents.prepared_descents import read_descents
+from descentflow.surveillance.open_descents import FlightSource
 from studies.paper.study_plan import StudyPlan
 
 TOP_FL = 30.0
@@ -177,5 +178,7 @@ def measure(plan: StudyPlan, name: str, folder: Path) -> None:
 
 
 def _training_flights(model: Density, descents: Path) -> DescentSet:
-    parts = encode_flights(comparable_descents(descents, model.representation).frame, model.representation)
+    known = model.representation
+    frame = FlightSource(descents).for_model(known.cleaning, float(known.decoder.levels_fl[0])).frame
+    parts = encode_flights(frame, known)
     return DescentSet.of_profiles(parts["train"].profiles)

@@ -33,6 +33,7 @@ class GapReport(Findings, InNotebook):
     Attributes:
         write_flights: Writes samples of a checkpoint with the causes in them, as prepared descents; else None.
         write_corrected: Writes the simulator with the causes added; None where there is no checkpoint to correct.
+        is_written: Whether the diagnosis wrote it to a folder.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -50,6 +51,8 @@ class GapReport(Findings, InNotebook):
     write_corrected: Callable[[Path], None] | None = field(default=None, compare=False, metadata=NOT_WRITTEN)
     write_flights: Callable[[Path], None] | None = field(default=None, compare=False, metadata=NOT_WRITTEN)
 
+    is_written: bool = field(default=False, compare=False, metadata=NOT_WRITTEN)
+
     def notebook_figure(self) -> "Figure | None":
         """The first cost; nothing where none is known."""
         from descentflow.diagnosis.report.figures import cost_figure
@@ -58,7 +61,7 @@ class GapReport(Findings, InNotebook):
 
     def __str__(self) -> str:
         """The answer in a few lines."""
-        return summary(self)
+        return summary(self, written=self.is_written)
 
     __repr__ = __str__
 

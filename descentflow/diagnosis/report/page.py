@@ -56,6 +56,7 @@ def page(found: Findings, folder: str | Path | None = None) -> str:
     return rendered(
         "diagnosis/report/gap.html.j2",
         **_shared(found),
+        written=True,
         command=next_command(found, folder),
         costs=cost_table(found, means=True),
         cost_figures=[
@@ -83,12 +84,13 @@ def page(found: Findings, folder: str | Path | None = None) -> str:
     )
 
 
-def summary(found: Findings, command: str | None = None) -> str:
+def summary(found: Findings, command: str | None = None, *, written: bool = True) -> str:
     """The answer for a terminal.
 
     Args:
         found: What the diagnosis found.
         command: To type next; as :func:`next_command` has it if absent.
+        written: Whether its files are in a folder.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -103,7 +105,8 @@ def summary(found: Findings, command: str | None = None) -> str:
     """
     command = next_command(found) if command is None else command
     costs = _aligned(cost_table(found)) if found.costs else ""
-    return rendered("diagnosis/report/gap.txt.j2", **_shared(found), costs=costs, command=command).strip()
+    made = {"costs": costs, "command": command, "written": written}
+    return rendered("diagnosis/report/gap.txt.j2", **_shared(found), **made).strip()
 
 
 def simulator_name(found: Findings) -> str:

@@ -8,10 +8,9 @@ from math import log
 from pathlib import Path
 from typing import NamedTuple, cast
 
-from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
-from descentflow.aircraft_types.bada3.bada_directory import load_directory
-from descentflow.aircraft_types.bada3.coefficients import Engine
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_typecodes
+from descentflow.aircraft_types.registry import AnyAircraft, every_aircraft
+from descentflow.aircraft_types.standard_descent import Engine
 from descentflow.core.errors import AircraftError
 
 SIZES = "sizes.csv"
@@ -51,7 +50,7 @@ def type_sizes() -> Mapping[str, TypeSize]:
     }
 
 
-def nearest_type(typecode: str, bada_dir: str | Path | None = None) -> Bada3Aircraft:
+def nearest_type(typecode: str, bada_dir: str | Path | None = None) -> AnyAircraft:
     """Coefficients of the nearest type that has any: same kind of engines, nearest in take-off mass.
 
     Nearest is the least absolute logarithm of the ratio of maximum take-off masses, at most that of
@@ -59,7 +58,7 @@ def nearest_type(typecode: str, bada_dir: str | Path | None = None) -> Bada3Airc
 
     Args:
         typecode: ICAO type designator.
-        bada_dir: BADA 3 directory to look in; None for the embedded open aircraft.
+        bada_dir: Folder of BADA 3 or 4 to look in; None for the embedded open aircraft.
 
     Raises:
         AircraftError: If the type's size is not known, no type is near it, or the directory cannot be read.
@@ -68,12 +67,12 @@ def nearest_type(typecode: str, bada_dir: str | Path | None = None) -> Bada3Airc
         >>> nearest_type("B788").typecode, nearest_type("B38M").typecode, nearest_type("A320").typecode
         ('B772', 'B738', 'A320')
     """
-    at_hand = {name: open_aircraft(name) for name in open_typecodes()} if bada_dir is None else load_directory(bada_dir)
+    at_hand = every_aircraft(bada_dir)
     if typecode in at_hand:
         return at_hand[typecode]
     size = _size(typecode)
 
-    def away(one: Bada3Aircraft) -> float:
+    def away(one: AnyAircraft) -> float:
         return abs(log(float(one.mass_maximum_kg) / size.mass_maximum_kg))
 
     alike = [one for one in at_hand.values() if one.engine == size.engine]

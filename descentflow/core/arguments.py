@@ -90,7 +90,9 @@ def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
             return function(*args, **kwargs)  # this raises, with the function's name
         for name, kind in kinds.items():
             if name in bound.arguments:
-                value = _plain(bound.arguments[name])
+                value = bound.arguments[name]
+                if not (getattr(value, "requires_grad", False) and kind.takes(value)):
+                    value = _plain(value)
                 if isinstance(value, Mapping) and is_dataclass(hints[name]):
                     value = _group(name, value, hints[name])
                 if not kind.takes(value):

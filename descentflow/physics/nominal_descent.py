@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import sin
 
 import torch
 from torch import Tensor
 
-from descentflow.core.constants import TROPOPAUSE_M
+from descentflow.core.constants import G0_MPS2, TROPOPAUSE_M
 from descentflow.core.errors import AircraftError
 from descentflow.core.tensors import Number, as_tensors, broadcast
 from descentflow.core.units import FL_M, FT_M
@@ -77,6 +78,7 @@ def nominal_state(
 ) -> NominalState:
     """Speeds, forces and rate of the nominal descent at any pressure altitudes (manual 3.2 to 3.9 and 4.3).
 
+    The engines idle, or in approach and landing configuration hold the model's angle of descent where it has one.
     The schedule's steps in speed are taken at once, without the energy they set free: BADA's own tables do the same.
 
     Args:
@@ -102,6 +104,10 @@ def nominal_state(
     configuration = aircraft.descent_configuration(altitude, cas, mass_kg)
     thrust = aircraft.idle_thrust_n(altitude, tas, deviation, configuration)
     drag = aircraft.drag_n(tas, altitude, deviation, mass_kg, configuration, expedited=expedited)
+    if aircraft.approach_angle_rad:
+        mass = aircraft.mass_reference_kg if mass_kg is None else mass_kg
+        powered = drag - sin(aircraft.approach_angle_rad) * mass * G0_MPS2 / esf
+        thrust = by_configuration(configuration, thrust, powered, powered)
     rate = descent_rate_mps(aircraft, drag, thrust, tas, esf, altitude, deviation, mass_kg)
     idle, powered = (
         aircraft.idle_fuel_flow_kg_s(altitude, tas, deviation),

@@ -75,6 +75,10 @@ class PerformanceModel(Protocol):
     def des_mach(self) -> Number:
         """Mach number of the standard descent; 0 where the type has none."""
 
+    @property
+    def approach_angle_rad(self) -> float:
+        """Angle at which the standard descent flies with flaps out; 0 where it idles."""
+
     def drag_n(
         self,
         tas_mps: Number,
@@ -137,9 +141,6 @@ class PerformanceModel(Protocol):
 
     def schedule_breaks_m(self) -> tuple[float, ...]:
         """Altitudes where speed, configuration or limits of the standard descent jump, the transition left out."""
-
-    def numbers(self) -> tuple[Number, ...]:
-        """All numbers of the model: floats, or tensors where they vary by flight or carry gradients."""
 
     def at_mass(self, mass_kg: Number) -> Self:
         """The model with another reference mass."""

@@ -20,7 +20,6 @@ from torch import Tensor
 
 from descentflow.physics.airspeed import cas_to_tas_mps
 from descentflow.physics.idle_state import idle_state
-from descentflow.physics.nominal_descent import nominal_state
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.profiles import Profiles
 
@@ -53,7 +52,7 @@ class DragScale:
     """Drag to the scale of the weights, and back, at a CAS.
 
     Attributes:
-        thrust_n: (L,) idle thrust of the nominal descent.
+        thrust_n: (L,) clean idle thrust at the speeds of the nominal descent.
         force_n: (L,) net retarding force of one typical angle of descent, at ``cas_mps``.
         cas_mps: (L,) mean CAS.
         growth_per_mps: (L,) relative change of the force at that angle with the CAS.
@@ -127,7 +126,7 @@ def fit_drag_scale(train: Profiles, aircraft: PerformanceModel, name: DragScaleN
     def total(values: Tensor) -> Tensor:
         return torch.where(mask, values, 0.0).sum(0)
 
-    thrust_n = nominal_state(aircraft, altitude_m).thrust_n
+    thrust_n = idle_state(aircraft, aircraft.descent_cas_mps(altitude_m), altitude_m).thrust_n
     cas_mps = total(train.cas_mps) / count
     lower, upper = (1 / idle_state(aircraft, cas_mps + step, altitude_m).energy_share for step in (-STEP_MPS, STEP_MPS))
     growth = (upper - lower) / (upper + lower) / STEP_MPS

@@ -20,10 +20,10 @@ from descentflow.aircraft_types.bada3.bada_directory import (
     write_opf,
 )
 from descentflow.aircraft_types.bada3.fixed_columns import e10
-from descentflow.aircraft_types.bada3.global_parameters import STANDARD
 from descentflow.aircraft_types.bada3.gpf_file import read_gpf_rows
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_typecodes
 from descentflow.aircraft_types.registry import aircraft, aircraft_from_state
+from descentflow.aircraft_types.standard_descent import STANDARD
 from descentflow.core.errors import AircraftError, DataError
 from descentflow.physics.nominal_descent import nominal_descent
 

@@ -8,8 +8,8 @@ import pytest
 import torch
 
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
-from descentflow.aircraft_types.bada3.global_parameters import STANDARD
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_type, open_typecodes
+from descentflow.aircraft_types.standard_descent import STANDARD
 from descentflow.core.errors import AircraftError
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
 from descentflow.physics.nominal_descent import nominal_descent

@@ -4,27 +4,32 @@ import ast
 from dataclasses import fields
 from pathlib import Path
 
+import pytest
 import torch
+from bada4_dummies import DUMMIES, dummies
 from plain_descents import plain_descents
 from torch import Tensor
 
 import descentflow
-from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
 from descentflow.aircraft_types.bada3.coefficients import Coefficients
-from descentflow.aircraft_types.registry import aircraft
-from descentflow.core.constants import P0_PA
-from descentflow.core.tensors import as_tensors
-from descentflow.core.units import FL_M
-from descentflow.physics.airspeed import tas_to_mach
-from descentflow.physics.atmosphere import pressure_pa
+from descentflow.aircraft_types.bada4.bada4_aircraft import Bada4Aircraft
+from descentflow.aircraft_types.bada4.engines import Piston, Turboprop
+from descentflow.aircraft_types.bada4.wing import Wing
+from descentflow.aircraft_types.registry import AnyAircraft, aircraft, aircraft_from_state
+from descentflow.core.constants import G0_MPS2
+from descentflow.core.errors import AircraftError
+from descentflow.core.units import FL_M, KT_MPS
 from descentflow.physics.nominal_descent import nominal_descent
-from descentflow.physics.performance_model import Configuration, PerformanceModel
+from descentflow.physics.performance_model import NAMES, PerformanceModel
 from descentflow.representation.decoder.trajectories import integrate
-from descentflow.representation.profiles import infer_drag_n
+from descentflow.representation.drag_scale import DragScaleName, fit_drag_scale
+from descentflow.representation.profiles import infer_drag_n, observed_profiles
 
 PACKAGE = Path(descentflow.__file__).parent
-BEHIND = {field.name for field in fields(Coefficients)} - set(dir(PerformanceModel)) - {"engine", "limits"}
-"""Coefficients of BADA 3 that no other model has."""
+PARTS = (Coefficients, Bada4Aircraft, Wing, Turboprop, Piston)
+ELSEWHERE = {"engine", "limits", "version", "thrust", "landing", "wing", "drag", "exponents"}
+BEHIND = {field.name for part in PARTS for field in fields(part)} - set(dir(PerformanceModel)) - ELSEWHERE
+"""Coefficients that one model has and no other."""
 
 
 def test_a_type_is_a_performance_model() -> None:
@@ -32,7 +37,7 @@ def test_a_type_is_a_performance_model() -> None:
     assert not isinstance("A320", PerformanceModel)
 
 
-def test_coefficients_of_bada_3_are_read_by_its_model_alone() -> None:
+def test_coefficients_of_a_model_are_read_by_it_alone() -> None:
     strays = [
         f"{path.relative_to(PACKAGE)}:{node.lineno} {node.attr}"
         for path in sorted(PACKAGE.rglob("*.py"))
@@ -43,60 +48,115 @@ def test_coefficients_of_bada_3_are_read_by_its_model_alone() -> None:
     assert strays == []
 
 
-class Windmilling(Bada3Aircraft):
-    """A type whose engines brake at idle, by powers of the Mach number and of the pressure, as BADA 4 has it."""
-
-    def idle_thrust_terms(self, altitude_m: Tensor, deviation_k: float | Tensor = 0.0) -> dict[int, Tensor]:
-        delta = pressure_pa(altitude_m) / P0_PA
-        return {0: -900.0 * delta, 1: -26e3 * delta, 2: 9e3 * delta.square(), -1: 20.0 * delta}
-
-    def idle_thrust_n(
-        self,
-        altitude_m: float | Tensor,
-        tas_mps: float | Tensor,
-        deviation_k: float | Tensor = 0.0,
-        configuration: Configuration = "CR",
-    ) -> Tensor:
-        altitude, tas, deviation = as_tensors(altitude_m, tas_mps, deviation_k)
-        mach = tas_to_mach(tas, altitude, deviation)
-        return sum(term * mach**power for power, term in self.idle_thrust_terms(altitude, deviation).items())
-
-    def thrust_breaks_m(self) -> tuple[Tensor, ...]:
-        return (torch.tensor(9_000.0).double(),)
+@pytest.fixture(params=DUMMIES)
+def braking(request: pytest.FixtureRequest) -> AnyAircraft:
+    """EUROCONTROL's dummies: the engines of jets and turboprops brake at idle."""
+    return aircraft(request.param, dummies())
 
 
-BRAKING = Windmilling.from_state(aircraft("A320").to_state())
-LEVELS_FL = torch.arange(100, 371).double()
-FLOWN = (
-    torch.full((2, 271), 28e3).double(),
-    torch.linspace(120, 155, 271).double().expand(2, -1),
-    torch.tensor([270, 9]),
-)
+LEVELS_FL = torch.arange(50, 141).double()
 
 
-def test_idle_thrust_below_zero_by_powers_of_mach_is_inferred_and_flown() -> None:
+def flights(model: AnyAircraft, levels_fl: Tensor = LEVELS_FL) -> tuple[Tensor, Tensor, Tensor]:
+    """Drag, CAS and entry of two descents."""
+    speeds = torch.linspace(0.8, 1.0, len(levels_fl)).double() * model.des_cas_high_kt * KT_MPS
+    drag = 0.08 * model.mass_reference_kg * G0_MPS2
+    return torch.full((2, len(levels_fl)), drag).double(), speeds.expand(2, -1), torch.tensor([len(levels_fl) - 1, 9])
+
+
+def test_idle_thrust_by_powers_of_mach_is_inferred_and_flown(braking: AnyAircraft) -> None:
+    flown_in = flights(braking)
     for deviation in (0.0, 20.0):
-        flown = integrate(BRAKING, LEVELS_FL, LEVELS_FL * FL_M, *FLOWN, deviation_k=deviation)
-        wanted = plain_descents(BRAKING, LEVELS_FL * FL_M, *FLOWN, deviation_k=deviation)
+        flown = integrate(braking, LEVELS_FL, LEVELS_FL * FL_M, *flown_in, deviation_k=deviation)
+        wanted = plain_descents(braking, LEVELS_FL * FL_M, *flown_in, deviation_k=deviation)
         for name, values in wanted.items():
             torch.testing.assert_close(getattr(flown, name), values, rtol=1e-12, atol=1e-10)
-        thrust = BRAKING.idle_thrust_n(LEVELS_FL * FL_M, flown.tas_mps, deviation)
-        assert -20e3 < float(thrust.min()) < float(thrust.max()) < -1e3
-        inferred = infer_drag_n(BRAKING, flown.cas_mps, flown.rate_mps, LEVELS_FL * FL_M, deviation_k=deviation)
-        torch.testing.assert_close(inferred, FLOWN[0], rtol=1e-12, atol=0)
+        thrust = braking.idle_thrust_n(LEVELS_FL * FL_M, flown.tas_mps, deviation)
+        assert braking.engine == "piston" or float(thrust.max()) < -1e3
+        inferred = infer_drag_n(braking, flown.cas_mps, flown.rate_mps, LEVELS_FL * FL_M, deviation_k=deviation)
+        torch.testing.assert_close(inferred, flown_in[0], rtol=1e-12, atol=0)
 
 
-def test_its_descents_are_differentiable() -> None:
-    def seconds(drag: Tensor, mass: Tensor) -> Tensor:
-        part = slice(0, 5)
-        arguments = LEVELS_FL[part], LEVELS_FL[part] * FL_M, 1e4 * drag, FLOWN[1][:, part], torch.tensor([4, 2])
-        return integrate(BRAKING, *arguments, mass_kg=6e4 * mass).time_s
+def test_descents_are_differentiable_by_drag_mass_and_coefficients(braking: AnyAircraft) -> None:
+    levels_fl = LEVELS_FL[::30]
+    drag_n, cas_mps, _ = flights(braking, levels_fl)
+    entry = torch.tensor([len(levels_fl) - 1, 2])
 
-    leaves = torch.full((2, 5), 3.0).double(), torch.tensor([[1.0], [1.1]]).double()
+    def seconds(drag: Tensor, mass: Tensor, idle: Tensor) -> Tensor:
+        model = braking.with_factors(idle=idle)
+        return integrate(
+            model, levels_fl, levels_fl * FL_M, drag_n * drag, cas_mps, entry, mass_kg=braking.mass_reference_kg * mass
+        ).time_s
+
+    leaves = torch.ones_like(drag_n), torch.tensor([[1.0], [1.1]]).double(), torch.ones(()).double()
     assert torch.autograd.gradcheck(seconds, tuple(leaf.requires_grad_() for leaf in leaves))
 
 
-def test_its_nominal_descent_is_flown() -> None:
-    nominal = nominal_descent(BRAKING, LEVELS_FL)
-    assert bool((nominal.thrust_n < 0).all())
-    assert float(nominal.time_s[0]) < float(nominal_descent(aircraft("A320"), LEVELS_FL).time_s[0])
+def test_every_equation_is_differentiable(braking: AnyAircraft) -> None:
+    top = 0.97 * float(braking.mmo) * 340.0
+
+    def equations(speed: Tensor, height: Tensor, mass: Tensor, induced: Tensor) -> tuple[Tensor, ...]:
+        model = braking.with_factors(induced=induced)
+        tas, altitude, kilos = 100 * speed, 1e4 * height, mass * braking.mass_reference_kg
+        return (
+            *(model.drag_n(tas, altitude, 10.0, kilos, one) for one in NAMES),
+            *(model.minimum_cas_mps(altitude, kilos, one) for one in NAMES),
+            model.idle_thrust_n(altitude, tas, 10.0),
+            model.climb_thrust_n(altitude, tas, 10.0),
+            model.idle_fuel_flow_kg_s(altitude, tas, 10.0),
+            model.fuel_flow_kg_s(altitude, tas, 0.5 * model.drag_n(tas, altitude), 10.0),
+            model.descent_cas_mps(altitude, kilos),
+            model.maximum_altitude_m(2.0 * kilos),
+        )
+
+    speed, height = torch.tensor([[0.4 * top, 0.7 * top, top], [600.0, 2_000.0, 4_000.0]]).double()
+    leaves = speed / 100, height / 1e4, torch.ones(1).double(), torch.ones(()).double()
+    units = [one.abs().max() for one in equations(*leaves)]
+
+    def in_units(*arguments: Tensor) -> tuple[Tensor, ...]:
+        return tuple(one / unit for one, unit in zip(equations(*arguments), units, strict=True))
+
+    assert torch.autograd.gradcheck(in_units, tuple(leaf.requires_grad_() for leaf in leaves), rtol=1e-4)
+
+
+@pytest.mark.parametrize("logarithm", ["log", "newton"])
+def test_idle_thrust_below_zero_works_in_every_scale_of_drag(braking: AnyAircraft, logarithm: DragScaleName) -> None:
+    """Down to the levels of the approach, where nominal engines give thrust and flights are taken to idle."""
+    levels_fl = torch.arange(10, 101).double()
+    drag_n, cas_mps, _ = flights(braking, levels_fl)
+    entry = torch.full((2,), len(levels_fl) - 1)
+    flown = integrate(braking, levels_fl, levels_fl * FL_M, drag_n * torch.tensor([[0.8], [1.2]]), cas_mps, entry)
+    args = ("a", "b"), levels_fl, flown.time_s, flown.cas_mps, flown.rate_mps, flown.mask
+    seen = observed_profiles(braking, *args)
+    scale = fit_drag_scale(seen, braking, logarithm)
+    back = scale.drag_n(scale.scaled(seen.drag_n, seen.cas_mps), seen.cas_mps)
+    torch.testing.assert_close(back, seen.drag_n, rtol=1e-12, atol=0)
+    assert bool(scale.scaled(seen.drag_n, seen.cas_mps).isfinite().all())
+
+
+def test_its_nominal_descent_is_flown_and_comes_back_from_its_state(braking: AnyAircraft) -> None:
+    nominal = nominal_descent(braking, LEVELS_FL)
+    assert bool((nominal.rate_mps < 0).all())
+    again = aircraft_from_state(braking.to_state())
+    assert again == braking
+    assert torch.equal(nominal_descent(again, LEVELS_FL).time_s, nominal.time_s)
+
+
+def test_a_state_that_is_none_of_bada_4_is_refused(braking: AnyAircraft) -> None:
+    state = braking.to_state()
+    wing = state["wing"]
+    for wrong in (
+        {"engine": "rocket"},
+        {"vmo_kt": float("nan")},
+        {"vmo_kt": -1.0},
+        {"typecode": 3},
+        {"wing": {**wing, "drag": wing["drag"][1:]}},
+        {"wing": {**wing, "span_m": 30.0}},
+        {"engines": None},
+        {"limits": {}},
+        {"climb_speeds": (1.0,)},
+    ):
+        with pytest.raises(AircraftError, match="expected"):
+            aircraft_from_state(state | wrong)
+    with pytest.raises(AircraftError, match="mass_reference_kg"):
+        aircraft_from_state({name: one for name, one in state.items() if name != "mass_reference_kg"})

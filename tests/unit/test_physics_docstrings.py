@@ -50,7 +50,7 @@ def test_an_equation_of_bada_3_names_its_section_of_the_manual(name: str) -> Non
     ("module", "section"),
     [
         ("core.constants", "3.1"),
-        ("aircraft_types.bada3.global_parameters", "5"),
+        ("aircraft_types.standard_descent", "5"),
         ("aircraft_types.bada3.coefficients", "3"),
         ("aircraft_types.bada3.synonym_file", "6.3"),
         ("aircraft_types.bada3.opf_file", "6.4"),

@@ -3,9 +3,8 @@ from dataclasses import replace
 import pytest
 import torch
 
-from descentflow.aircraft_types.bada3.global_parameters import GlobalParameters
-from descentflow.aircraft_types.bada3.speeds import PISTON_CEILINGS_FT, TURBINE_CEILINGS_FT
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.aircraft_types.standard_descent import PISTON_CEILINGS_FT, TURBINE_CEILINGS_FT, GlobalParameters
 from descentflow.core.units import FL_M, FT_M, KT_MPS
 from descentflow.physics.airspeed import cas_to_mach
 

@@ -5,10 +5,10 @@ from pathlib import Path
 
 from descentflow.aircraft_types.bada3.apf_file import Apf, apf_of, read_apf, write_apf
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
-from descentflow.aircraft_types.bada3.global_parameters import STANDARD, GlobalParameters
 from descentflow.aircraft_types.bada3.gpf_file import read_gpf
 from descentflow.aircraft_types.bada3.opf_file import Opf, opf_of, read_opf, write_opf
 from descentflow.aircraft_types.bada3.synonym_file import Synonym, read_synonym
+from descentflow.aircraft_types.standard_descent import STANDARD, GlobalParameters
 from descentflow.core.errors import AircraftError, UnknownTypeError
 
 __all__ = [
@@ -165,9 +165,9 @@ def _synonyms(folder: Path) -> dict[str, Synonym]:
     names = [path.stem for path in sorted(folder.glob("*.OPF"))]
     if not names:
         raise AircraftError(
-            f"{folder} holds neither SYNONYM.NEW nor OPF files",
-            expected="a BADA 3 release",
-            mend="unpack the release there; file names are in capitals",
+            f"{folder} holds neither SYNONYM.NEW nor OPF files, nor GPF.xml",
+            expected="a release of BADA 3, or of BADA 4",
+            mend="unpack the release there and keep the names of its files",
         )
     return {name.rstrip("_"): Synonym(name.rstrip("_"), "", "", name, True, True) for name in names}
 

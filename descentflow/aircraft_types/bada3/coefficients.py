@@ -2,16 +2,15 @@
 
 from dataclasses import asdict, dataclass, fields, replace
 from math import inf, isfinite
-from typing import Any, Literal, Self, get_args
+from typing import Any, Self, get_args
 
 from torch import Tensor
 
-from descentflow.aircraft_types.bada3.global_parameters import STANDARD, GlobalParameters
+from descentflow.aircraft_types.standard_descent import STANDARD, Engine, GlobalParameters
 from descentflow.core.arguments import checked_arguments
 from descentflow.core.errors import AircraftError
 from descentflow.core.tensors import Number
 
-Engine = Literal["jet", "turboprop", "piston"]
 OF_ANY_AIRCRAFT = {
     "altitude_des_ft": (0.0, 1e5),
     "des_cas_low_kt": (0.0, 1e3),
@@ -132,25 +131,6 @@ class Coefficients:
             ct_des_low=self.ct_des_low * idle,
             ct_des_high=self.ct_des_high * idle,
         )
-
-    def __str__(self) -> str:
-        """Type, mass, ceiling, standard descent and source, in three lines."""
-        shown = {
-            f.name: f"{float(v):,.6g}" if not isinstance(v, Tensor) or v.numel() == 1 else f"{v.numel()} values"
-            for f in fields(self)
-            if isinstance(v := getattr(self, f.name), int | float | Tensor)
-        }
-        return (
-            f"{self.typecode}: {self.n_engines} {self.engine} engine{'s' if self.n_engines > 1 else ''}, wake category "
-            f"{self.wake_category}, {shown['mass_reference_kg']} kg ({shown['mass_minimum_kg']} to "
-            f"{shown['mass_maximum_kg']}), up to {shown['altitude_maximum_ft']} ft\n"
-            f"standard descent: Mach {shown['des_mach']}, {shown['des_cas_high_kt']} kt, {shown['des_cas_low_kt']} kt "
-            f"below 10,000 ft\ncoefficients: {self.source}"
-        )
-
-    def numbers(self) -> tuple[Number, ...]:
-        """All coefficients, in the order of the fields."""
-        return tuple(v for f in fields(self) if isinstance(v := getattr(self, f.name), float | Tensor))
 
     def at_mass(self, mass_kg: Number) -> Self:
         """The aircraft with another reference mass, to which its stall speeds then belong.

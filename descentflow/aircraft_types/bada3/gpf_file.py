@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from descentflow.aircraft_types.bada3.fixed_columns import Line, data_lines, read_lines
-from descentflow.aircraft_types.bada3.global_parameters import GlobalParameters
+from descentflow.aircraft_types.standard_descent import GlobalParameters
 
 _TURBINE = {"jet", "turbo", "tbp"}
 _PISTON = {"piston", "pst"}

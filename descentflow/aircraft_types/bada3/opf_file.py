@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
-from descentflow.aircraft_types.bada3.coefficients import Engine
 from descentflow.aircraft_types.bada3.fixed_columns import Line, data_lines, e10, header, read_lines
+from descentflow.aircraft_types.standard_descent import Engine
 from descentflow.core.errors import AircraftError
 from descentflow.core.files import whole_file
 

@@ -1,4 +1,4 @@
-"""Speeds, configurations and limits of BADA 3 (user manual, sections 3.4 to 3.6.2, 4.3 and 5.6)."""
+"""Stall and buffet speeds and the ceiling of BADA 3 (user manual, sections 3.4 to 3.6.2)."""
 
 from dataclasses import dataclass
 
@@ -6,29 +6,21 @@ import torch
 from torch import Tensor
 
 from descentflow.aircraft_types.bada3.coefficients import Coefficients
+from descentflow.aircraft_types.standard_descent import BUFFET_FLOOR_M, StandardDescent
 from descentflow.core.constants import G0_MPS2, KAPPA
 from descentflow.core.tensors import Number, as_tensors, safe_sqrt
 from descentflow.core.units import FT_M, KT_MPS
-from descentflow.physics.airspeed import crossover_altitude_m, mach_to_cas_mps
+from descentflow.physics.airspeed import mach_to_cas_mps
 from descentflow.physics.atmosphere import is_below, pressure_pa
-from descentflow.physics.performance_model import APPROACH, CLEAN, LANDING, Configuration, by_configuration
+from descentflow.physics.performance_model import Configuration, by_configuration
 
-BUFFET_FLOOR_M = 15000 * FT_M
-"""The low-speed buffet limits jets and turboprops from this altitude up."""
 BUFFET_LOAD_FACTOR = 1.2
 """The manual's 0.2 g margin: 0.583 in its buffet equation is kappa / 2 / 1.2."""
-HIGH_SCHEDULE_M = 10000 * FT_M
-"""From here up the high speed V_des,2 and the Mach number hold."""
-TURBINE_CEILINGS_FT = (6000.0, 3000.0, 2000.0, 1500.0, 1000.0)
-PISTON_CEILINGS_FT = (1500.0, 1000.0, 500.0)
-"""Altitudes below which the next lower speed of the schedule holds, from the top (manual 4.3-1 to 4.3-7)."""
-_EQUAL_MPS = 1e-6
-"""Speeds closer than this are equal: a schedule may hold exactly the threshold speed."""
 
 
 @dataclass(frozen=True)
-class Speeds(Coefficients):
-    """Coefficients with the equations of speeds, configurations and limits.
+class Speeds(Coefficients, StandardDescent):
+    """Coefficients with the standard descent and the equations of its limits.
 
     Example:
         >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
@@ -122,95 +114,3 @@ class Speeds(Coefficients):
         heat = gt.clamp(max=0.0) * (deviation - ct4).clamp(min=0.0)
         able = at_mtow + heat + gw.clamp(min=0.0) * (heaviest - mass)
         return torch.where(at_mtow == 0, ceiling + 0.0 * able, torch.minimum(ceiling, able)) * FT_M
-
-    def transition_altitude_m(self) -> Tensor:
-        """Crossover of the standard descent's CAS and Mach number (manual 3.1-27, 3.1-28 and 4.3).
-
-        ``+inf`` where the type has no Mach schedule: it has no crossover.
-
-        Example:
-            >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-            >>> bool(open_aircraft("A320").transition_altitude_m() > 8000)
-            True
-        """
-        cas_kt, mach = as_tensors(self.des_cas_high_kt, self.des_mach)
-        has_mach = mach > 0
-        altitude = crossover_altitude_m(cas_kt * KT_MPS, torch.where(has_mach, mach, 1.0))
-        return torch.where(has_mach, altitude, torch.inf)
-
-    def holds_mach(self, altitude_m: Number) -> Tensor:
-        """Return True where the schedule holds Mach: from the transition up, never below 10,000 ft (manual 4.3).
-
-        Example:
-            >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-            >>> open_aircraft("A320").holds_mach(torch.tensor([5000.0, 11500.0])).tolist()
-            [False, True]
-        """
-        (altitude,) = as_tensors(altitude_m)
-        return (altitude >= self.transition_altitude_m()) & ~is_below(altitude, HIGH_SCHEDULE_M)
-
-    def descent_cas_mps(self, altitude_m: Number, mass_kg: Number | None = None) -> Tensor:
-        """CAS of the standard descent (manual 4.3-1 to 4.3-7).
-
-        From the top: Mach ``M_des`` from the transition altitude, ``V_des,2`` down to 10,000 ft, ``V_des,1`` at most
-        250 kt down to 6,000 ft, at most 220 kt down to 3,000 ft, then 1.3 stall speeds in landing configuration plus
-        50, 20, 10 and 5 kt below 3,000, 2,000, 1,500 and 1,000 ft. Pistons: ``V_des,1`` down to 1,500 ft, then 20, 10
-        and 5 kt above the minimum below 1,500, 1,000 and 500 ft. No speed exceeds that of the range above it, as the
-        manual recommends. A level on a boundary belongs to the upper range.
-
-        Example:
-            >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-            >>> open_aircraft("A320").descent_cas_mps(8000 * 0.3048).item() / 0.514444 <= 250.0
-            True
-        """
-        altitude, high, mach = as_tensors(altitude_m, self.des_cas_high_kt, self.des_mach)
-        cas, *slower = as_tensors(altitude, *self._low_speeds_mps(mass_kg))[1:]
-        for ceiling_ft, lower in zip(self._ceilings_ft, slower, strict=True):
-            cas = torch.where(is_below(altitude, ceiling_ft * FT_M), torch.minimum(lower, cas), cas)
-        upper = torch.where(self.holds_mach(altitude), mach_to_cas_mps(mach, altitude), high * KT_MPS)
-        return torch.where(is_below(altitude, HIGH_SCHEDULE_M), cas, upper)
-
-    @property
-    def _ceilings_ft(self) -> tuple[float, ...]:
-        return PISTON_CEILINGS_FT if self.engine == "piston" else TURBINE_CEILINGS_FT
-
-    def _low_speeds_mps(self, mass_kg: Number | None) -> list[Tensor]:
-        """Speeds below 10,000 ft, from the top range to the lowest."""
-        (low,) = as_tensors(self.des_cas_low_kt)
-        low = low * KT_MPS
-        slowest = self.limits.min_speed_factor * self.stall_cas_mps(mass_kg, "LD")
-        if self.engine == "piston":
-            return [low, *(slowest + v * KT_MPS for v in reversed(self.limits.des_increment_piston_kt))]
-        capped = [low.clamp(max=250 * KT_MPS), low.clamp(max=220 * KT_MPS)]
-        return [*capped, *(slowest + v * KT_MPS for v in reversed(self.limits.des_increment_kt))]
-
-    def descent_configuration(self, altitude_m: Number, cas_mps: Number, mass_kg: Number | None = None) -> Tensor:
-        """Configuration of a descent by altitude and speed, as integer codes (manual 3.5 and 5.6).
-
-        Landing below 3,000 ft and slower than 10 kt above the approach configuration's minimum speed; else approach
-        below 8,000 ft and at most 10 kt above the clean minimum speed; else clean. Altitudes stand for heights above
-        the runway.
-
-        Example:
-            >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-            >>> open_aircraft("A320").descent_configuration(torch.tensor([300.0, 1500.0, 6000.0]), 70.0).tolist()
-            [2, 1, 0]
-        """
-        altitude, cas = as_tensors(altitude_m, cas_mps)
-        clean, approach = (self.minimum_cas_mps(altitude, mass_kg, one) + 10 * KT_MPS for one in ("CR", "AP"))
-        lands = is_below(altitude, self.limits.landing_ceiling_ft * FT_M) & (cas < approach - _EQUAL_MPS)
-        approaches = is_below(altitude, self.limits.approach_ceiling_ft * FT_M) & (cas < clean + _EQUAL_MPS)
-        return torch.where(lands, LANDING, torch.where(approaches, APPROACH, CLEAN))
-
-    def schedule_breaks_m(self) -> tuple[float, ...]:
-        """Altitudes where speed, configuration or limits of the standard descent jump (manual 3.5, 3.6.2, 4.3, 5.6).
-
-        The transition is left out.
-
-        Example:
-            >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-            >>> [round(m) for m in open_aircraft("A320").schedule_breaks_m()][:2]
-            [3048, 4572]
-        """
-        ceilings = (*self._ceilings_ft, self.limits.approach_ceiling_ft, self.limits.landing_ceiling_ft)
-        return (HIGH_SCHEDULE_M, BUFFET_FLOOR_M, *(ft * FT_M for ft in ceilings))

@@ -42,7 +42,7 @@ def run(
             the same kind, nearest in take-off mass
         any_type: take real flights of all types; without it those of other types than the checkpoint's or --typecode's
             are left out and counted
-        bada_dir: BADA 3 files for --typecode or a simulator's flights (default: open aircraft)
+        bada_dir: folder of BADA 3 or 4 for --typecode or a simulator's flights (default: open aircraft)
         air: for a model that was fitted with data.air: where the air of these flights is known from: measured (their
             own reports; default for a model fitted with measured), or a weather field: a NetCDF or GRIB file by
             pressure level, several, or a folder of them

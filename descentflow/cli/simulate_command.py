@@ -57,7 +57,7 @@ def run(
             of different speeds, slow first stretches, turboprops of two rates), gulf-summer and nordic-winter (other
             air, operators and habits, to judge models on), or a TOML file
         truth: where to put the truth (default: OUT_truth.parquet)
-        bada_dir: BADA 3 directory with the type's coefficients (default: the open aircraft)
+        bada_dir: folder of BADA 3 or 4 with the type's coefficients (default: the open aircraft)
         plant (EFFECT): effect to plant in the flights, with its values as EFFECT:VALUE=NUMBER,..., again for each one:
             temperature:deviation_k=10,spread_k=4 (see below)
     """

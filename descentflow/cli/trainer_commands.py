@@ -24,7 +24,7 @@ def fit(words: list[str]) -> None:
     on what
       --data.descents FILE           prepared descents (descentflow prepare)
       --data.aircraft TYPE           coefficients that infer and fly the drag, where several types are pooled
-      --data.bada_dir DIR            a licence holder's BADA 3 files instead of the embedded open aircraft
+      --data.bada_dir DIR            a licence holder's BADA 3 or 4 instead of the embedded open aircraft
       --data.typecodes [A320,A321]   only these types
       --data.split_by aircraft       never put flights of one aircraft on both sides of the split
       --data.context [hour,operator] condition on columns of the descents, of a table, or on entry_fl, hour and

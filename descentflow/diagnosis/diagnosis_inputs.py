@@ -143,7 +143,8 @@ class Inputs:
                 is then taken out of both sides, or most of the real flights are its own.
         """
         if self.simulator is None:
-            return replace(self, simulator=self.typecode, typecode=None).open()
+            # Of BADA 4 the name of a model stands for a type, and is no designator.
+            return replace(self, simulator=find_aircraft(str(self.typecode), self.bada_dir), typecode=None).open()
         if isinstance(self.simulator, PerformanceModel) or is_designator(self.simulator):
             self._refuse(TYPE)
             return self._nominal()

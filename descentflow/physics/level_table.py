@@ -139,10 +139,19 @@ def level_rate(
     root = torch.sqrt(beyond, out=of_tas)
     mach = torch.mul(root, 1 / sqrt(HALF), out=of_mach)
     tas = torch.mul(root, table.mach_scale, out=of_tas)
-    force = torch.neg(drag_n, out=spare) if 0 not in table.thrust_n else torch.sub(table.thrust_n[0], drag_n, out=spare)
-    for power, term in table.thrust_n.items():
-        if power != 0:
-            force = torch.add(force, term * mach**power, out=spare)
+    force = torch.sub(_thrust_n(table.thrust_n, mach), drag_n, out=spare)
     excess = torch.mul(torch.mul(force, tas, out=spare), table.power_scale, out=spare)
     rate = torch.div(excess, share, out=of_rate) if energy_share is None else excess * energy_share
     return mach, tas, rate, torch.reciprocal(rate, out=spare)
+
+
+def _thrust_n(terms: dict[int, Tensor], mach: Tensor) -> Tensor:
+    """Sum of terms by powers of the Mach number, from the power that is furthest from zero inwards (Horner)."""
+    first, *others = sorted(terms, reverse=max(terms) > 0)
+    total, last, steps = terms[first], first, {1: mach}
+    for power in others:
+        step = last - power
+        if step not in steps:
+            steps[step] = mach**step
+        total, last = torch.addcmul(terms[power], total, steps[step]), power
+    return total if last == 0 else total * mach**last

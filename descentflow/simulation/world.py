@@ -127,7 +127,7 @@ def simulate(
         seed: Not negative; flight number k of a seed is the same in every world that has it.
         scenario: Spreads and shares from which flights are drawn: ``plain``, ``london-fir-2019``, ``gulf-summer``,
             ``nordic-winter``, a TOML file of the same form, or settings of your own; ``plain`` if not given.
-        bada_dir: Folder of BADA 3 files with the type's coefficients; the open aircraft that come with descentflow if
+        bada_dir: Folder of BADA 3 or 4 with the type's coefficients; the open aircraft that come with descentflow if
             not given. Only for a type designator.
         plant: Effects to plant in the flights: some of the values of each by its name, all of them defaults where it
             has none. They are those of :data:`descentflow.simulation.plantable.PLANTABLE`, which

@@ -86,7 +86,7 @@ class DescentDataModule(LightningDataModule):
             descents: What ``prepare`` wrote: a file, a store, or a folder of files that were prepared alike; from
                 Python also several such paths, or what it returned.
             aircraft: Type whose coefficients infer and fly the drag; the descents' own type if they have only one.
-            bada_dir: Folder of BADA 3 OPF and APF files; the embedded open aircraft if absent.
+            bada_dir: Folder of BADA 3 or BADA 4; the embedded open aircraft if absent.
             typecodes: Keep these types of the descents (A320, or A320,A20N); all if absent.
             bottom_fl: Lowest level of the grid; the one that the descents were prepared with if absent.
             mass_kg: Mass that infers and flies the drag; the type's reference mass if absent.

@@ -2,7 +2,7 @@
 An in-house radar feed and a BADA licence
 =========================================
 
-A provider's radar feed is a table with column names and units of its own, and the provider holds a BADA 3 licence.
+A provider's radar feed is a table with column names and units of its own, and the provider holds a BADA 4 licence.
 Both are a few lines: rename and convert the columns once, and name the folder of BADA's files.
 """
 
@@ -73,27 +73,35 @@ except df.DescentflowError as error:
 # %%
 # A BADA licence
 # --------------
-# EUROCONTROL ships BADA 3 as a folder: ``SYNONYM.NEW``, and OPF and APF files. descentflow reads it as it is. No
-# licensed file can be shown here, so these lines write one in the same form, from the embedded open coefficients;
-# you have the folder already.
+# EUROCONTROL ships BADA 4 as a folder with an XML file for each aircraft model, and descentflow reads it as it is. No
+# licensed file can be shown here. These lines take EUROCONTROL's dummy aircraft, which come with its library pyBADA;
+# you name your own folder.
 
-from descentflow.aircraft_types.bada3.apf_file import apf_of, write_apf
-from descentflow.aircraft_types.bada3.opf_file import opf_of, write_opf
+import pyBADA
 
-bada = folder / "bada"
-bada.mkdir()
-write_opf(opf_of(df.aircraft("A320")), bada / "A320__.OPF")
-write_apf(apf_of(df.aircraft("A320")), bada / "A320__.APF")
-print((bada / "A320__.OPF").read_text(encoding="latin-1")[:1400])
+bada = Path(pyBADA.__file__).parent / "aircraft" / "BADA4"
+try:
+    df.aircraft("DUM2", bada_dir=bada)
+except df.DescentflowError as error:
+    print(error)
 
 # %%
-# From here on the folder's coefficients infer the drag and fly it again. Types are resolved through ``SYNONYM.NEW``
-# where there is one.
+# Two models have this designator, so one of them is named. From here on its coefficients infer the drag and fly it
+# again. BADA 3 works alike, see :doc:`/how-to/bada`.
 
-licensed = df.aircraft("A320", bada_dir=bada)
-print(licensed.typecode, "reference mass", float(licensed.mass_reference_kg), "kg;", licensed.source)
-model = df.fit(descents, model="gaussian", bada_dir=bada)
+licensed = df.aircraft("Dummy-TWIN", bada_dir=bada)
+print(licensed)
+model = df.fit(descents, model="gaussian", bada_dir=bada, aircraft="Dummy-TWIN")
 print(model)
+
+# %%
+# Its engines brake at idle, and burn fuel all the same:
+
+import torch
+
+altitude_m, tas_mps = torch.tensor([3048.0, 6096.0, 9144.0]), torch.tensor([175.0, 205.0, 235.0])
+print("idle thrust, kN:", licensed.idle_thrust_n(altitude_m, tas_mps) / 1000)
+print("fuel flow, kg/min:", licensed.idle_fuel_flow_kg_s(altitude_m, tas_mps) * 60)
 
 # %%
 # A nominal descent by these coefficients, beside samples:
@@ -118,8 +126,8 @@ axes.legend()
 # .. code-block:: sh
 #
 #    descentflow prepare feed_in_ft_and_kt.csv --typecode A320 --out descents.parquet
-#    descentflow fit --model Gaussian --data.descents descents.parquet --data.bada_dir bada/
-#    descentflow simulate --typecode A320 --flights 100 --bada-dir bada/ --out rows.parquet
+#    descentflow fit --model Gaussian --data.descents descents.parquet --data.bada_dir bada/ --data.aircraft A320-231
+#    descentflow simulate --typecode A320-231 --flights 100 --bada-dir bada/ --out rows.parquet
 #
 # The coefficients are kept in the checkpoint: treat it as the licence tells you to treat them.
 

@@ -1,10 +1,12 @@
-"""Descents a second of the decoder, beside the memory and power bounds of the same arrays, and pyBADA."""
+"""Descents a second of the decoder, beside the memory and power bounds of the same arrays, BADA 4, and pyBADA."""
 
 import argparse
+import importlib.util
 import os
 import subprocess
 import sys
 import tempfile
+import time
 import warnings
 from pathlib import Path
 
@@ -40,6 +42,7 @@ def run(args: argparse.Namespace) -> None:
         print("pyBADA is not installed: no ratio to it")
     else:
         print(f"pyBADA, FL370-150 at 1,000 ft steps: {peer * 1000:.0f} ms a descent")
+        _bada4()
     _memory()
     _first_descent(args.checkpoint)
     if torch.cuda.is_available():
@@ -65,6 +68,26 @@ def pybada_descent_s() -> float | None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return best_of(fly, repeats=3)
+
+
+def _bada4() -> None:
+    """Processor time of pyBADA's dummies of BADA 4 over that of BADA 3, one thread, in turns."""
+    spec = importlib.util.find_spec("pyBADA")
+    folder = Path(str(spec.origin if spec else "")).parent / "aircraft" / "BADA4"
+    types = {kind: aircraft(f"Dummy-{kind}", folder) for kind in ("TWIN", "TBP", "PST")}
+    torch.set_num_threads(1)
+    print_row(["precision", "BADA 3 ms", *(f"BADA 4 {one.engine}" for one in types.values())])
+    for dtype in (torch.float64, torch.float32):
+        arguments, best = profiles(dtype), dict.fromkeys(("BADA 3", *types), float("inf"))
+        arrays = {kind: integrate(aircraft("A320"), *arguments) for kind in best}
+        for _ in range(7):
+            for kind in best:
+                started = time.process_time()
+                integrate(types.get(kind) or aircraft("A320"), *arguments, out=arrays[kind])
+                best[kind] = min(best[kind], time.process_time() - started)
+        base = best.pop("BADA 3")
+        ratios = (f"{one / base:.2f}" for one in best.values())
+        print_row([str(dtype).split(".")[1], f"{1000 * base:.1f}", *ratios])
 
 
 def profiles(

@@ -272,16 +272,23 @@ def test_descents_of_several_types_need_an_aircraft(tmp_path: Path, capsys) -> N
     assert "types" in capsys.readouterr().err
 
 
-def test_a_licence_holders_directory_serves_the_whole_path(tmp_path: Path) -> None:
-    """EUROCONTROL's files as they come (here the dummies): rows, descents, checkpoint and samples are of that type."""
+@pytest.mark.parametrize(("family", "name"), [("BADA3", "J2H"), ("BADA4", "Dummy-TWIN")])
+def test_a_licence_holders_directory_serves_the_whole_path(tmp_path: Path, family: str, name: str) -> None:
+    """EUROCONTROL's files as they come (here the dummies, from the folder above): all commands fly that type."""
     spec = importlib.util.find_spec("pyBADA")
     assert spec is not None, "the test extra installs pybada"
-    release = Path(str(spec.origin)).parent / "aircraft" / "BADA3" / "DUMMY"
-    rows, prepared = tmp_path / "rows.parquet", tmp_path / "descents.parquet"
-    flown = ["simulate", "--typecode", "J2H", "--bada-dir", str(release), "--flights", "60", "--out", str(rows)]
-    assert main(flown) == 0
+    release = Path(str(spec.origin)).parent / "aircraft" / family
+    release = release if family == "BADA4" else release / "DUMMY"
+    rows, prepared, bada = tmp_path / "rows.parquet", tmp_path / "descents.parquet", ["--bada-dir", str(release)]
+    assert main(["simulate", "--typecode", name, *bada, "--flights", "80", "--out", str(rows)]) == 0
     assert main(["prepare", str(rows), "--out", str(prepared)]) == 0
-    run = fit(tmp_path / "run", prepared, "gaussian", "--data.bada_dir", str(release))
-    checkpoint = next(run.rglob("best.ckpt"))
-    assert load_model(checkpoint).representation.decoder.aircraft == aircraft("J2H", release)
-    assert main(["sample", str(checkpoint), "-n", "5", "--out", str(tmp_path / "samples.parquet")]) == 0
+    run = fit(tmp_path / "run", prepared, "gaussian", "--data.bada_dir", str(release), "--data.aircraft", name)
+    checkpoint = str(next(run.rglob("best.ckpt")))
+    assert load_model(checkpoint).representation.decoder.aircraft == aircraft(name, release)
+    out = ["--out", str(tmp_path / "made.parquet")]
+    assert main(["sample", checkpoint, "-n", "5", *out]) == 0
+    assert main(["predict-descent", checkpoint, str(prepared), "--from-fl", "250", "-n", "50", *out]) == 0
+    assert main(["export", checkpoint, "--to", "parquet", "-n", "5", *out]) == 0
+    scores = ["--no-figures", "--out", str(tmp_path / "scores")]
+    assert main(["evaluate", checkpoint, "--real", str(prepared), *scores]) == 0
+    assert main(["diagnose", "--real", str(prepared), "--typecode", name, *bada, "--out", str(tmp_path / "gap")]) == 0

@@ -4,6 +4,4 @@ Reading order: :mod:`~descentflow.aircraft_types.bada3.bada_directory` (a folder
 :mod:`~descentflow.aircraft_types.bada3.opf_file`, :mod:`~descentflow.aircraft_types.bada3.apf_file`,
 :mod:`~descentflow.aircraft_types.bada3.gpf_file`, :mod:`~descentflow.aircraft_types.bada3.synonym_file`, all on
 :mod:`~descentflow.aircraft_types.bada3.fixed_columns`.
-
-BADA 4 is not read; see :mod:`descentflow.aircraft_types` for where a reader goes.
 """

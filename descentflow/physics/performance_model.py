@@ -68,6 +68,10 @@ class PerformanceModel(Protocol):
         """Maximum operating altitude."""
 
     @property
+    def des_cas_low_kt(self) -> Number:
+        """CAS of the standard descent below 10,000 ft."""
+
+    @property
     def des_cas_high_kt(self) -> Number:
         """CAS of the standard descent above 10,000 ft."""
 

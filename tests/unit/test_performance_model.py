@@ -30,6 +30,8 @@ PARTS = (Coefficients, Bada4Aircraft, Wing, Turboprop, Piston)
 ELSEWHERE = {"engine", "limits", "version", "thrust", "landing", "wing", "drag", "exponents"}
 BEHIND = {field.name for part in PARTS for field in fields(part)} - set(dir(PerformanceModel)) - ELSEWHERE
 """Coefficients that one model has and no other."""
+WRITER = "repaired_files"
+"""Writes files of BADA 3."""
 
 
 def test_a_type_is_a_performance_model() -> None:
@@ -41,7 +43,7 @@ def test_coefficients_of_a_model_are_read_by_it_alone() -> None:
     strays = [
         f"{path.relative_to(PACKAGE)}:{node.lineno} {node.attr}"
         for path in sorted(PACKAGE.rglob("*.py"))
-        if path.relative_to(PACKAGE).parts[0] != "aircraft_types"
+        if path.relative_to(PACKAGE).parts[0] != "aircraft_types" and path.stem != WRITER
         for node in ast.walk(ast.parse(path.read_text()))
         if isinstance(node, ast.Attribute) and node.attr in BEHIND
     ]

@@ -105,18 +105,11 @@ def bluesky(checkpoint: str, folder: Path) -> Figure:
 
 
 def bluebird(checkpoint: str, folder: Path) -> Figure:
-    """Times of 600 flights of bluebird-dt by the exported predictor, the exported tables, and its own class."""
+    """Times of 600 flights of bluebird-dt by the exported predictor, and by its own class."""
     from bluebird_dt.core import Aircraft
     from bluebird_dt.predictor.linear_predictor import LinearPredictor
 
     export(checkpoint, "bluebird", folder / "sampled_a320.py", n=2000)
-    tables = export(checkpoint, "bluebird", folder / "a320.json", n=2000)
-    by_kind = {path.stem.removeprefix("a320_"): str(path) for path in tables}
-    paths = {
-        "aircraft_mapping_path": by_kind["mapping"],
-        "performance_profile_data_path": by_kind["profile"],
-        "performance_uncertainty_data_path": by_kind["uncertainty"],
-    }
     sys.path.insert(0, str(folder))
     sampled = importlib.import_module("sampled_a320").SampledDescents
 
@@ -133,12 +126,12 @@ def bluebird(checkpoint: str, folder: Path) -> Figure:
     top, low = (flown.levels_fl.tolist().index(level) for level in (340.0, 150.0))
     own = (flown.time_s[:, low] - flown.time_s[:, top])[flown.entry >= top].numpy()
     found = {"the samples": own}
-    made = ("predictor", sampled(3.0, 1.0, None, **paths)), ("tables", LinearPredictor(3.0, 1.0, None, **paths))
-    for name, predictor in (*made, ("bluebird's class MEDIUM", LinearPredictor(3.0, 1.0, None))):
+    made = ("predictor", sampled(3.0, 1.0, None)), ("bluebird's class MEDIUM", LinearPredictor(3.0, 1.0, None))
+    for name, predictor in made:
         found[name] = np.array([seconds(predictor, seed) for seed in range(600)])
     figure = Figure(figsize=(8.0, 3.8), layout="constrained")
     axes = figure.subplots()
-    for (name, values), style in zip(found.items(), [("black", "-"), *MODELS[:3]], strict=True):
+    for (name, values), style in zip(found.items(), [("black", "-"), *MODELS[:2]], strict=True):
         label = f"{name}: {values.mean():.0f} s, spread {values.std():.0f} s"
         shares = (np.arange(len(values)) + 0.5) / len(values)
         axes.plot(np.sort(values), shares, color=style[0], linestyle=style[1], label=label)

@@ -23,7 +23,6 @@ def run(
     every: float = 120.0,
     prefix: str = "",
     as_: list[str] | None = None,
-    into: tuple[Path, Path, Path] | None = None,
     precision: Literal["float64", "float32"] = "float64",
     step_s: float | None = None,
     draw_budget: int | None = None,
@@ -43,8 +42,6 @@ def run(
         every (S): seconds from one flight's arrival to the next one's
         prefix (LETTERS): of the callsigns (default: three letters that stand for these flights)
         as_ (TYPES): types that fly the samples, A319,A320,A321; such a list for each checkpoint: bluesky, bluebird
-        into (PROFILE UNCERTAINTY MAPPING): tables of bluebird-dt, whose climbs, cruises and other types the written
-            ones keep: bluebird
         precision: of the inputs and outputs of a sampler: onnx
         step_s (S): a row every S seconds, on whole steps of the clock: parquet, cf, traffic (default: 1 for traffic,
             a row for each level for the others)
@@ -73,7 +70,6 @@ def run(
             step_s=step_s,
             prefix=prefix,
             fly_as=as_ or (),
-            into=into or (),
             **where,
         )
     for path in written:

@@ -48,7 +48,6 @@ def export(
     step_s: float | None = None,
     prefix: str = "",
     fly_as: str | Sequence[str] = (),
-    into: Sequence[str | Path] = (),
 ) -> list[Path]:
     """Write a model's samples, or the model, in the format of another program.
 
@@ -74,7 +73,6 @@ def export(
         prefix: Of the callsigns; if empty, three letters that stand for these flights, so that two exports that fly in
             one simulation have two.
         fly_as: Types that a model's samples are flown as, as "A319,A320,A321"; one such text for each model.
-        into: Profile, uncertainty and mapping of bluebird-dt, whose climbs and cruises the tables keep.
 
     Returns:
         The files that were written.
@@ -113,7 +111,6 @@ def export(
         step_s=target.step_s if step_s is None else step_s,
         prefix=prefix,
         fly_as=tuple(said),
-        into=tuple(map(Path, into)),
         models=len(densities),
     )
     requests = [replace(first, density=one, first=i) for i, one in enumerate(densities)]

@@ -39,7 +39,6 @@ class ExportRequest:
         step_s: Seconds from row to row; a row for each level if None.
         prefix: Of the callsigns; if empty, three letters that stand for these flights.
         fly_as: Types that the samples are flown as, in turn; the model's own if empty.
-        into: Files of the other program that the output has beside its own.
         first: Number of the first flight, where flights of several models are counted on.
         models: How many there are; so far apart are the numbers of this one's flights.
 
@@ -63,7 +62,6 @@ class ExportRequest:
     step_s: float | None = None
     prefix: str = ""
     fly_as: tuple[str, ...] = ()
-    into: tuple[Path, ...] = ()
     first: int = 0
     models: int = 1
 

@@ -81,7 +81,7 @@ class Target:
         return found
 
 
-DEFAULTS = {"models": 1, "precision": "float64", "step_s": None, "prefix": "", "fly_as": (), "into": ()}
+DEFAULTS = {"models": 1, "precision": "float64", "step_s": None, "prefix": "", "fly_as": ()}
 """Options that some targets have and others refuse, with what they are where nobody asked."""
 ROWS, FLEET = ("step_s", "prefix"), ("models", "fly_as")
 TARGETS = {
@@ -95,11 +95,7 @@ TARGETS = {
         (".scn", ".py"),
         options=("prefix", *FLEET),
     ),
-    "bluebird": Target(
-        "tables for bluebird-dt (.json), or a predictor that flies samples (.py)",
-        (".json", ".py"),
-        options=("into", *FLEET),
-    ),
+    "bluebird": Target("a predictor for bluebird-dt that flies samples", (".py",), options=FLEET),
     "onnx": Target(
         "the sampler itself, for onnxruntime in any language: random numbers in, descents out",
         (".onnx",),

@@ -13,7 +13,6 @@ import pytest
 
 import descentflow as df
 from descentflow.cli.entry import main
-from descentflow.core.errors import ConfigError, DataError
 from descentflow.exports.export import export
 
 N = 200
@@ -33,7 +32,6 @@ def bluebird() -> Any:
 def written(a320: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bluebird")
     export(a320, "bluebird", folder / "flown.py", n=2000)
-    export(a320, "bluebird", folder / "a320.json", n=2000)
     return folder
 
 
@@ -48,21 +46,16 @@ def own_seconds(a320: Path) -> np.ndarray:
 
 
 def predictor(folder: Path, *, sampled: bool, dt: float = 3.0) -> Any:
-    """The exported predictor, or bluebird's own with the exported tables."""
+    """The exported predictor, or bluebird's own."""
     from bluebird_dt.predictor.linear_predictor import LinearPredictor
 
-    paths = {
-        "aircraft_mapping_path": str(folder / "a320_mapping.json"),
-        "performance_profile_data_path": str(folder / "a320_profile.json"),
-        "performance_uncertainty_data_path": str(folder / "a320_uncertainty.json"),
-    }
     if not sampled:
-        return LinearPredictor(dt, 1.0, None, **paths)
+        return LinearPredictor(dt, 1.0, None)
     spec = importlib.util.spec_from_file_location("flown", folder / "flown.py")
     module = importlib.util.module_from_spec(spec)
     sys.modules["flown"] = module
     spec.loader.exec_module(module)
-    return module.SampledDescents(dt, 1.0, None, **paths)
+    return module.SampledDescents(dt, 1.0, None)
 
 
 def simulated_seconds(own: Any, n: int, monkeypatch: pytest.MonkeyPatch, folder: Path) -> np.ndarray:
@@ -112,19 +105,9 @@ def test_the_predictor_flies_samples_in_a_whole_simulation(
     assert found.mean() == pytest.approx(own_seconds.mean(), rel=0.03)
     assert found.std() == pytest.approx(own_seconds.std(), rel=0.15)
     tabled = simulated_seconds(predictor(written, sampled=False), 5, monkeypatch, tmp_path)
-    assert (np.abs(found[:5] - tabled) > 1).any(), "these are samples, not tables"
+    assert (np.abs(found[:5] - tabled) > 1).any(), "these are samples, not bluebird's table"
     again = simulated_seconds(predictor(written, sampled=True), 5, monkeypatch, tmp_path)
     np.testing.assert_array_equal(again, found[:5])
-
-
-@pytest.mark.filterwarnings("ignore")
-def test_the_tables_give_times_like_the_samples(
-    written: Path, own_seconds: np.ndarray, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    bluebird()
-    found = simulated_seconds(predictor(written, sampled=False), N, monkeypatch, tmp_path)
-    assert found.mean() == pytest.approx(own_seconds.mean(), rel=0.03)
-    assert found.std() == pytest.approx(own_seconds.std(), rel=0.15)
 
 
 def flight(fl: float, to_fl: float, typecode: str = "A320", **said: float) -> Any:
@@ -183,87 +166,3 @@ def test_the_example_of_the_page_flies_samples(a320: Path, tmp_path: Path, monke
     own = json.loads(Path("sampled.json").read_text())["fleet"][0]["samples"][number]
     expected = np.interp(-one.fl, -np.array(own["level_fl"]), own["vertical_rate"])
     assert one.vertical_speed == pytest.approx(expected, abs=30.0)
-
-
-@pytest.mark.filterwarnings("ignore")
-def test_tables_put_into_others_keep_their_climbs_and_fly_our_descents(
-    a320: Path, written: Path, tmp_path: Path
-) -> None:
-    """Without them a first climb ends the simulation: bluebird finds no rate of climb."""
-    bluebird()
-    from bluebird_dt.predictor.linear_predictor import LinearPredictor
-    from bluebird_dt.utility.paths import (
-        AIRCRAFT_WEIGHT_MAPPING_FILE,
-        SIMPLE_PERFORMANCE_PROFILE_FILE,
-        SIMPLE_PERFORMANCE_UNCERTAINTY_FILE,
-    )
-
-    files = (SIMPLE_PERFORMANCE_PROFILE_FILE, SIMPLE_PERFORMANCE_UNCERTAINTY_FILE, AIRCRAFT_WEIGHT_MAPPING_FILE)
-    out = export(a320, "bluebird", tmp_path / "all.json", n=2000, fly_as="A319,A320", into=files)
-    names = ("performance_profile_data_path", "performance_uncertainty_data_path", "aircraft_mapping_path")
-    both = LinearPredictor(3.0, 1.0, None, **dict(zip(names, map(str, out), strict=True)))
-    stock, alone = LinearPredictor(3.0, 1.0, None), predictor(written, sampled=False)
-
-    def seconds(own: Any, made: Any, level: float) -> float:
-        points, _ = own._predict(made, 1500.0)
-        levels = [point.fl for point in points]
-        rising = levels[-1] > levels[0]
-        return float(
-            np.interp(level if rising else -level, [fl if rising else -fl for fl in levels], [p.time for p in points])
-        )
-
-    with pytest.raises(KeyError, match="cl"):
-        seconds(alone, flight(150.0, 300), 250.0)
-    for typecode in ("A319", "A320"):
-        assert seconds(both, flight(150.0, 300, typecode), 250.0) == seconds(stock, flight(150.0, 300), 250.0)
-    for typecode in ("B738", "A388"):
-        for ends in ((150.0, 300), (300.0, 150)):
-            level = sum(ends) / 2
-            assert seconds(both, flight(*ends, typecode), level) == seconds(stock, flight(*ends, typecode), level)
-    ours = seconds(alone, flight(340.0, 140), 160.0)
-    assert seconds(both, flight(340.0, 140), 160.0) == pytest.approx(ours, abs=0.5)
-    assert abs(seconds(stock, flight(340.0, 140), 160.0) - ours) > 20
-    low = flight(120.0, 60)
-    both.update_vertical_speeds(low)
-    assert -2800 < low.vertical_speed < -2200, "below our levels theirs, 2,500 ft/min for a nominal flight"
-
-
-@pytest.mark.parametrize(
-    ("spoil", "message"),
-    [
-        ("profile", r"no profile of bluebird-dt.*expected a JSON object with 'aircraft'"),
-        ("mapping", "no mapping of bluebird-dt"),
-        ("climbs", "no climbs of MEDIUM in the profile"),
-        ("number", "2 files to put descents into"),
-        ("same", "would be written over"),
-        ("predictor", "for a predictor"),
-    ],
-)
-def test_tables_that_cannot_be_put_into_others_are_refused(
-    a320: Path, tmp_path: Path, spoil: str, message: str
-) -> None:
-    entry = {"flight_level": [0, 400], "rocd_cl": 2000, "cas_cl": [250, 300], "rocd_des": 2500}
-    if spoil == "climbs":
-        del entry["rocd_cl"]
-    made = {"profile": {"aircraft": {"MEDIUM": entry}}, "uncertainty": {"aircraft": {}}, "mapping": {"A320": "MEDIUM"}}
-    files = [tmp_path / f"my_{kind}.json" for kind in made]
-    for path, (kind, table) in zip(files, made.items(), strict=True):
-        path.write_text("[]" if kind == spoil else json.dumps(table))
-    before = [path.read_text() for path in files]
-    out = tmp_path / {"same": "my.json", "predictor": "d.py"}.get(spoil, "d.json")
-    with pytest.raises((ConfigError, DataError), match=message):
-        export(a320, "bluebird", out, n=100, into=files[:2] if spoil == "number" else files)
-    assert [path.read_text() for path in files] == before
-    assert len(list(tmp_path.iterdir())) == 3
-
-
-def test_tables_have_the_form_that_bluebird_reads(a320: Path, tmp_path: Path) -> None:
-    written = export(a320, "bluebird", tmp_path / "a320.json", n=500, fly_as="A319,A320")
-    profile, spread, mapping = (json.loads(path.read_text()) for path in written)
-    own = profile["aircraft"]["A320"]
-    assert (np.diff(own["flight_level"]) > 0).all()
-    assert all(len(own[name]) == len(own["flight_level"]) for name in own)
-    assert min(own["rocd_des"]) > 500
-    for about in spread["aircraft"]["A320"].values():
-        assert about["minimum"] < about["norm_mean"] < about["maximum"]
-    assert mapping == {"DEFAULT": "A320", "A319": "A320", "A320": "A320"}

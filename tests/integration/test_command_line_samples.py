@@ -71,19 +71,6 @@ def test_samples_are_laid_over_the_ground(run: Path, tmp_path: Path, capsys) -> 
     assert pl.read_csv(tmp_path / "route.csv")["track"].n_unique() > 2
 
 
-def test_figures_of_samples_and_predictions(run: Path, descents: Path, tmp_path: Path, capsys) -> None:
-    checkpoint = str(run / "checkpoints" / "best.ckpt")
-    png, svg, table = tmp_path / "samples.png", tmp_path / "ahead.svg", str(tmp_path / "table.parquet")
-    assert main(["sample", checkpoint, "-n", "50", "--out", table, "--figure", str(png)]) == 0
-    assert f"and {png}" in capsys.readouterr().out
-    assert png.read_bytes().startswith(b"\x89PNG")
-    ahead = ["predict-descent", checkpoint, str(descents), "--from-fl", "290", "-n", "60", "--out", table]
-    assert main([*ahead, "--figure", str(svg)]) == 0
-    assert "<svg" in svg.read_text()
-    assert main([*ahead, "--figure", str(tmp_path / "ahead.pdf")]) == 2
-    assert ".png or .svg" in capsys.readouterr().err
-
-
 def test_the_bands_of_a_figure_are_the_quantiles_of_the_table(run: Path) -> None:
     samples = df.sample(run / "checkpoints" / "best.ckpt", 200, seed=4)
     figure = samples.figure()
@@ -163,15 +150,6 @@ def test_evaluate_leaves_out_what_was_trained_on(run: Path, descents: Path, tmp_
     assert main(["evaluate", checkpoint, "--real", str(other), "--out", str(tmp_path / "new"), "-n", "300"]) == 0
     assert "80 held-out flights (0 left out" in capsys.readouterr().out
     assert {p.name for p in (tmp_path / "new").iterdir()} >= {"scores.csv", "rejections.json", "profiles.png"}
-
-
-def test_bad_outputs_of_sample(run: Path, tmp_path: Path, capsys) -> None:
-    checkpoint = str(run / "checkpoints" / "best.ckpt")
-    for out, message in (("s.xlsx", "extension among"), ("no/such/s.parquet", "does not exist")):
-        assert main(["sample", checkpoint, "-n", "3", "--out", str(tmp_path / out)]) == 2
-        assert message in capsys.readouterr().err
-    assert main(["sample", checkpoint, "-n", "0", "--out", str(tmp_path / "s.parquet")]) == 2
-    assert list(tmp_path.iterdir()) == [], "nothing half-written is left"
 
 
 @pytest.mark.parametrize(

@@ -15,10 +15,8 @@ from surveillance_toys import fleet
 
 import descentflow as df
 from descentflow.cli.entry import main
-from descentflow.core.errors import DescentflowWarning
 from descentflow.core.tabular import safe_in_spreadsheets, write_table
 from descentflow.surveillance.descents.prepared_descents import Descents
-from descentflow.surveillance.descents.store import read_store
 
 pytestmark = pytest.mark.usefixtures("components_once", "worlds_once")
 
@@ -83,23 +81,6 @@ def test_a_diagnosis_of_hostile_flights_is_text(tmp_path: Path) -> None:
     dom, requests = shown_in_browser(tmp_path / "gap" / "gap.html", tmp_path)
     assert title_of(dom) != "RAN"
     assert "192.0.2.1" not in requests
-
-
-def test_types_that_are_paths_stay_in_the_store(tmp_path: Path) -> None:
-    names = ["../../out", "/etc/passwd", "A/B", "..", "CON", "航空"]
-    rows = fleet(6).with_columns(
-        typecode=pl.col("icao24").str.slice(3).cast(pl.Int32).map_elements(names.__getitem__, pl.String)
-    )
-    (tmp_path / "inside").mkdir()
-    with pytest.warns(DescentflowWarning, match=r"descents of type .*ETC/PASSWD.* no designator"):
-        df.prepare(rows, out=tmp_path / "inside" / "store")
-    assert {path.name for path in tmp_path.iterdir()} == {"inside"}
-    assert {path.name for path in (tmp_path / "inside").iterdir()} == {"store"}
-    inside = (tmp_path / "inside" / "store").resolve()
-    files = list(inside.rglob("*.parquet"))
-    assert len(files) == len(names)
-    assert all(path.resolve().is_relative_to(inside) for path in files)
-    assert set(read_store(inside)[0]["typecode"]) == {name.upper() for name in names}
 
 
 def test_cells_that_a_spreadsheet_would_execute_are_text(tmp_path: Path) -> None:

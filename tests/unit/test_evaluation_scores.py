@@ -108,25 +108,6 @@ def test_too_few_flights_have_a_reason_and_no_score(n: int) -> None:
     assert table.scalars() == {}
 
 
-def test_too_few_flights_to_halve_keep_their_score() -> None:
-    real = flights(60)
-    row = score(flights(60, 1), real.subset(real.spans_grid()).subset(torch.arange(6)), 290.0).get(
-        "time_to_bottom_of_descent", "ks"
-    )
-    assert row.score > 0
-    assert isnan(row.floor)
-    assert "no floor" in row.note
-
-
-def test_nominal_is_scored_by_its_mean_alone() -> None:
-    real = flights(60)
-    mean = torch.where(real.mask, real.cas_mps, 0).sum(0) / real.mask.sum(0)
-    nominal = replace(real.subset(torch.tensor([0])), cas_mps=mean[None] + 12 * KT_MPS, mask=torch.ones(1, 21) > 0)
-    table = score(flights(60, 1), real, 290.0, nominal)
-    assert table.get("cas_below_transition", "mae").nominal == pytest.approx(12, rel=1e-9)
-    assert isnan(table.get("cas_below_transition", "ks").nominal)
-
-
 def test_refusals() -> None:
     real = flights(20)
     other = DescentSet.of_profiles(toys.flights(20, bottom_fl=281, top_fl=300))

@@ -16,11 +16,9 @@ from descentflow.core.errors import CheckpointError, ConfigError, DataError
 from descentflow.core.units import KT_MPS
 from descentflow.exports.columns import COLUMNS
 from descentflow.exports.export import export
-from descentflow.exports.traffic_export import TrafficGeneration
 from descentflow.generation.rejection import sample_descents
 from descentflow.generation.sample_airs import air_of_table, airs_of
 from descentflow.generation.sample_tables import UNITS
-from descentflow.positions.ground_plan import ground_plan
 from descentflow.representation.own_air import flown_in
 from descentflow.representation.read_checkpoint import load_representation
 from descentflow.simulation.world_config import WorldConfig
@@ -105,14 +103,6 @@ def test_parquet_and_cf_say_what_the_columns_of_the_air_are(checkpoint: Path, tm
         one = df.sample(checkpoint, 5).to_polars().filter(sample_id=2)
         assert file["deviation_k"][2].compressed() == pytest.approx(one["deviation_k"].to_list())
         assert file["deviation_k"].units_metadata == "temperature: difference"
-
-
-def test_traffics_adapter_flies_in_the_wind_of_the_samples(checkpoint: Path) -> None:
-    plan = ground_plan(end=(52.0, 4.0), track=90.0)
-    rows, _ = TrafficGeneration(checkpoint, plan, features=("groundspeed",), n_obs=2, seed=3).sample(4)
-    table = df.sample(checkpoint, 4, seed=3).placed(end=(52.0, 4.0), track=90.0).to_polars()
-    first = table.group_by("sample_id", maintain_order=True).first()
-    assert rows[:, 0] == pytest.approx(first["groundspeed"].to_list())
 
 
 @pytest.mark.parametrize(

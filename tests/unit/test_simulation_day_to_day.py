@@ -10,16 +10,11 @@ import torch
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
-from descentflow.representation.flight_parts import top_level
-from descentflow.representation.fpca.basis import explained_share, number_of_components
-from descentflow.representation.profiles import profiles_from_frame
 from descentflow.simulation.autopilot import LEAST_FPM
 from descentflow.simulation.parameters import draw_parameters
-from descentflow.simulation.scenarios import scenario_settings
 from descentflow.simulation.weather import HEIGHT_M, draw_weather
 from descentflow.simulation.world import World, simulate
 from descentflow.simulation.world_config import WorldConfig
-from descentflow.surveillance.prepare import prepare
 
 A320 = open_aircraft("A320")
 CALM = WorldConfig(wander_kt=0.0, level_off_share=0.0, managed_share=0.0, cruise_s=(30.0, 30.0))
@@ -165,29 +160,3 @@ def test_airframes_start_on_days_of_their_own_within_the_season() -> None:
     assert len({one[0] for one in days}) > 25
     assert world.flights["start"].dt.date().n_unique() > 60
     assert (world.flights["start"].max() - world.flights["start"].min()).days < 92
-
-
-def components(values: torch.Tensor) -> int:
-    """Components that explain 80 % of complete profiles (n, levels)."""
-    centred = (values - values.mean(0)).double()
-    spectrum = torch.linalg.eigvalsh(centred.T @ centred).flip(0)
-    return number_of_components(explained_share(spectrum), 0.8)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("typecode", "drag", "cas"), [("B738", 13, 2), ("A320", 10, 2), ("E190", 6, 2)])
-def test_about_as_many_components_explain_a_large_types_flights_as_the_papers(
-    typecode: str, drag: int, cas: int
-) -> None:
-    """Counted without any filling: all flights start above the grid, and those that show all of it are taken."""
-    aircraft = open_aircraft(typecode)
-    config = scenario_settings("london-fir-2019", aircraft)
-    high = config.top_range[1]
-    config = replace(config, low_top_share=0.0, top_range=(high - 0.03, high), gap_share=0.0, level_off_share=0.0)
-    world = simulate(aircraft, 1000, 2, replace(config, managed_share=0.0, interval_s=2, step_s=2.0))
-    profiles = profiles_from_frame(prepare(world.rows, typecode=typecode).frame, aircraft, 150)
-    profiles = profiles.between(150, top_level(profiles))
-    whole = profiles.mask.all(1)
-    assert whole.sum() > 200
-    assert abs(components(profiles.drag_n[whole]) - drag) <= 4  # the E190 has 10
-    assert components(profiles.cas_mps[whole]) == cas

@@ -1,11 +1,12 @@
 """Flights as they would have been in standard, still air: at the same CAS and drag, without the weather."""
 
+from typing import TYPE_CHECKING
+
 import polars as pl
 import torch
 from torch import Tensor
 
 from descentflow.air.energy_in_air import drag_in_air, in_air
-from descentflow.air.measured_air import FlightAirs
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.measurements.along_track import drift_cosine, level_part_kt
 from descentflow.measurements.level_channels import LevelGrid
@@ -14,6 +15,9 @@ from descentflow.physics.energy import descent_rate_mps, inferred_drag_n
 from descentflow.physics.idle_state import idle_state
 from descentflow.physics.performance_model import PerformanceModel
 
+if TYPE_CHECKING:
+    from descentflow.air.measured_air import FlightAirs
+
 CHANGED = ("vertical_rate", "TAS", "groundspeed", "geoaltitude", "track", "heading")
 """Channels that the air enters, or that are needed to take it out."""
 SLOWEST_MPS = 0.5
@@ -21,7 +25,7 @@ SLOWEST_MPS = 0.5
 
 
 def in_standard_air(
-    frame: pl.DataFrame, aircraft: PerformanceModel, airs: FlightAirs, levels_fl: Tensor
+    frame: pl.DataFrame, aircraft: PerformanceModel, airs: "FlightAirs", levels_fl: Tensor
 ) -> pl.DataFrame:
     """Prepared descents brought to standard air: rate, times, TAS, groundspeed and geometric altitude.
 

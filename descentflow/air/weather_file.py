@@ -14,17 +14,15 @@ from dataclasses import dataclass
 from functools import cache, reduce
 from itertools import chain
 from pathlib import Path
-from typing import Any, TextIO, TypeGuard
+from typing import Any, TextIO
 
 import numpy as np
 
 from descentflow.air import weather_layout as layout
-from descentflow.air.weather_layout import AXES, NAMES, VERSION, Array, Axis
+from descentflow.air.weather_layout import AXES, GRIB, NAMES, SUFFIXES, VERSION, Array, Axis
 from descentflow.core.errors import DataError, DescentflowError
 from descentflow.core.tabular import optional_library, pyproj
 
-GRIB = (".grib", ".grb", ".grib2", ".grb2")
-SUFFIXES = (".nc", ".nc4", *GRIB)
 Source = str | Path | Sequence[str | Path]
 """A file, a folder of files, or several."""
 SAME = 0.1
@@ -119,11 +117,6 @@ def weather_file_of(data: Any, path: str) -> WeatherFile:
         along,
         {name: layout.place_axis(data[name], axis, path) for axis, name in named.items()},
     )
-
-
-def names_weather(source: object) -> TypeGuard[str | Path]:
-    """True for the path of such a file or of a folder, as a command or an argument names it."""
-    return isinstance(source, str | Path) and (Path(source).suffix.lower() in SUFFIXES or Path(source).is_dir())
 
 
 def same(one: Array, other: Array) -> bool:

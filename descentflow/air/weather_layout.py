@@ -1,6 +1,7 @@
 """Axes, variables and units of a weather model's file: what is certain is read, everything else is refused by name."""
 
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple, TypeGuard
 
 import numpy as np
 import torch
@@ -12,6 +13,8 @@ from descentflow.core.units import FL_M, KT_MPS
 from descentflow.physics.atmosphere import pressure_altitude_m
 
 Array = NDArray[np.float64]
+GRIB = (".grib", ".grb", ".grib2", ".grb2")
+SUFFIXES = (".nc", ".nc4", *GRIB)
 AXES = {
     "time": ("valid_time", "time"),
     "pressure": ("isobaricInhPa", "isobaricInPa", "pressure_level", "level", "plev", "isobaric"),
@@ -34,6 +37,11 @@ _MPS = dict.fromkeys(("m/s", "ms-1", "m.s-1"), 1.0) | dict.fromkeys(("kt", "kts"
 _HPA = dict.fromkeys(("hpa", "mb", "mbar", "millibar", "millibars"), 1.0) | {"pa": 0.01}
 _AIR_K, _LOWEST_HPA = (150.0, 350.0), (150.0, 1100.0)
 """Temperatures of air, and where the lowest level of a field of descents is; in Celsius and in Pa none is within."""
+
+
+def names_weather(source: object) -> TypeGuard[str | Path]:
+    """True for the path of a weather file or of a folder, as a command or an argument names it."""
+    return isinstance(source, str | Path) and (Path(source).suffix.lower() in SUFFIXES or Path(source).is_dir())
 
 
 class Axis(NamedTuple):

@@ -170,5 +170,6 @@ def evaluate_profiles(
     generated, observed = DescentSet.of_trajectories(samples.trajectories), DescentSet.of_profiles(real)
     nominal = DescentSet.of_nominal(nominal_descent(decoder.aircraft, decoder.levels_fl.cpu()))
     transition_fl = decoder.transition_fl
-    scores = score(generated, observed, transition_fl, nominal, seed, n_splits, costly=costly, progress=score_progress)
+    count = score_progress or (lambda _: None)
+    scores = score(generated, observed, transition_fl, nominal, seed, n_splits, costly=costly, progress=count)
     return Evaluation(name, generated, observed, nominal, scores, samples.report, representation)

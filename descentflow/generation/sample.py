@@ -1,14 +1,15 @@
 """Sample plausible descents from a fitted model: what `descentflow sample` calls."""
 
 import os
-from collections.abc import Callable, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import torch
 
-from descentflow.air.weather_field import weather_field
-from descentflow.air.weather_file import names_weather
+from descentflow.air.weather_layout import names_weather
 from descentflow.core.arguments import Count, checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.core.threads import one_thread_where_they_spin
@@ -24,6 +25,9 @@ from descentflow.generation.sample_airs import Airs, airs_of
 from descentflow.generation.sample_contexts import Contexts, context_rows, entry_levels
 from descentflow.generation.samples import Samples, origin_of
 from descentflow.positions.ground_plan import NOWHERE, GroundPlan
+
+if TYPE_CHECKING:
+    from descentflow.generation.air_along_path import AirAlongPath
 
 QUANTITIES = 6
 """Of each descent at each level: time, CAS, Mach number, TAS, rate and drag."""
@@ -91,12 +95,7 @@ def sample(
     airs = None if field is not None else airs_of(air, representation)
     check_one_temperature(given, airs, field=field is not None)
     tell_drawn_airs(representation, air)
-    with nullcontext() if field is None else weather_field(field) as opened:
-        along = None
-        if opened is not None:
-            from descentflow.generation.air_along_path import AirAlongPath  # here: samples without a field need none
-
-            along = AirAlongPath(opened, plan)
+    with nullcontext() if field is None else _along_path(field, plan) as along:
         found = sample_descents(
             density,
             representation,
@@ -113,6 +112,17 @@ def sample(
             found = replace(found, air=there.air, flown_at=there.positions)
     found = found if given is None else samples_in_given_air(found, given)
     return replace(found, context=contexts, plan=plan, origin=origin_of(density, seed))
+
+
+@contextmanager
+def _along_path(field: str | Path, plan: GroundPlan) -> "Iterator[AirAlongPath]":
+    """The air of a weather field along a plan's path."""
+    # Here: samples without a field need none of it.
+    from descentflow.air.weather_field import weather_field
+    from descentflow.generation.air_along_path import AirAlongPath
+
+    with weather_field(field) as opened:
+        yield AirAlongPath(opened, plan)
 
 
 def _check_memory(n: int, n_levels: int) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from torch import Tensor
 
-from descentflow.air.weather_file import names_weather
+from descentflow.air.weather_layout import names_weather
 from descentflow.core.arguments import NotNegativeFloat, checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import NM_M

@@ -2,16 +2,18 @@
 
 import re
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from descentflow.air.weather_field import Points, WeatherField
-from descentflow.air.weather_file import Source, opened, readable
 from descentflow.air.weather_layout import EAST, NORTH
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import KT_MPS
+
+if TYPE_CHECKING:
+    from descentflow.air.weather_field import WeatherField
+    from descentflow.air.weather_file import Source
 
 Array = NDArray[np.float64]
 _WIND = re.compile(r"(?:(?P<level>\d+(?:\.\d+)?):)?(?P<direction>\d+(?:\.\d+)?)/(?P<speed>\d+(?:\.\d+)?)")
@@ -110,7 +112,7 @@ class FieldWind:
         array([40.])
     """
 
-    field: WeatherField
+    field: "WeatherField"
     levels_fl: Array
 
     def at(self, level_fl: float, latitude: Array, longitude: Array, unix_s: Array | None) -> tuple[Array, Array]:
@@ -120,6 +122,8 @@ class FieldWind:
             ConfigError: If the field has several times and the flights' is not known.
             DataError: If the field has no value at a place or a time.
         """
+        from descentflow.air.weather_field import Points
+
         if unix_s is None or len(self.field.times) == 1:
             unix_s = np.asarray(self.field.only_time)
         points = Points(unix_s, np.clip(level_fl, *self.levels_fl), latitude, longitude)
@@ -129,7 +133,7 @@ class FieldWind:
         return east, north
 
 
-def read_wind_field(source: Source) -> FieldWind:
+def read_wind_field(source: "Source") -> FieldWind:
     """Read a field of wind on pressure levels, all of it.
 
     Args:
@@ -148,6 +152,10 @@ def read_wind_field(source: Source) -> FieldWind:
         >>> read_wind_field("wind.nc").levels_fl.round()
         array([183., 340.])
     """
+    # Here: most samples are flown without a field.
+    from descentflow.air.weather_field import WeatherField
+    from descentflow.air.weather_file import opened, readable
+
     loaded = []
     with opened(source) as parts:
         for part in parts:

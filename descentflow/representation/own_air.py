@@ -3,23 +3,25 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import polars as pl
 import torch
 from torch import Tensor
 
 from descentflow.air.energy_in_air import drag_in_air, in_air, rate_in_air
-from descentflow.air.field_air import field_airs
 from descentflow.air.kept_air import KeptAir
 from descentflow.air.level_air import LevelAir
-from descentflow.air.measured_air import FlightAirs, measured_airs
-from descentflow.air.weather_file import SUFFIXES, names_weather
+from descentflow.air.weather_layout import SUFFIXES, names_weather
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation, Split
+
+if TYPE_CHECKING:
+    from descentflow.air.measured_air import FlightAirs
 
 MIN_LEVELS = 2
 """Levels that a flight must keep, as everywhere."""
@@ -29,7 +31,7 @@ AirSource = str | Path | Sequence[str | Path]
 
 
 def with_own_air(
-    profiles: Profiles, aircraft: PerformanceModel, airs: FlightAirs, say: Callable[[str], None]
+    profiles: Profiles, aircraft: PerformanceModel, airs: "FlightAirs", say: Callable[[str], None]
 ) -> Profiles:
     """The flights whose air is known, with their drag in it.
 
@@ -76,7 +78,7 @@ def in_air_asked(
     split: Split,
     air: AirSource,
     say: Callable[[str], None],
-) -> tuple[Profiles, KeptAir | None, FlightAirs | None]:
+) -> tuple[Profiles, KeptAir | None, "FlightAirs | None"]:
     """Training flights with their drag in the air that was asked for, and what a model keeps of it.
 
     Args:
@@ -117,7 +119,7 @@ def in_air_asked(
     return found, KeptAir("measured" if air == MEASURED else "field", airs.wind, found.air.rows(trained)), airs
 
 
-def airs_by(air: AirSource, frame: pl.DataFrame, levels_fl: Tensor, *, wind: bool | None = None) -> FlightAirs:
+def airs_by(air: AirSource, frame: pl.DataFrame, levels_fl: Tensor, *, wind: bool | None = None) -> "FlightAirs":
     """The airs of flights by their own reports, or by a weather field.
 
     Args:
@@ -135,6 +137,10 @@ def airs_by(air: AirSource, frame: pl.DataFrame, levels_fl: Tensor, *, wind: boo
         Traceback (most recent call last):
         descentflow.core.errors.ConfigError: data.air = 'warm'; expected standard, measured, or a weather field: ...
     """
+    # Here: most flights are flown in standard air, and would pay for its readers.
+    from descentflow.air.field_air import field_airs
+    from descentflow.air.measured_air import measured_airs
+
     if air == MEASURED:
         return measured_airs(frame, levels_fl, wind=wind)
     if isinstance(air, str | Path) and not names_weather(air):
@@ -146,7 +152,7 @@ def airs_by(air: AirSource, frame: pl.DataFrame, levels_fl: Tensor, *, wind: boo
     return field_airs(frame, levels_fl, air, wind=wind)
 
 
-def airs_as_kept(frame: pl.DataFrame, levels_fl: Tensor, kept: KeptAir, air: AirSource | None = None) -> FlightAirs:
+def airs_as_kept(frame: pl.DataFrame, levels_fl: Tensor, kept: KeptAir, air: AirSource | None = None) -> "FlightAirs":
     """The airs of other flights, found as those of a model's training flights were, or by what is given.
 
     Args:

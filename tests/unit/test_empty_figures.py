@@ -30,7 +30,9 @@ NOTHING: dict[str, Callable[[], Figure]] = {
     "distances by level of two flights": lambda: level_scores_figure(
         score(few_descents(2), few_descents(2), 290.0), 290.0
     ),
-    "cuts of two flights": lambda: cuts_figure(few_descents(2), {"flow": few_descents(2)}, None, 152.0),
+    "cuts of two flights": lambda: cuts_figure(
+        few_descents(2), {"flow": few_descents(2)}, few_descents(2).subset(torch.arange(0)), 152.0
+    ),
     "no rule broken": lambda: acceptance_figure(RejectionReport(drawn=5, accepted=5, rejected=0, surplus=0, broken={})),
     "nothing drawn": lambda: acceptance_figure(RejectionReport(drawn=0, accepted=0, rejected=0, surplus=0, broken={})),
 }

@@ -60,7 +60,7 @@ def test_profiles_show_each_set_with_its_mean() -> None:
 
 def test_mean_time_is_of_descents_that_span_the_grid() -> None:
     real = flights(40)
-    figure = profiles_figure(real, {})
+    figure = profiles_figure(real, {}, nominal())
     time = np.asarray(line(figure.axes[2], "mean of held out").get_xdata())
     assert time[0] * 60 == pytest.approx(float(real.time_to_bottom_s().mean()), rel=1e-12)
     assert time[-1] == 0
@@ -74,7 +74,9 @@ def test_what_stands_at_missing_levels_is_not_drawn() -> None:
         mask=real.mask,
         drag_n=torch.where(real.mask, real.drag_n, torch.nan),
     )
-    for one, other in zip(profiles_figure(real, {}).axes, profiles_figure(spoilt, {}).axes, strict=True):
+    for one, other in zip(
+        profiles_figure(real, {}, nominal()).axes, profiles_figure(spoilt, {}, nominal()).axes, strict=True
+    ):
         assert one.get_xlim() == other.get_xlim()
         for first, second in zip(one.lines, other.lines, strict=True):
             np.testing.assert_array_equal(first.get_xdata(), second.get_xdata())
@@ -82,7 +84,7 @@ def test_what_stands_at_missing_levels_is_not_drawn() -> None:
 
 def test_profiles_need_a_flight() -> None:
     with pytest.raises(DataError, match="no held-out flight"):
-        profiles_figure(flights(40).subset(torch.arange(0)), {})
+        profiles_figure(flights(40).subset(torch.arange(0)), {}, nominal())
 
 
 def test_distances_are_those_of_the_scores() -> None:
@@ -113,7 +115,7 @@ def test_densities_and_distribution_functions() -> None:
 def test_cuts_need_one_grid() -> None:
     other = DescentSet.of_profiles(toys.flights(10, bottom_fl=160))
     with pytest.raises(DataError, match="a on another grid"):
-        cuts_figure(flights(40), {"a": other}, None, 290.0)
+        cuts_figure(flights(40), {"a": other}, nominal(), 290.0)
 
 
 def test_acceptance_accounts_for_every_draw() -> None:

@@ -106,14 +106,6 @@ def test_nominal_must_cover_the_levels() -> None:
     assert below.note == ""
 
 
-def test_without_a_floor_the_distances_of_equal_size_are_the_same() -> None:
-    samples, real = plain(40, 1), plain(20)
-    for one, two in zip(score(samples, real, 205.0), score(samples, real, 205.0, floor=False), strict=True):
-        assert two.equal_size == one.equal_size or (isnan(two.equal_size) and isnan(one.equal_size))
-        assert two.score == one.score
-        assert isnan(two.floor) or (two.floor == one.floor and one.statistic in ("energy", "joint_energy"))
-
-
 def test_the_text_explains_what_is_absent() -> None:
     text = str(score(plain(40, 1), plain(3), float("inf"), plain(1)))
     lines = text.splitlines()

@@ -23,7 +23,7 @@ MIN_VALUES = 4
 def cuts_figure(
     real: DescentSet,
     samples: Mapping[str, DescentSet],
-    nominal: DescentSet | None,
+    nominal: DescentSet,
     level_fl: float,
     *,
     title: str = "",
@@ -36,7 +36,7 @@ def cuts_figure(
     Args:
         real: Held-out flights.
         samples: Name of each model and its samples.
-        nominal: The nominal BADA descent.
+        nominal: The nominal BADA descent; an empty set for none.
         level_fl: Where CAS and rate are taken, for instance the transition; the grid's nearest level is drawn.
         title: Written above all.
 
@@ -53,7 +53,7 @@ def cuts_figure(
         >>> figure.axes[4].get_xlabel()
         'CAS at FL287 (kt)'
     """
-    sets = {"held out": real, **samples} | ({} if nominal is None else {"nominal BADA": nominal})
+    sets = {"held out": real, **samples, "nominal BADA": nominal}
     for name, descents in sets.items():
         if not torch.equal(descents.levels_fl, real.levels_fl):
             raise DataError(f"{name} on another grid", expected="one grid for all", mend="use the checkpoint's grid")
@@ -96,7 +96,7 @@ def _draw_column(axes: list[Axes], values: Mapping[str, Tensor]) -> None:
         if name != "nominal BADA" and len(drawn) >= MIN_VALUES:
             points = _support(drawn.double(), width)
             axes[0].plot(points, density(drawn.double(), points, width), label=name, **style)
-            axes[1].plot(*_steps(drawn.double()), drawstyle="steps-post", label=name, **style)
+            axes[1].ecdf(drawn.double().numpy(), label=name, **style)
         for ax in axes:
             mean = {**style, "linewidth": 1.6 if name == "nominal BADA" else 1.0}
             ax.axvline(float(drawn.mean()), label=name if name == "nominal BADA" else None, **mean)
@@ -143,9 +143,3 @@ def density(values: Tensor, points: Tensor, width: float) -> Tensor:
 def _support(values: Tensor, width: float) -> Tensor:
     margin = _MARGIN_BANDWIDTHS * width
     return torch.linspace(float(values.min()) - margin, float(values.max()) + margin, _POINTS, dtype=torch.float64)
-
-
-def _steps(values: Tensor) -> tuple[Tensor, Tensor]:
-    """Corners of the empirical distribution function, from zero."""
-    ordered = values.sort().values
-    return torch.cat([ordered[:1], ordered]), torch.linspace(0, 1, len(ordered) + 1, dtype=torch.float64)

@@ -1,6 +1,7 @@
 """Held-out and sampled descents side by side (paper, figures 4 to 6)."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import torch
@@ -23,7 +24,7 @@ Fields = tuple[Tensor, Tensor, Tensor]
 def profiles_figure(
     real: DescentSet,
     samples: Mapping[str, DescentSet],
-    nominal: DescentSet | None = None,
+    nominal: DescentSet,
     *,
     n_lines: int = 60,
     seed: int = 0,
@@ -47,7 +48,7 @@ def profiles_figure(
         A figure of three rows and a column for the flights and for each model.
 
     Raises:
-        DataError: If there is no flight, or a set without drag.
+        DataError: If there is no flight.
 
     Example:
         >>> from descentflow.evaluation.evaluate import evaluate
@@ -63,13 +64,17 @@ def profiles_figure(
     figure = Figure(figsize=(2.2 + 2.7 * len(columns), 8.4), layout="constrained")
     axes = figure.subplots(3, len(columns), sharex="row", sharey=True, squeeze=False)
     tidy(axes.flat)
-    means = _means(real)
+    plain = (nominal.levels_fl, *(values[0] for values in _fields(nominal)))
+    means = (real.levels_fl, *_means(real))
     for column, (name, descents) in enumerate(columns.items()):
         axes[0, column].set_title(name, fontsize=10)
-        own = None if column == 0 else _means(descents)
         for ax, curves in zip(axes[:, column], _curves(descents, n_lines, seed), strict=True):
             ax.plot(curves, np.asarray(descents.levels_fl), color=GREY, linewidth=0.6, alpha=0.45)
-        _draw_means(axes[:, column], real.levels_fl, means, nominal, own, descents.levels_fl)
+        _draw(axes[:, column], *plain, color=BLACK, linewidth=1.6, label="nominal BADA")
+        _draw(axes[:, column], *means, color=BLUE, linestyle="--", linewidth=1.8, label="mean of held out")
+        if column:
+            own = (descents.levels_fl, *_means(descents))
+            _draw(axes[:, column], *own, color=RED, linestyle=":", linewidth=2.2, label="mean of samples")
     _label(axes, real, nominal)
     legend_below(figure, axes.flat)
     if title:
@@ -79,8 +84,6 @@ def profiles_figure(
 
 def _fields(descents: DescentSet) -> Fields:
     """Each (n, L), NaN where not observed."""
-    if descents.drag_n is None:
-        raise DataError("descents without drag", expected="drag of every set", mend="build them with drag_n")
     fields = descents.drag_n / 1000, descents.cas_mps / KT_MPS, since_entry_s(descents) / 60
     drag, cas, time = (torch.where(descents.mask, values.double(), torch.nan) for values in fields)
     return drag, cas, time
@@ -113,26 +116,14 @@ def _means(descents: DescentSet) -> Fields:
     return drag.nanmean(0), cas.nanmean(0), time[descents.spans_grid()].nanmean(0)
 
 
-def _draw_means(
-    axes: np.ndarray,
-    levels_fl: Tensor,
-    means: Fields,
-    nominal: DescentSet | None,
-    own: Fields | None,
-    own_levels_fl: Tensor,
-) -> None:
-    plain = _fields(nominal) if nominal is not None else ()
-    for row, ax in enumerate(axes):
-        if nominal is not None:
-            ax.plot(plain[row][0], nominal.levels_fl, color=BLACK, linewidth=1.6, label="nominal BADA")
-        ax.plot(means[row], levels_fl, color=BLUE, linestyle="--", linewidth=1.8, label="mean of held out")
-        if own is not None:
-            ax.plot(own[row], own_levels_fl, color=RED, linestyle=":", linewidth=2.2, label="mean of samples")
+def _draw(axes: np.ndarray, levels_fl: Tensor, *curves: Tensor, **style: Any) -> None:
+    for ax, curve in zip(axes, curves, strict=True):
+        ax.plot(curve, levels_fl, **style)
 
 
-def _label(axes: np.ndarray, real: DescentSet, nominal: DescentSet | None) -> None:
+def _label(axes: np.ndarray, real: DescentSet, nominal: DescentSet) -> None:
     for row, name in enumerate(_QUANTITIES):
-        shown = [_fields(descents)[row] for descents in (real, nominal) if descents is not None]
+        shown = [_fields(descents)[row] for descents in (real, nominal)]
         _limit(axes[row, 0], torch.cat([values.flatten() for values in shown]))
         axes[row, 0].set_ylabel("Flight level")
         for ax in axes[row]:

@@ -47,9 +47,7 @@ def compare(
     real: Values,
     seed: int,
     n_splits: int,
-    progress: Callable[[int], None] | None = None,
-    *,
-    floor: bool = True,
+    progress: Callable[[int], None] = lambda _: None,
 ) -> Comparison:
     """Compare samples with real flights level by level, and flights with each other.
 
@@ -59,7 +57,6 @@ def compare(
         seed: Of the splits.
         n_splits: How many.
         progress: Progress callback: called with the number of splits that have been compared since it was last called.
-        floor: Whether the noise floor is wanted; NaN if not.
 
     Example:
         >>> samples, real = torch.arange(20.0)[:, None], torch.arange(8.0)[:, None] + 3
@@ -68,7 +65,7 @@ def compare(
         >>> found.whole["mae"], found.same["mae"].shape  # the means are 9.5 and 6.5
         (tensor([3.], dtype=torch.float64), torch.Size([5, 1]))
     """
-    splits = split_distances(samples, real, seed=seed, n_splits=n_splits, floor=floor, progress=progress)
+    splits = split_distances(samples, real, seed=seed, n_splits=n_splits, progress=progress)
     same, noise = (_enough(side) for side in splits)
     return Comparison(whole_distances(samples, real), same, noise, matched_size(samples, real))
 

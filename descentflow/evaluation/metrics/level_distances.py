@@ -37,18 +37,13 @@ class Distances:
         by_name = {name: values.reshape(n, -1) for name, values in self.by_name.items()}
         return Distances(by_name, self.n_first.reshape(n, -1), self.n_second.reshape(n, -1))
 
-    def unknown(self) -> "Distances":
-        """The same statistics, NaN everywhere."""
-        by_name = {name: torch.full_like(values, torch.nan) for name, values in self.by_name.items()}
-        return Distances(by_name, self.n_first, self.n_second)
-
 
 def level_distances(
     first: Tensor,
     first_mask: Tensor,
     second: Tensor,
     second_mask: Tensor,
-    statistics: Sequence[LevelStatistic] | None = None,
+    statistics: Sequence[LevelStatistic] = (),
 ) -> Distances:
     """Statistics of two sets at each level.
 
@@ -57,7 +52,7 @@ def level_distances(
         first_mask: (n, L) bool.
         second: (m, L) values.
         second_mask: (m, L) bool.
-        statistics: Which; all that are registered if absent.
+        statistics: Which; all that are registered if empty.
 
     Raises:
         DataError: If an observed value is not finite.
@@ -67,7 +62,7 @@ def level_distances(
         >>> level_distances(0 * one, one.bool(), 3 * one, one.bool())["wasserstein"]
         tensor([3.], dtype=torch.float64)
     """
-    chosen = level_statistics() if statistics is None else statistics
+    chosen = statistics or level_statistics()
 
     def compare(*chunk: Tensor) -> tuple[Tensor, ...]:
         pooled = pool(*chunk)

@@ -36,8 +36,7 @@ def split_distances(
     seed: int = 0,
     n_splits: int = 20,
     size: int = SIZE,
-    floor: bool = True,
-    progress: Callable[[int], None] | None = None,
+    progress: Callable[[int], None] = lambda _: None,
 ) -> tuple[Distances, Distances]:
     """Distances of samples and of flights from the same random sets of flights, all of one size.
 
@@ -52,7 +51,6 @@ def split_distances(
         seed: Of the splits; they are the same on every device.
         n_splits: Number of random splits, at least one.
         size: Flights on each side, see :func:`matched_size`.
-        floor: Whether the noise floor is wanted; NaN if not.
         progress: Progress callback: called with the number of splits that have been compared since it was last called.
 
     Returns:
@@ -74,9 +72,8 @@ def split_distances(
         stand_in, other = _equally_many(_beside(samples, drawn[batch]), _beside(real, second[batch]))
         n = len(first[batch])
         same.append(level_distances(*stand_in, *targets, chosen).unflatten(n))
-        noise.append(level_distances(*other, *targets, chosen).unflatten(n) if floor else same[-1].unknown())
-        if progress is not None:
-            progress(n)
+        noise.append(level_distances(*other, *targets, chosen).unflatten(n))
+        progress(n)
     return joined(same), joined(noise)
 
 

@@ -24,7 +24,7 @@ class ScoredQuantity:
         samples: Its values and mask in the samples.
         real: Those in the flights.
         found: The comparison.
-        nominal: Those in the nominal descent, if there is one.
+        nominal: Those in the nominal descent, if there is one; else empty.
 
     Example:
         >>> from descentflow.evaluation.metrics.comparison import compare
@@ -34,7 +34,7 @@ class ScoredQuantity:
         >>> one, two = (DescentSet.of_trajectories(sample("best.ckpt", 60, seed=s).trajectories) for s in (1, 2))
         >>> cas = QUANTITIES[1]
         >>> compared = compare(cas.of(one), cas.of(two), seed=0, n_splits=2)
-        >>> scored = ScoredQuantity(cas, two.levels_fl, cas.of(one), cas.of(two), compared, None)
+        >>> scored = ScoredQuantity(cas, two.levels_fl, cas.of(one), cas.of(two), compared)
         >>> scored.row(parts_of(cas)[1], two.levels_fl < 290, STATISTICS["ks"]).quantity
         'cas_below_transition'
     """
@@ -44,7 +44,7 @@ class ScoredQuantity:
     samples: Values
     real: Values
     found: Comparison
-    nominal: Values | None
+    nominal: Values = (torch.empty(0), torch.empty(0))
 
     def row(self, part: Part, chosen: Tensor, statistic: Statistic) -> Score:
         """The row of a statistic at the levels where ``chosen`` (K,) is true."""
@@ -52,8 +52,7 @@ class ScoredQuantity:
         levels = self.found.whole[statistic.name][chosen]
         used = ~levels.isnan()
         numbers = self._numbers(statistic, levels, chosen, self._spreads()[chosen].nanmean())
-        one = None if self.nominal is None or statistic.of_one is None else self._of_nominal(statistic)
-        numbers["nominal"] = nan if one is None else float(one[chosen][used].mean())
+        numbers["nominal"] = float(self._of_nominal(statistic)[chosen][used].mean())
         return Score(
             part.name,
             statistic.name,
@@ -64,7 +63,7 @@ class ScoredQuantity:
             n_each=self.found.n_each,
             n_levels=int(used.sum()) if self.quantity.by_level else 0,
             worst_fl=self._worst_fl(chosen, levels) if bool(used.any()) else nan,
-            note="; ".join(self._reasons(part, statistic, used, n_samples, n_real, numbers, one is not None)),
+            note="; ".join(self._reasons(part, statistic, used, n_samples, n_real, numbers)),
         )
 
     def profile_row(self, part: Part, statistic: Statistic) -> Score:
@@ -73,8 +72,7 @@ class ScoredQuantity:
         used = ~flights.isnan()
         everywhere = torch.ones(1, dtype=torch.bool, device=flights.device)
         numbers = self._numbers(statistic, flights, everywhere, self._spreads().square().nanmean().sqrt())
-        if self.nominal is not None and statistic.of_one is not None:
-            numbers["nominal"] = float(self._of_nominal(statistic)[used].nanmean())
+        numbers["nominal"] = float(self._of_nominal(statistic)[used].nanmean())
         reasons = []
         if not bool(used.any()):
             reasons.append(f"fewer than {statistic.needs}")
@@ -114,8 +112,13 @@ class ScoredQuantity:
             numbers["excess"] = statistic.excess(distance, noise, float(spread)) if float(spread) else nan
         return numbers
 
+    def _has_nominal(self, statistic: Statistic) -> bool:
+        return len(self.nominal[0]) > 0 and statistic.of_one is not None
+
     def _of_nominal(self, statistic: Statistic) -> Tensor:
-        assert self.nominal is not None
+        """The nominal descent's statistic, of the shape of the samples'; NaN where there is none."""
+        if not self._has_nominal(statistic):
+            return torch.full_like(self.found.whole[statistic.name], nan)
         assert statistic.of_one is not None
         return statistic.of_one(self.nominal, self.real)
 
@@ -127,7 +130,6 @@ class ScoredQuantity:
         n_samples: int,
         n_real: int,
         numbers: dict[str, float],
-        has_nominal: bool,
     ) -> list[str]:
         if len(used) == 0:
             return [f"no level of the grid is {part.side} the transition"]
@@ -140,7 +142,7 @@ class ScoredQuantity:
             reasons.append(f"{left_out} of {len(used)} levels left out: fewer than {MIN_VALUES} descents")
         if statistic.has_floor and isnan(numbers["floor"]):
             reasons.append(f"no floor: fewer than {MIN_VALUES} of {self.found.n_each} descents on each side")
-        if has_nominal and isnan(numbers["nominal"]):
+        if self._has_nominal(statistic) and isnan(numbers["nominal"]):
             reasons.append("the nominal descent does not cover these levels")
         return reasons
 

@@ -32,8 +32,7 @@ def score(
     n_splits: int = 20,
     *,
     costly: bool = False,
-    floor: bool = True,
-    progress: Callable[[int], None] | None = None,
+    progress: Callable[[int], None] = lambda _: None,
 ) -> ScoreTable:
     """Score samples against held-out flights by every registered statistic.
 
@@ -57,8 +56,6 @@ def score(
         seed: Of the splits.
         n_splits: Number of random splits.
         costly: Whether costly statistics are among them: the AUC of a classifier takes seconds.
-        floor: Whether the noise floor of distances at levels is wanted; NaN if not. That of whole profiles and descents
-            decides which flights can be scored, and is always there.
         progress: Progress callback: called with numbers that sum to :func:`n_comparisons`.
 
     Returns:
@@ -76,6 +73,7 @@ def score(
         >>> table.get("cas_below_transition", "ks").n_each
         30
     """
+    nominal = nominal or real.subset(torch.arange(0))
     _check(samples, real, nominal, transition_fl, n_splits)
     rows: list[Score] = []
     whole: list[Score] = []
@@ -83,13 +81,13 @@ def score(
     levels: list[LevelScores] = []
     for quantity in QUANTITIES:
         sampled, observed = quantity.of(samples), quantity.of(real)
-        one = None if nominal is None else quantity.of(nominal)
+        one = quantity.of(nominal)
         found = ScoredQuantity(
             quantity,
             real.levels_fl,
             sampled,
             observed,
-            compare(sampled, observed, seed, n_splits, progress, floor=floor),
+            compare(sampled, observed, seed, n_splits, progress),
             one,
         )
         for part in parts_of(quantity):
@@ -124,20 +122,18 @@ def _of_descents(
 ) -> ScoredQuantity:
     quantity = WHOLE.quantity
     compared = compare_descents(statistic, samples, real, seed, n_splits)
-    return ScoredQuantity(quantity, real.levels_fl, quantity.of(samples), quantity.of(real), compared, None)
+    return ScoredQuantity(quantity, real.levels_fl, quantity.of(samples), quantity.of(real), compared)
 
 
-def _check(
-    samples: DescentSet, real: DescentSet, nominal: DescentSet | None, transition_fl: float, n_splits: int
-) -> None:
+def _check(samples: DescentSet, real: DescentSet, nominal: DescentSet, transition_fl: float, n_splits: int) -> None:
     for name, other in (("samples", samples), ("the nominal descent", nominal)):
-        if other is not None and not torch.equal(other.levels_fl.double(), real.levels_fl.double()):
+        if not torch.equal(other.levels_fl.double(), real.levels_fl.double()):
             raise DataError(
                 f"{name} on {_grid(other)} and flights on {_grid(real)}",
                 expected="one grid for both",
                 mend="put the flights on the checkpoint's grid",
             )
-    if nominal is not None and len(nominal) != 1:
+    if len(nominal) > 1:
         raise DataError(f"{len(nominal)} nominal descents", expected="one", mend="pass the descent of one mass")
     if isnan(transition_fl) or n_splits < 1:
         raise ConfigError(

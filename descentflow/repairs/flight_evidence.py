@@ -114,12 +114,13 @@ class Evidence:
         return len(self.log_rate)
 
 
-def flight_evidence(frame: pl.DataFrame, aircraft: PerformanceModel) -> Evidence:
+def flight_evidence(frame: pl.DataFrame, aircraft: PerformanceModel, around: pl.DataFrame | None = None) -> Evidence:
     """Measure the flights of one type as the diagnosis does: settled, free descent in bands, in their own air.
 
     Args:
         frame: Prepared descents of the type.
         aircraft: Coefficients; their reference mass is the mass.
+        around: Descents of all types there, whose mean air flights have that did not measure theirs; else ``frame``.
 
     Raises:
         DataError: If no flight shows a whole band.
@@ -143,7 +144,7 @@ def flight_evidence(frame: pl.DataFrame, aircraft: PerformanceModel) -> Evidence
     if not len(kept):
         raise _nothing(aircraft)
     found, state, rate = found.rows(kept), state.rows(kept), rate[kept]
-    deviation, slope, without = _own_air(frame, found)
+    deviation, slope, without = _own_air(frame if around is None else around, found)
     turning = found.physics.get("turning", torch.zeros_like(rate)).nan_to_num(0.0)
     share = state.share_terms.factor(slope, deviation)
     tas = mach_to_tas_mps(state.mach(), state.altitude_m, deviation)

@@ -9,7 +9,7 @@ import torch
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.diagnosis.inference.linear_gaussian import Array
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.repairs.mixed_model import PRIOR, Posterior, predictive_log_density
+from descentflow.repairs.mixed_model import before_flights, predictive_log_density
 from descentflow.repairs.type_fit import TypeFlights, fit_types, linearised
 
 FOLDS = 8
@@ -112,9 +112,10 @@ def held_out(types: Sequence[TypeFlights], finish: Finish) -> HeldOut:
         for name, part in zip(after, flown, strict=True):
             after[name].append(part)
         order.append(np.flatnonzero(out))
-        prior = Posterior(np.zeros((1, 3)), PRIOR, found.sizes, 0.0)
-        both = (prior, Posterior(found.mean[:1], found.covariance[:3, :3], found.sizes, 0.0))
-        scores.append([predictive_log_density(linearised([left], one.mean), one) for one in both])
+        one = found.only(0)
+        about = linearised([left], one.mean)
+        both = (before_flights(about, found.sizes), one)
+        scores.append([predictive_log_density(linearised([left], each.mean), each) for each in both])
     place = np.argsort(np.concatenate(order))
     seconds, rate, cas = (np.concatenate(part)[place] for part in after.values())
     seconds_before, rate_before, cas_before = _flown(mine, before)

@@ -2,17 +2,19 @@ r"""Linear mixed model of flights of several types, in closed form.
 
 Flight f of the aircraft a of the type t shows in its bands
 
-.. math:: y_f = X_f \theta_t + u_a + v_f + w_f m_f + s_f + e_f
+.. math:: y_f = X_f \theta_t + b_t + u_a + v_f + w_f m_f + s_f + e_f
 
-with the coefficients :math:`\theta_t`, a random effect of the aircraft :math:`u_a` and one of the flight (crew)
-:math:`v_f`, the mass :math:`w_f` along its own derivative :math:`m_f`, an error :math:`s_f` that is smooth in altitude,
-and white noise. All are normal. The types share a prior, with weights c that are learnt (partial pooling),
+with the coefficients :math:`\theta_t`, what the equations miss in every flight of a type alike :math:`b_t` (smooth in
+altitude), a random effect of the aircraft :math:`u_a` and one of the flight (crew) :math:`v_f`, the mass :math:`w_f`
+along its own derivative :math:`m_f`, an error :math:`s_f` that is smooth in altitude, and white noise. All are normal.
+The types share a prior, with weights c that are learnt (partial pooling),
 
 .. math:: \mathrm{cov}(\theta_t, \theta_u) = \lambda^2 \Big(\sum_g c_g [t, u \text{ in one group } g]\Big) P .
 
-Each flight is whitened once; its aircraft takes a rank-one update, and the coefficients one of rank 3 a type, so that
-the marginal likelihood costs no more than the flights' own Cholesky factors. Standard deviations and weights are the
-likeliest under weak priors (empirical Bayes; Searle, Casella and McCulloch, Variance Components, 1992, chapter 6).
+Each flight is whitened once; its aircraft takes a rank-one update, and coefficients and misfit of a type one of their
+number, so that the marginal likelihood costs no more than the flights' own Cholesky factors. Standard deviations and
+weights are the likeliest under weak priors (empirical Bayes; Searle, Casella and McCulloch, Variance Components, 1992,
+chapter 6).
 """
 
 from collections.abc import Sequence
@@ -20,6 +22,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.optimize import minimize
 
 from descentflow.diagnosis.inference.assumptions import ASSUMED
@@ -37,6 +40,10 @@ WIDE = 1.645
 """Standard deviations of a 90 % interval."""
 UNSEEN = 1e6
 """Variance of a band that a flight does not show: it tells nothing."""
+LEVELS_M = np.arange(0.0, 15_001.0, 600.0)
+"""Levels of flight."""
+LEAST_SHARE = 1e-3
+"""Of the largest variance, below which a part of the smooth misfits is left out."""
 WEAK = 1.0
 """Prior standard deviation of the logarithm of each learnt size."""
 
@@ -55,10 +62,17 @@ class Sizes:
     mass: float = 0.08
     smooth: float = 0.06
     white: float = 0.03
+    equation: float = 0.02
+    """Of what the equations miss in every flight of a type alike."""
     scale: float = 1.0
     """Lambda, of the types' prior."""
     weights: tuple[float, ...] = ()
     """Of the groups, what is left to one being the type's own."""
+
+
+def _alike(first_m: Array, second_m: Array) -> Array:
+    found: Array = np.exp(-0.5 * ((first_m[:, None] - second_m) / ASSUMED.length_m) ** 2)
+    return found
 
 
 @dataclass(frozen=True)
@@ -94,8 +108,17 @@ class Flights:
     @cached_property
     def kernel(self) -> Array:
         """Correlation (K, K) of the smooth errors over altitude."""
-        away = (self.altitude_m[:, None] - self.altitude_m) / ASSUMED.length_m
-        found: Array = np.exp(-0.5 * away**2)
+        return _alike(self.altitude_m, self.altitude_m)
+
+    @cached_property
+    def shapes(self) -> Array:
+        """Columns (K, r) of smooth misfits, each of one standard deviation of an independent part.
+
+        The parts are those of all levels of flight, so that they mean the same for flights of other bands.
+        """
+        values, vectors = np.linalg.eigh(_alike(LEVELS_M, LEVELS_M))
+        kept = values > LEAST_SHARE * values.max()
+        found: Array = _alike(self.altitude_m, LEVELS_M) @ vectors[:, kept] / np.sqrt(values[kept])
         return found
 
     def rows(self, index: np.ndarray) -> "Flights":
@@ -106,22 +129,52 @@ class Flights:
 
 @dataclass(frozen=True)
 class Posterior:
-    """Mean (T, 3) and covariance (3 T, 3 T) of the coefficients, the sizes and the log marginal likelihood.
+    """Coefficients and misfits of all types, the sizes and the log marginal likelihood.
+
+    Shapes: ``whole`` (T, D) means and ``covariance`` (T D, T D), of three coefficients and the misfit's parts a type.
 
     Example:
-        >>> Posterior(np.zeros((1, 3)), PRIOR, Sizes(), 0.0).of(0)[0].tolist()
+        >>> Posterior(np.zeros((1, 5)), np.eye(5), Sizes(), 0.0).of(0)[0].tolist()
         [0.0, 0.0, 0.0]
     """
 
-    mean: Array
+    whole: Array
     covariance: Array
     sizes: Sizes
     log_likelihood: float
 
+    @property
+    def mean(self) -> Array:
+        """Coefficients (T, 3)."""
+        return self.whole[:, :3]
+
     def of(self, kind: int) -> tuple[Array, Array]:
         """Mean (3,) and covariance (3, 3) of one type."""
-        at = slice(3 * kind, 3 * kind + 3)
-        return self.mean[kind], self.covariance[at, at]
+        one = self.only(kind)
+        return one.whole[0, :3], one.covariance[:3, :3]
+
+    def only(self, kind: int) -> "Posterior":
+        """One type's part."""
+        at = slice(self.whole.shape[1] * kind, self.whole.shape[1] * (kind + 1))
+        return replace(self, whole=self.whole[kind : kind + 1], covariance=self.covariance[at, at])
+
+
+def before_flights(flights: Flights, sizes: Sizes) -> Posterior:
+    """Prior of coefficients and misfits.
+
+    Example:
+        >>> one, x = np.ones((1, 2)), np.zeros((1, 2, 3))
+        >>> bands, kind = np.array([5e3, 9e3]), np.zeros(1, int)
+        >>> flights = Flights(one, x, one, one > 0, kind, kind, bands, np.zeros((0, 1), int))
+        >>> before_flights(flights, Sizes()).covariance.shape  # three coefficients, twelve parts of the misfit
+        (15, 15)
+    """
+    types, parts = flights.types, 3 + flights.shapes.shape[1]
+    found = np.zeros((types, parts, types, parts))
+    found[:, :3, :, :3] = type_covariance(flights.groups, sizes).reshape(types, 3, types, 3)
+    for kind in range(types):
+        found[kind, 3:, kind, 3:] = np.eye(parts - 3)
+    return Posterior(np.zeros((types, parts)), found.reshape(types * parts, types * parts), sizes, 0.0)
 
 
 def type_covariance(groups: np.ndarray, sizes: Sizes) -> Array:
@@ -132,23 +185,23 @@ def type_covariance(groups: np.ndarray, sizes: Sizes) -> Array:
         >>> round(float(both[0, 3] / both[0, 0]), 2)  # of ln CD0 of two sisters
         0.75
     """
-    own = 1.0 - sum(sizes.weights)
-    shared = sum(
-        (w * (g[:, None] == g) for w, g in zip(sizes.weights, groups, strict=True)), own * np.eye(groups.shape[1])
-    )
+    weights = sizes.weights[: len(groups)]
+    alike = [weight * (group[:, None] == group) for weight, group in zip(weights, groups, strict=True)]
+    shared = sum(alike, (1.0 - sum(weights)) * np.eye(groups.shape[1]))
     found: Array = sizes.scale**2 * np.kron(shared, PRIOR)
     return found
 
 
 def whitened(flights: Flights, sizes: Sizes) -> tuple[Array, Array]:
-    """Gram matrices (n, 5, 5) of [y, x, 1] in each flight's own noise, and the log determinants (n,) of that."""
+    """Gram matrices (n, D + 2, D + 2) of [y, x, misfit, 1] in each flight's noise, and its log determinants (n,)."""
     n, bands = flights.y.shape
     one = flights.seen.astype(float)
     noise = np.broadcast_to(sizes.smooth**2 * flights.kernel + sizes.white**2 * np.eye(bands), (n, bands, bands))
     noise = noise + sizes.flight**2 + sizes.mass**2 * flights.by_mass[:, :, None] * flights.by_mass[:, None]
     noise = noise * one[:, :, None] * one[:, None] + UNSEEN * np.eye(bands) * (1 - one)[:, None]
     factor = np.linalg.cholesky(noise)
-    columns = np.concatenate([flights.y[:, :, None], flights.x, np.ones((n, bands, 1))], 2) * one[:, :, None]
+    misfit = np.broadcast_to(sizes.equation * flights.shapes, (n, *flights.shapes.shape))
+    columns = np.concatenate([flights.y[:, :, None], flights.x, misfit, np.ones((n, bands, 1))], 2) * one[:, :, None]
     white = np.linalg.solve(factor, columns)
     log = 2.0 * np.log(np.diagonal(factor, axis1=1, axis2=2)) * one
     return white.transpose(0, 2, 1) @ white, log.sum(1)
@@ -166,24 +219,27 @@ def posterior(flights: Flights, sizes: Sizes) -> Posterior:
     """
     gram, log = whitened(flights, sizes)
     tails, index = np.unique(flights.tail, return_inverse=True)
-    total = np.zeros((len(tails), 5, 5))
+    total = np.zeros((len(tails), *gram.shape[1:]))
     np.add.at(total, index, gram)
     kind = np.zeros(len(tails), dtype=int)
     kind[index] = flights.kind
     # One aircraft's flights share a level: a rank-one update.
-    shared = 1.0 + sizes.aircraft**2 * total[:, 4, 4]
-    total = total - (sizes.aircraft**2 / shared)[:, None, None] * total[:, :, 4:] * total[:, 4:, :]
-    prior = type_covariance(flights.groups, sizes)
+    shared = 1.0 + sizes.aircraft**2 * total[:, -1, -1]
+    total = total - (sizes.aircraft**2 / shared)[:, None, None] * total[:, :, -1:] * total[:, -1:, :]
+    prior = before_flights(flights, sizes).covariance
     information, towards = np.zeros_like(prior), np.zeros(len(prior))
+    parts = gram.shape[1] - 2
     for t in range(flights.types):
-        mine, at = total[kind == t].sum(0), slice(3 * t, 3 * t + 3)
-        information[at, at], towards[at] = mine[1:4, 1:4], mine[1:4, 0]
+        mine, at = total[kind == t].sum(0), slice(parts * t, parts * (t + 1))
+        information[at, at], towards[at] = mine[1:-1, 1:-1], mine[1:-1, 0]
     # (prior^-1 + information)^-1 without the inverse of the prior, which pooling makes singular.
-    covariance = np.linalg.solve(np.eye(len(prior)) + prior @ information, prior)
+    shrink = np.eye(len(prior)) + prior @ information
+    covariance = np.linalg.solve(shrink, prior)
     mean = covariance @ towards
     square = total[:, 0, 0].sum() - towards @ mean
-    determinant = log.sum() + np.log(shared).sum() + np.linalg.slogdet(np.eye(len(prior)) + prior @ information)[1]
-    return Posterior(mean.reshape(-1, 3), (covariance + covariance.T) / 2, sizes, float(-0.5 * (square + determinant)))
+    determinant = log.sum() + np.log(shared).sum() + np.linalg.slogdet(shrink)[1]
+    covariance = (covariance + covariance.T) / 2
+    return Posterior(mean.reshape(-1, parts), covariance, sizes, float(-0.5 * (square + determinant)))
 
 
 def fit(flights: Flights, first: Sizes = Sizes()) -> Posterior:
@@ -200,7 +256,7 @@ def fit(flights: Flights, first: Sizes = Sizes()) -> Posterior:
     """
     groups = len(flights.groups)
     # How wrong files are shows where there are several.
-    names = ("aircraft", "flight", "mass", "smooth", "white", *(("scale",) if groups else ()))
+    names = ("aircraft", "flight", "mass", "smooth", "white", "equation", *(("scale",) if groups else ()))
     usual = np.log([getattr(first, name) for name in names])
 
     def sizes_at(point: Array) -> Sizes:
@@ -224,33 +280,33 @@ def predictive_log_density(flights: Flights, found: Posterior) -> Array:
     Example:
         >>> one, x = np.ones((1, 1)), np.zeros((1, 1, 3))
         >>> new = Flights(0.3 * one, x, 0 * one, one > 0, np.zeros(1, int), np.arange(1), one[0], np.zeros((0, 1), int))
-        >>> bool(predictive_log_density(new, Posterior(np.zeros((1, 3)), PRIOR, Sizes(), 0.0))[0] < 0)
+        >>> bool(predictive_log_density(new, before_flights(new, Sizes()))[0] < 0)
         True
     """
     densities = []
     gram, log = whitened(flights, found.sizes)
     for tail in np.unique(flights.tail):
         mine = flights.tail == tail
-        total, sizes = gram[mine].sum(0), found.sizes
-        mean, covariance = found.of(int(flights.kind[mine][0]))
-        # The aircraft's level and the coefficients, (4,), are one random effect of a new aircraft's flights.
-        prior = np.zeros((4, 4))
-        prior[:3, :3], prior[3, 3] = covariance, sizes.aircraft**2
+        total, one = gram[mine].sum(0), found.only(int(flights.kind[mine][0]))
+        # The aircraft's level and the coefficients are one random effect of a new aircraft's flights.
+        prior = block_diag(one.covariance, [[found.sizes.aircraft**2]])
         inner, cross = total[1:, 1:], total[1:, 0]
-        shift = np.append(mean, 0.0)
+        shift = np.append(one.whole[0], 0.0)
         towards = cross - inner @ shift
         square = total[0, 0] - 2 * shift @ cross + shift @ inner @ shift
-        shared = np.eye(4) + prior @ inner
+        shared = np.eye(len(prior)) + prior @ inner
         square -= towards @ np.linalg.solve(shared, prior @ towards)
         densities.append(-0.5 * (square + log[mine].sum() + np.linalg.slogdet(shared)[1]))
     return np.array(densities)
 
 
-def stacked(parts: Sequence[tuple[Array, Array, Array, np.ndarray, np.ndarray, Array]], groups: np.ndarray) -> Flights:
-    """Flights of several types, each ``y x by_mass seen tail altitude_m``, on the bands of all of them."""
+def stacked(
+    parts: Sequence[tuple[Array, Array, Array, np.ndarray, np.ndarray, Array]], kinds: Sequence[int], groups: np.ndarray
+) -> Flights:
+    """Flights in parts of a type each, ``y x by_mass seen tail altitude_m``, on the bands of all of them."""
     altitude = np.unique(np.concatenate([part[5] for part in parts]).round(3))
     whole: list[list[Array]] = [[], [], [], [], [], []]
-    for kind, (y, x, by_mass, seen, tail, own) in enumerate(parts):
+    for kind, (y, x, by_mass, seen, tail, own) in zip(kinds, parts, strict=True):
         at = np.searchsorted(altitude, own.round(3))
         for place, value in enumerate((y, x, by_mass, seen)):
             wide = np.zeros((len(y), len(altitude), *value.shape[2:]), dtype=value.dtype)
@@ -258,5 +314,5 @@ def stacked(parts: Sequence[tuple[Array, Array, Array, np.ndarray, np.ndarray, A
             whole[place].append(wide)
         whole[4].append(np.full(len(y), kind))
         whole[5].append(tail)
-    y, x, by_mass, seen, kinds, tails = (np.concatenate(part) for part in whole)
-    return Flights(y, x, by_mass, seen.astype(bool), kinds, tails, altitude, groups)
+    y, x, by_mass, seen, kind_of, tails = (np.concatenate(part) for part in whole)
+    return Flights(y, x, by_mass, seen.astype(bool), kind_of, tails, altitude, groups)

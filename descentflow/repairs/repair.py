@@ -129,7 +129,7 @@ def _types(
                     expected="flights of the type that is to be repaired",
                     mend="give --aircraft another type, or other flights",
                 )
-            found.append(type_flights(some, kind))
+            found.append(type_flights(some, kind, frame))
         except (AircraftError, DataError):
             if code == before.typecode:
                 raise

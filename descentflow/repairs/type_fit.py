@@ -63,8 +63,13 @@ class TypeFlights:
         return np.where(seen, y, 0.0), by_theta, by_mass, seen, self.tails, self.evidence.state.altitude_m.numpy()
 
 
-def type_flights(frame: pl.DataFrame, aircraft: PerformanceModel) -> TypeFlights:
+def type_flights(frame: pl.DataFrame, aircraft: PerformanceModel, around: pl.DataFrame | None = None) -> TypeFlights:
     """Measure the flights of one type, brakes and held paths of single flights apart.
+
+    Args:
+        frame: Prepared descents of the type.
+        aircraft: Coefficients.
+        around: Descents of all types there, see :func:`~descentflow.repairs.flight_evidence.flight_evidence`.
 
     Raises:
         DataError: If no flight shows a whole band.
@@ -74,19 +79,25 @@ def type_flights(frame: pl.DataFrame, aircraft: PerformanceModel) -> TypeFlights
         >>> type_flights(pl.read_parquet("descents.parquet"), aircraft("A320")).log_rate.shape
         (120, 11)
     """
-    evidence = flight_evidence(frame, aircraft)
+    evidence = flight_evidence(frame, aircraft, around)
     shifts, shares = unusual_shifts(evidence, aircraft)
     return TypeFlights(aircraft, evidence, shifts, shares)
 
 
+def codes_of(types: Sequence[TypeFlights]) -> list[str]:
+    """Designators of the types, each once; the flights of a type may be in several parts, of a place each."""
+    return list(dict.fromkeys(one.aircraft.typecode for one in types))
+
+
 def linearised(types: Sequence[TypeFlights], theta: Array) -> Flights:
-    """All flights about coefficients (T, 3), with aircraft of different types apart."""
-    parts, first = [], 0
-    for one, own in zip(types, theta, strict=True):
-        y, x, by_mass, seen, tails, altitude = one.linear(own)
+    """All flights about coefficients (T, 3), with aircraft of different parts apart."""
+    codes, parts, first = codes_of(types), [], 0
+    for one in types:
+        y, x, by_mass, seen, tails, altitude = one.linear(theta[codes.index(one.aircraft.typecode)])
         parts.append((y, x, by_mass, seen, tails + first, altitude))
         first += int(tails.max()) + 1
-    return stacked(parts, groups_of([one.aircraft.typecode for one in types]))
+    kinds = [codes.index(one.aircraft.typecode) for one in types]
+    return stacked(parts, kinds, groups_of(codes))
 
 
 def fit_types(types: Sequence[TypeFlights]) -> Posterior:
@@ -101,7 +112,7 @@ def fit_types(types: Sequence[TypeFlights]) -> Posterior:
         >>> fit_types([flights]).mean.shape
         (1, 3)
     """
-    theta = np.zeros((len(types), 3))
+    theta = np.zeros((len(codes_of(types)), 3))
     for _ in range(ROUNDS):
         found = fit(linearised(types, theta))
         theta = found.mean.copy()

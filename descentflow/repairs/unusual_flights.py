@@ -6,11 +6,11 @@ import numpy as np
 import torch
 
 from descentflow.diagnosis.inference.assumptions import ASSUMED
-from descentflow.diagnosis.inference.flight_effects import FEWEST_FLIGHTS, FlightShapes, differing
+from descentflow.diagnosis.inference.flight_effects import FlightShapes, differing
 from descentflow.diagnosis.inference.linear_gaussian import Array
 from descentflow.diagnosis.inference.moments import moments
 from descentflow.diagnosis.inference.signatures import Signatures
-from descentflow.diagnosis.inference.two_sides import compare
+from descentflow.diagnosis.inference.two_sides import MIN_FLIGHTS, compare
 from descentflow.effects import EFFECTS
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.repairs.flight_evidence import Evidence
@@ -20,7 +20,7 @@ def unusual_shifts(evidence: Evidence, aircraft: PerformanceModel) -> tuple[Arra
     """Expected shift (n, K) of ln rate by what each flight does of its own, and the share of the flights by effect.
 
     Flights are compared with the equations of the aircraft, each in its own shape about the mean of all, so a drag that
-    all flights have at all levels is no brake. Fewer than ten flights are taken as they are.
+    all flights have at all levels is no brake. Where no band has ten flights, they are taken as they are.
 
     Args:
         evidence: Flights of one type.
@@ -36,7 +36,7 @@ def unusual_shifts(evidence: Evidence, aircraft: PerformanceModel) -> tuple[Arra
         ((120, 11), {})
     """
     found = np.zeros(evidence.log_rate.shape)
-    if len(evidence) < FEWEST_FLIGHTS:
+    if int(evidence.seen.sum(0).max()) < MIN_FLIGHTS:
         return found, {}
     log_rate = evidence.quantities.physics["log_rate"]
     physics = {**evidence.quantities.physics, "log_rate": torch.where(evidence.seen, log_rate, torch.nan)}

@@ -132,6 +132,15 @@ def test_the_files_that_are_repaired_are_not_written_over(descents: Descents, ba
         df.repair(descents, aircraft="A320", out=bada / "A320.json")
 
 
+def test_sisters_of_other_levels_share_a_prior() -> None:
+    """Few flights of a type take a place beside its sister's, which are of other levels."""
+    few, many = df.simulate(open_aircraft("A319"), 25, seed=3), df.simulate(TRUE, 40, seed=4)
+    both = pl.concat([df.prepare(few, bottom_fl=180).frame, df.prepare(many).frame])
+    found = df.repair(both, aircraft="A319")
+    assert found.typecodes == ("A319", "A320")
+    assert abs(found.held_out.time.after) <= max(1.2 * found.held_out.time.floor, 1.5)
+
+
 def test_a_right_file_keeps_its_place() -> None:
     """At the world's own mean mass, coefficients that made the flights stay within their intervals."""
     world = df.simulate(TRUE, 60, seed=10)

@@ -10,7 +10,7 @@ The steps are those of Mode S (:data:`descentflow.core.mode_s_steps.STEPS`); no 
 """
 
 from collections.abc import Sequence
-from math import hypot, log1p
+from math import hypot, inf, log1p
 
 import torch
 from torch import Tensor
@@ -159,5 +159,6 @@ def _is_felt(cost: Cost, profile: Sequence[LevelMeans]) -> bool:
         "rate": UNCERTAINTY["vertical_rate"],
         "cas": UNCERTAINTY["IAS"],
         "tas": UNCERTAINTY["TAS"],
+        "fuel": inf,  # it follows from the others
     }.get(cost.name, 2**0.5 * ALTITUDE_M / (rate * FPM_MPS))
     return cost.before.excludes_zero and abs(cost.before.estimate) >= least

@@ -23,8 +23,9 @@ COORDINATES = {
 }
 """Column -> its variable and axis."""
 DATA = ("CAS", "Mach", "TAS", "vertical_rate", "groundspeed", "track", "drag_n", "distance_nm", "distance_to_go_nm")
-OWN = ("deviation_k", "tailwind")
-"""Columns that are there where samples have a mass or an air of their own."""
+FUEL = ("thrust_n", "fuel_flow_kg_s", "fuel_kg", "co2_kg")
+OWN = (*FUEL, "deviation_k", "tailwind")
+"""Columns that are there where one model flew the samples, or they have an air of their own."""
 
 
 def write(request: ExportRequest) -> list[Path]:

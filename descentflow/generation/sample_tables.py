@@ -11,8 +11,9 @@ from descentflow.air.level_air import LevelAir
 from descentflow.core.files import whole_file
 from descentflow.core.tabular import optional_library, write_table
 from descentflow.core.units import FPM_MPS, KT_MPS, NM_M
+from descentflow.physics.fuel import CO2_PER_FUEL, burnt_kg
 from descentflow.positions.placing import Positions, place
-from descentflow.representation.decoder.trajectories import Trajectories
+from descentflow.representation.decoder.trajectories import Trajectories, burn_of
 
 TIMESTAMP = pl.Datetime("us", "UTC")
 UNITS = {
@@ -23,6 +24,10 @@ UNITS = {
     "TAS": "kt",
     "vertical_rate": "ft/min",
     "drag_n": "N",
+    "thrust_n": "N",
+    "fuel_flow_kg_s": "kg/s",
+    "fuel_kg": "kg",
+    "co2_kg": "kg",
     "deviation_k": "K",
     "tailwind": "kt",
     "distance_nm": "NM",
@@ -51,6 +56,11 @@ def _quantities(flown: Trajectories, positions: Positions | None, air: LevelAir 
         "vertical_rate": flown.rate_mps / FPM_MPS,
         "drag_n": flown.drag_n,
     }
+    burnt = burn_of(flown)
+    if burnt is not None:
+        fuel_kg = burnt_kg(burnt.flow_kg_s, flown.time_s, flown.mask)
+        tensors |= {"thrust_n": burnt.thrust_n, "fuel_flow_kg_s": burnt.flow_kg_s, "fuel_kg": fuel_kg}
+        tensors["co2_kg"] = CO2_PER_FUEL * fuel_kg
     found = {name: tensor.detach().cpu().double().numpy() for name, tensor in tensors.items()}
     if air is not None:
         found |= {"deviation_k": air.deviation_k.numpy(), "tailwind": air.tailwind_mps.numpy() / KT_MPS}

@@ -90,7 +90,8 @@ class Samples(InNotebook):
         >>> samples = sample("best.ckpt", 100, seed=0)
         >>> samples.to_polars().columns
         ['sample_id', 'level_fl', 'time_s', 'altitude_ft', 'CAS', 'Mach', 'TAS', 'vertical_rate', 'drag_n', \
-'distance_nm', 'distance_to_go_nm', 'top_of_descent_nm', 'groundspeed']
+'thrust_n', 'fuel_flow_kg_s', 'fuel_kg', 'co2_kg', 'distance_nm', 'distance_to_go_nm', 'top_of_descent_nm', \
+'groundspeed']
         >>> samples.to_xarray()["CAS"].dims
         ('sample', 'level')
         >>> samples.write("samples.nc")

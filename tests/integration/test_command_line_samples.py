@@ -31,6 +31,7 @@ def test_sample_table(run: Path, tmp_path: Path) -> None:
     assert first.equals(second), "the same seed gives the same samples, bit for bit"
     assert first.columns == [
         "sample_id", "level_fl", "time_s", "altitude_ft", "CAS", "Mach", "TAS", "vertical_rate", "drag_n",
+        "thrust_n", "fuel_flow_kg_s", "fuel_kg", "co2_kg",
         "distance_nm", "distance_to_go_nm", "top_of_descent_nm", "groundspeed",
     ]  # fmt: skip
     assert first["sample_id"].n_unique() == 50

@@ -6,11 +6,12 @@ A flight crosses a band of height :math:`\Delta h` at the rate :math:`R` in :mat
 .. math:: t = \sum_k \overline{\Delta h / R_k}, \qquad s = \sum_k \overline{(V_k + w_k)\, \Delta h / R_k},
 
 where the bars are means over the flights that show band k: flights that begin lower down, or miss a band, say what
-they can. How fast crews fly differs between aircraft, and with it the time; at equal speed a flight takes
-:math:`\Delta h / (e^{y_k} \hat R_k)` in band k, where y is the logarithm of its rate over the polar's at its own speed
-and :math:`\hat R` the polar's rate at the simulator's mean speed. Intervals are quantiles over fleets of whole aircraft
-drawn with replacement, one fewer than there are (McCarthy and Snowden, The Bootstrap and Finite Population Sampling,
-1985: their variance is then unbiased).
+they can. Fuel is :func:`~descentflow.physics.fuel.burn` at the rate, over the same seconds. How fast crews fly differs
+between aircraft, and with it the time; at equal speed a flight takes :math:`\Delta h / (e^{y_k} \hat R_k)` in band k,
+where y is the logarithm of its rate over the polar's at its own speed and :math:`\hat R` the polar's rate at the
+simulator's mean speed. Intervals are quantiles over fleets of whole aircraft drawn with replacement, one fewer than
+there are (McCarthy and Snowden, The Bootstrap and Finite Population Sampling, 1985: their
+variance is then unbiased).
 """
 
 from collections.abc import Sequence
@@ -25,6 +26,7 @@ from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans, Measure
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.effects.flight_state import log_rate
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
+from descentflow.physics.fuel import burn
 
 FLEETS = 400
 """Fleets drawn: an end of a 90 % interval is then known to a ninth of a standard error."""
@@ -39,11 +41,12 @@ LABELS = {
     "rate": ("rate of descent", "ft/min"),
     "cas": ("calibrated airspeed", "kt"),
     "tas": ("true airspeed", "kt"),
+    "fuel": ("fuel", "kg"),
     "level": ("time lost in level-offs", "s"),
     "slow": ("time lost in slow stretches", "s"),
 }
 """Cost -> its name for readers and its unit."""
-SUMMED = ("time", "time_at_speed", "air_distance", "ground_distance")
+SUMMED = ("time", "time_at_speed", "air_distance", "ground_distance", "fuel")
 """Costs that add up over bands; of the others the mean over bands is given."""
 OF_FLIGHT = ("level", "slow")
 """Costs with one number for each flight."""
@@ -215,6 +218,8 @@ def flown(compared: Compared, y: Tensor) -> dict[str, Tensor]:
     if "wind" in quantities and all(_measured_wind(compared)):
         level = (tas**2 - crossed.nan_to_num(0.0) ** 2).clamp(min=0.0).sqrt()
         found["ground_distance"] = (level + state.tailwind_mps + moved("wind")) * seconds / NM_M
+    asked = burn(state.aircraft, cas_mps, state.altitude_m, -crossed, state.cas_slope_per_s, mass_kg=state.mass_kg)
+    found["fuel"] = asked.flow_kg_s * seconds
     for name in OF_FLIGHT:
         if name in quantities:
             found[name] = y[:, compared.columns(name)]

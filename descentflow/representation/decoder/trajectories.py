@@ -1,14 +1,18 @@
 """Batched integration of BADA's rate equation from drag and CAS on the grid (paper, equation 2)."""
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
 
+from descentflow.core.constants import KAPPA, R_AIR
 from descentflow.core.tensors import Number
+from descentflow.core.units import FL_M
 from descentflow.physics.airspeed import cas_to_mach
+from descentflow.physics.atmosphere import isa_temperature_k
 from descentflow.physics.energy import energy_share_factor, energy_share_factor_local, slope_per_m
+from descentflow.physics.fuel import Burn, burn
 from descentflow.physics.level_table import NEW, level_rate
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.decoder.flight_grid import FlightGrid, flight_grid
@@ -42,6 +46,8 @@ class Trajectories:
     tas_mps: Tensor
     rate_mps: Tensor
     drag_n: Tensor
+    aircraft: PerformanceModel | None = None
+    """Model that flew them; None where not one flew all."""
 
     @property
     def mask(self) -> Tensor:
@@ -54,8 +60,11 @@ class Trajectories:
 
     def subset(self, index: Tensor) -> "Trajectories":
         """The descents at these positions, or where a bool mask (n,) is true."""
-        rest = (self.entry, self.time_s, self.cas_mps, self.mach, self.tas_mps, self.rate_mps, self.drag_n)
-        return Trajectories(self.levels_fl, *(values[index] for values in rest))
+        return replace(self, **{name: getattr(self, name)[index] for name in OF_FLIGHTS})
+
+
+OF_FLIGHTS = ("entry", "time_s", "cas_mps", "mach", "tas_mps", "rate_mps", "drag_n")
+"""Fields with a row for each descent."""
 
 
 def through_air_m(flown: Trajectories) -> Tensor:
@@ -74,6 +83,24 @@ def through_air_m(flown: Trajectories) -> Tensor:
     return to_go.gather(1, flown.entry[:, None]) - to_go
 
 
+def burn_of(flown: Trajectories) -> Burn | None:
+    """Thrust and fuel flow (n, L) in the air whose temperature Mach number and TAS give; None where no model is known.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> model = load_model("best.ckpt")
+        >>> flown = model.representation.decoder(model.sample(3, seed=0))
+        >>> bool((burn_of(flown).flow_kg_s[flown.mask] > 0.05).all())
+        True
+    """
+    if flown.aircraft is None:
+        return None
+    altitude_m = (flown.levels_fl * FL_M).to(flown.cas_mps)
+    deviation_k = (flown.tas_mps / flown.mach).square() / (KAPPA * R_AIR) - isa_temperature_k(altitude_m)
+    slope = slope_per_m(flown.cas_mps, altitude_m)
+    return burn(flown.aircraft, flown.cas_mps, altitude_m, flown.rate_mps, slope, deviation_k)
+
+
 def concatenate(parts: list[Trajectories]) -> Trajectories:
     """Join batches on one grid.
 
@@ -84,8 +111,8 @@ def concatenate(parts: list[Trajectories]) -> Trajectories:
         >>> len(concatenate([flown, flown]))
         8
     """
-    names = ("entry", "time_s", "cas_mps", "mach", "tas_mps", "rate_mps", "drag_n")
-    return Trajectories(parts[0].levels_fl, *(torch.cat([getattr(p, name) for p in parts]) for name in names))
+    joined: dict[str, Any] = {name: torch.cat([getattr(part, name) for part in parts]) for name in OF_FLIGHTS}
+    return replace(parts[0], **joined)
 
 
 def integrate(
@@ -151,7 +178,10 @@ def integrate(
         found = _fly_chunks(grid, drag_n, cas_mps, entry, out)
     else:
         found = fly(grid, drag_n, cas_mps, entry)
-    return Trajectories(levels_fl, entry, found.time_s, cas_mps, found.mach, found.tas_mps, found.rate_mps, drag_n)
+    own = aircraft if mass_kg is None or grid.is_plain else None
+    if own is not None and mass_kg is not None:
+        own = own.at_mass(mass_kg)
+    return Trajectories(levels_fl, entry, found.time_s, cas_mps, found.mach, found.tas_mps, found.rate_mps, drag_n, own)
 
 
 class Flown(NamedTuple):

@@ -1,0 +1,125 @@
+"""Thrust and fuel of a descent: the energy equation the other way round, and what the tables of samples have of it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from bada4_dummies import DUMMIES, dummies, printed_descents
+
+from descentflow.aircraft_types.registry import AnyAircraft, aircraft
+from descentflow.core.constants import G0_MPS2
+from descentflow.core.units import FL_M, FT_M, KT_MPS
+from descentflow.diagnosis.correction.costs import costs_of
+from descentflow.diagnosis.inference.example_sides import example_sides
+from descentflow.effects import EFFECTS
+from descentflow.exports.columns import COLUMNS
+from descentflow.generation.sample_tables import to_frame, write_samples
+from descentflow.physics.airspeed import cas_to_tas_mps
+from descentflow.physics.energy import descent_rate_mps, energy_share_factor_local
+from descentflow.physics.fuel import CO2_PER_FUEL, burn
+from descentflow.representation.decoder.trajectories import integrate
+
+TYPES = ("A320", "AT76", *DUMMIES)
+COLUMNS_OF_FUEL = ("thrust_n", "fuel_flow_kg_s", "fuel_kg", "co2_kg")
+
+
+def model_of(name: str) -> AnyAircraft:
+    return aircraft(name, dummies() if name in DUMMIES else None)
+
+
+def state(model: AnyAircraft) -> tuple[torch.Tensor, ...]:
+    """CAS, altitude, slope of the CAS, deviation and mass of random points."""
+    draw = torch.rand(5, 40, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
+    cas = (0.7 + 0.3 * draw[0]) * model.des_cas_high_kt * KT_MPS
+    altitude = 500 + draw[1] * 0.7 * model.altitude_maximum_ft * FT_M
+    mass = model.mass_minimum_kg + draw[4] * (model.mass_maximum_kg - model.mass_minimum_kg)
+    return cas, altitude, 4e-3 * (draw[2] - 0.5), 30 * draw[3] - 10, mass
+
+
+@pytest.mark.parametrize("name", TYPES)
+def test_the_thrust_that_flew_a_rate_comes_back_and_is_never_below_idle(name: str) -> None:
+    model = model_of(name)
+    cas, altitude, slope, deviation, mass = state(model)
+    tas = cas_to_tas_mps(cas, altitude, deviation)
+    share = energy_share_factor_local(cas, altitude, slope, 0.0, deviation)
+    drag, idle = model.drag_n(tas, altitude, deviation, mass), model.idle_thrust_n(altitude, tas, deviation)
+    wanted = idle + torch.linspace(-0.3, 0.8, len(cas)).double() * (drag - idle)
+    rate = descent_rate_mps(model, drag, wanted, tas, share, altitude, deviation, mass)
+    found = burn(model, cas, altitude, rate, slope, deviation, mass)
+    torch.testing.assert_close(found.thrust_n, wanted.maximum(idle), rtol=1e-9, atol=1e-6)
+    idles = wanted <= idle
+    flow = model.idle_fuel_flow_kg_s(altitude, tas, deviation)
+    assert torch.equal(found.flow_kg_s[idles], flow.expand(len(cas))[idles])
+    assert bool((found.flow_kg_s >= flow).all())
+
+
+def test_level_flight_at_one_true_airspeed_takes_the_drag() -> None:
+    model = model_of("A320")
+    found = burn(model, 140.0, 6000.0, 0.0)
+    tas = cas_to_tas_mps(140.0, 6000.0)
+    assert found.thrust_n.item() == pytest.approx(model.drag_n(tas, 6000.0).item())
+    # In still, standard air one newton beyond it lifts the mass as a watt by the speed does.
+    climbing = burn(model, 140.0, 6000.0, 1.0)
+    share = energy_share_factor_local(140.0, 6000.0, 0.0).item()
+    excess = model.mass_reference_kg * G0_MPS2 / tas.item() / share
+    assert (climbing.thrust_n - found.thrust_n).item() == pytest.approx(excess)
+
+
+@pytest.mark.parametrize("warmer", [False, True], ids=["ISA", "ISA+20"])
+@pytest.mark.parametrize("name", DUMMIES)
+def test_fuel_of_printed_rates_is_the_printed_fuel(name: str, warmer: bool) -> None:
+    """Of clean rows below the crossover: printed CAS and rate give the printed fuel again, at idle."""
+    model = model_of(name)
+    for printed, configurations in printed_descents(name, warmer):
+        clean = torch.tensor([one == "CR" for one in configurations])
+        rows = clean & (printed["level"] * FL_M < model.transition_altitude_m())
+        cas, altitude, rate = (
+            printed["CAS"] * KT_MPS,
+            printed["level"] * FL_M,
+            -(printed["rod"] + 1) * FT_M / 60,  # a foot a minute steeper than printed, or rounding would ask for thrust
+        )
+        found = burn(model, cas, altitude, rate, 0.0, 20.0 * warmer, printed["mass"])
+        assert bool(((found.flow_kg_s * 60 - printed["fuel"])[rows].abs() <= 0.0051).all())
+
+
+def test_tables_of_samples_have_thrust_fuel_and_co2(tmp_path: Path) -> None:
+    model = model_of("Dummy-TWIN")
+    levels = torch.arange(150, 331).double()
+    cas = torch.full((3, 181), 145.0).double()
+    drag = torch.tensor([[28e3], [34e3], [60e3]]).double().expand(3, 181)
+    flown = integrate(model, levels, levels * FL_M, drag, cas, torch.tensor([180, 180, 100]), exact_energy_share=True)
+    table = to_frame(flown)
+    for number in range(3):
+        one = table.filter(sample_id=number)
+        time, flow = one["time_s"].to_numpy(), one["fuel_flow_kg_s"].to_numpy()
+        assert one["fuel_kg"][-1] == pytest.approx(np.trapezoid(flow, time), rel=1e-12)
+        assert one["fuel_kg"][0] == 0.0
+        assert one["co2_kg"].to_numpy() == pytest.approx(CO2_PER_FUEL * one["fuel_kg"].to_numpy())
+        # What slows the second and third down less than the polar is thrust; what is steeper is not.
+        polar = model.drag_n(flown.tas_mps[number], levels * FL_M)
+        idle = model.idle_thrust_n(levels * FL_M, flown.tas_mps[number])
+        wanted = (idle + (polar - drag[number]).clamp(min=0.0)).flip(0)[-len(one) :]
+        assert one["thrust_n"].to_numpy() == pytest.approx(wanted.numpy(), rel=1e-9)
+    assert bool((table.filter(sample_id=2)["thrust_n"] < 0).all())
+    assert set(COLUMNS_OF_FUEL) <= set(COLUMNS)
+    write_samples(flown, tmp_path / "samples.nc")
+    assert (tmp_path / "samples.nc").stat().st_size > 0
+
+
+def test_descents_of_no_single_model_have_no_fuel() -> None:
+    model, levels = model_of("A320"), torch.arange(150, 200).double()
+    shape = torch.full((2, 50), 140.0).double()
+    args = (model, levels, levels * FL_M, 300 * shape, shape, torch.tensor([49, 49]))
+    assert integrate(*args, mass_kg=6e4).aircraft == model.at_mass(6e4)
+    mixed = integrate(*args, mass_kg=torch.tensor([[6e4], [7e4]]).double())
+    assert mixed.aircraft is None
+    assert not set(COLUMNS_OF_FUEL) & set(to_frame(mixed).columns)
+
+
+def test_a_gap_costs_fuel_before_and_after_its_cause() -> None:
+    sides = example_sides(EFFECTS["idle_thrust"], [0.5])
+    cost = next(one for one in costs_of(sides, None, seed=0) if one.name == "fuel")
+    assert (cost.label, cost.unit) == ("fuel", "kg")
+    assert cost.simulator > 20
+    assert cost.before.estimate == pytest.approx(cost.flights - cost.simulator)

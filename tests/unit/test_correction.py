@@ -75,8 +75,8 @@ def taken(flown: Trajectories, draws: DrawNumbers) -> torch.Tensor:
 
 
 def in_precision(flown: Trajectories, precision: torch.dtype) -> Trajectories:
-    values = {f.name: getattr(flown, f.name) for f in fields(flown)}
-    return Trajectories(**{k: v.to(precision) if getattr(v, "is_floating_point", bool)() else v for k, v in values.items()})
+    values = {f.name: getattr(flown, f.name) for f in fields(flown) if getattr(flown, f.name) is not None}
+    return Trajectories(**{k: v.to(precision) if v.is_floating_point() else v for k, v in values.items()})
 
 
 def test_the_same_flights_are_taken_in_single_and_double_precision(flown: Trajectories) -> None:

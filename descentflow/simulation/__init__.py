@@ -2,8 +2,8 @@
 
 Reading order: :mod:`~descentflow.simulation.world` (the front function), :mod:`~descentflow.simulation.scenarios` and
 :mod:`~descentflow.simulation.world_config` (its settings), :mod:`~descentflow.simulation.parameters` (what is drawn for
-each flight, with :mod:`~descentflow.simulation.constant_segments`, :mod:`~descentflow.simulation.speed_changes`,
-:mod:`~descentflow.simulation.off_idle`, :mod:`~descentflow.simulation.weather`), :mod:`~descentflow.simulation.flight`,
+each flight, with :mod:`~descentflow.simulation.planned_changes` and
+:mod:`~descentflow.simulation.weather`), :mod:`~descentflow.simulation.flight`,
 :mod:`~descentflow.simulation.motion` and :mod:`~descentflow.simulation.autopilot` (how it is flown),
 :mod:`~descentflow.simulation.truth` and :mod:`~descentflow.simulation.observe` (the tables that result). Effects that a
 diagnosis is to find are injected by :mod:`~descentflow.simulation.causes` through

@@ -95,8 +95,7 @@ def target_tas_mps(dynamics: Dynamics, altitude_m: Tensor, time_s: float) -> Ten
     """
     p = dynamics.parameters
     wander = (p.wander_mps * torch.sin(p.wander_rad_s * time_s + p.wander_phase)).sum(-1)
-    planned = p.cas_mps if p.speed_changes is None else p.cas_mps * p.speed_changes.factor(altitude_m)
-    cas, deviation = planned + wander, dynamics.deviation_k(altitude_m)
+    cas, deviation = p.cas_mps * p.speed_changes.factor(altitude_m) + wander, dynamics.deviation_k(altitude_m)
     by_mach = mach_to_tas_mps(p.mach * (cas / p.cas_mps), altitude_m, deviation)
     return torch.minimum(by_mach, cas_to_tas_mps(cas, altitude_m, deviation))
 
@@ -121,7 +120,7 @@ def start(dynamics: Dynamics) -> tuple[Motion, Pilot]:
     """
     p = dynamics.parameters
     zero = torch.zeros_like(p.mass_kg)
-    column = p.deviation_k if p.weather is None else p.deviation_k + p.weather.mean_deviation_k(p.top_m)
+    column = p.deviation_k + p.weather.mean_deviation_k(p.top_m)
     state = Motion(target_tas_mps(dynamics, p.top_m, 0.0), p.top_m, geometric_altitude_m(p.top_m, column))
     off = torch.zeros_like(zero, dtype=torch.bool)
     mode = torch.full_like(p.operator, CRUISE)
@@ -164,8 +163,7 @@ def decide(
     limit = dynamics.aircraft.climb_thrust_n(state.altitude_m, state.tas_mps, deviation) - idle
     hold = drag - idle + p.mass_kg * (G0_MPS2 * torch.sin(pilot.gamma) - error / SPEED_LAG_S)
     idling = torch.zeros_like(drag) if p.injected is None else _kept_n(p.injected, state, pilot, drag - idle)
-    if p.off_idle is not None:
-        idling = idling + p.off_idle.power(state.altitude_m) * (drag - idle)
+    idling = idling + p.off_idle.power(state.altitude_m) * (drag - idle)
     wanted = torch.where(pilot.mode == IDLE, idling, hold.clamp(min=0.0).minimum(limit.clamp(min=0.0)))
     change = wanted - pilot.extra_n
     extra_rate = change * torch.where(change > 0, _lag(SPOOL_UP_S, period_s), _lag(SPOOL_DOWN_S, period_s))
@@ -243,10 +241,9 @@ def _select_mode(dynamics: Dynamics, state: Motion, pilot: Pilot, rate: Tensor, 
         holds = (state.altitude_m <= p.injected.hold_high_m) & (state.altitude_m > p.injected.hold_low_m)
         chosen = torch.where((mode == IDLE) & (pilot.age_s >= SETTLED_S) & holds, INJECTED, chosen)
     chosen = torch.where(resumes, IDLE, chosen)
-    if p.constant_rates is not None:
-        in_segment = ~p.constant_rates.rate_at_mps(state.altitude_m).isnan()
-        chosen = torch.where((chosen == SEGMENT) & ~in_segment, IDLE, chosen)
-        chosen = torch.where((chosen == IDLE) & in_segment, SEGMENT, chosen)
+    in_segment = ~p.constant_rates.rate_at_mps(state.altitude_m).isnan()
+    chosen = torch.where((chosen == SEGMENT) & ~in_segment, IDLE, chosen)
+    chosen = torch.where((chosen == IDLE) & in_segment, SEGMENT, chosen)
     chosen = torch.where(at_managed, MANAGED, chosen)
     chosen = torch.where(at_level, LEVEL_OFF, chosen)
     chosen = torch.where(at_bottom, BOTTOM, chosen)
@@ -278,8 +275,7 @@ def _gamma_rate(
     captures = (pilot.mode == LEVEL_OFF) | (pilot.mode == BOTTOM)
     wanted = torch.where(captures, (target - state.altitude_m) / CAPTURE_S, 0.0)
     wanted = torch.where(pilot.mode == MANAGED, pilot.rate_mps, wanted)
-    if p.constant_rates is not None:
-        wanted = torch.where(pilot.mode == SEGMENT, p.constant_rates.rate_at_mps(state.altitude_m), wanted)
+    wanted = torch.where(pilot.mode == SEGMENT, p.constant_rates.rate_at_mps(state.altitude_m), wanted)
     sine = wanted / (state.tas_mps * fraction)
     if p.injected is not None:
         by_angle = torch.tan(p.injected.hold_angle) * (1 + dynamics.wind_mps(state) / state.tas_mps)
@@ -288,7 +284,7 @@ def _gamma_rate(
     angle = torch.asin(sine.clamp(-0.3, 0.05))
     by_path = (angle - pilot.gamma) / PATH_LAG_S
     turn = torch.where(pilot.mode == IDLE, by_speed, by_path).clamp(-GAMMA_RATE, GAMMA_RATE)
-    if p.speed_changes is not None:
+    if p.speed_changes.share.numel():
         # Who has to lose much speed, or cannot at idle thrust, keeps descending.
         shallowest = -torch.asin((LEAST_FPM * FPM_MPS / (state.tas_mps * fraction)).clamp(max=0.3))
         descends = (pilot.mode == IDLE) & (pilot.gamma + period_s * turn > shallowest)

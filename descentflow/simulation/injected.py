@@ -5,6 +5,8 @@ from dataclasses import dataclass, fields
 import torch
 from torch import Tensor
 
+from descentflow.simulation.flight_rows import FlightRows
+
 EDGE_M = 90.0
 """Height over which brakes run out or a bank is rolled in: some 8 s of descent."""
 REFERENCE_MACH = 0.6
@@ -12,7 +14,7 @@ REFERENCE_MACH = 0.6
 
 
 @dataclass(frozen=True)
-class Injected:
+class Injected(FlightRows):
     """Effects beyond the parameters that every flight has; all float64 of shape (n,).
 
     Example:
@@ -60,10 +62,6 @@ class Injected:
     """Added to the time constant of the transponder's smoothing of vertical rate."""
     noise_factor: Tensor
     """Of the standard deviations of all reported fields."""
-
-    def rows(self, index: Tensor) -> "Injected":
-        """Return the flights of an index tensor."""
-        return Injected(**{f.name: getattr(self, f.name)[index] for f in fields(self)})
 
     def drag_gain(self, altitude_m: Tensor, mach: Tensor) -> Tensor:
         """Factor of CD0 at an altitude and a Mach number."""

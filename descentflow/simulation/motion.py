@@ -103,7 +103,7 @@ class Dynamics:
         p = self.parameters
         where = state.tas_mps, state.altitude_m, self.deviation_k(state.altitude_m)
         clean = self.aircraft
-        if p.off_idle is not None:
+        if p.off_idle.brake_gain.numel():
             clean = clean.with_factors(parasitic=p.off_idle.drag_gain(state.altitude_m))
         if p.injected is None:
             return clean.drag_n(*where, p.mass_kg)
@@ -120,15 +120,11 @@ class Dynamics:
     def wind_mps(self, state: Motion) -> Tensor:
         """Tailwind."""
         p = self.parameters
-        steady = p.wind_mps + p.wind_slope_per_s * state.height_m
-        return steady if p.weather is None else steady + p.weather.wind_mps(state.height_m)
+        return p.wind_mps + p.wind_slope_per_s * state.height_m + p.weather.wind_mps(state.height_m)
 
     def wind_slope_per_s(self, state: Motion) -> Tensor:
         """Growth of the tailwind with geometric altitude."""
-        p = self.parameters
-        if p.weather is None:
-            return p.wind_slope_per_s
-        return p.wind_slope_per_s + p.weather.wind_slope_per_s(state.height_m)
+        return self.parameters.wind_slope_per_s + self.parameters.weather.wind_slope_per_s(state.height_m)
 
     def deviation_k(self, altitude_m: Tensor) -> Tensor:
         """Deviation of the temperature from the standard atmosphere at pressure altitudes (n,).
@@ -136,8 +132,6 @@ class Dynamics:
         Asked again at the same altitudes, the same: drag, thrust and the rate of each step take it.
         """
         p = self.parameters
-        if p.weather is None:
-            return p.deviation_k
         if self._known_deviation is None or self._known_deviation[0] is not altitude_m:
             self._known_deviation = (altitude_m, p.deviation_k + p.weather.deviation_k(altitude_m))
         return self._known_deviation[1]

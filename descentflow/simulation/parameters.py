@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any
 
 import numpy as np
 import torch
@@ -12,10 +11,15 @@ from torch import Tensor
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M, FT_M, KT_MPS
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.simulation.constant_segments import ConstantRates, draw_constant_rates
 from descentflow.simulation.injected import Injected
-from descentflow.simulation.off_idle import OffIdle, draw_off_idle
-from descentflow.simulation.speed_changes import SpeedChanges, draw_speed_changes
+from descentflow.simulation.planned_changes import (
+    ConstantRates,
+    OffIdle,
+    SpeedChanges,
+    draw_constant_rates,
+    draw_off_idle,
+    draw_speed_changes,
+)
 from descentflow.simulation.weather import Weather, draw_weather
 from descentflow.simulation.world_config import Operator, WorldConfig, default_operators, largest_landing_mass_kg
 
@@ -24,8 +28,8 @@ N_WAVES = 3
 WIDTH = 64
 """Batches are filled up to a multiple of this: the last few entries of a vector take another path through the
 processor, and with it another last bit, so that a flight's numbers would depend on its place in the batch."""
-PARTS = ("injected", "constant_rates", "weather", "speed_changes", "off_idle")
-"""Parameters that are tables of their own, or None."""
+PARTS = ("constant_rates", "weather", "speed_changes", "off_idle")
+"""Parameters that are tables of their own."""
 _DRAWS = 40
 _THOUSAND_FT_M = 1000 * FT_M
 
@@ -80,16 +84,15 @@ class FlightParameters:
     """Number of the airframe in the world, int64."""
     day: Tensor
     """Number of the day, int64: an airframe flies once a day."""
+    constant_rates: ConstantRates
+    """Constant-rate segments from the top of descent."""
+    weather: Weather
+    """Wind and temperature that change with height, beside those above."""
+    speed_changes: SpeedChanges
+    off_idle: OffIdle
+    """Stretches with thrust or brakes."""
     injected: Injected | None = None
     """Effects beyond these parameters; None for none."""
-    constant_rates: ConstantRates | None = None
-    """Constant-rate segments from the top of descent; None for none."""
-    weather: Weather | None = None
-    """Wind and temperature that change with height, beside those above; None for none."""
-    speed_changes: SpeedChanges | None = None
-    """None for none."""
-    off_idle: OffIdle | None = None
-    """Stretches with thrust or brakes; None for none."""
     planted: Mapping[str, Tensor] = field(default_factory=dict)
     """Planted causes of each flight, by ``cause_value``; NaN for none."""
 
@@ -99,12 +102,11 @@ class FlightParameters:
 
     def rows(self, index: Tensor) -> "FlightParameters":
         """Return the flights of an index tensor."""
-        parts = {name: getattr(self, name) for name in PARTS}
-        taken: dict[str, Any] = {name: None if part is None else part.rows(index) for name, part in parts.items()}
-        own = {f.name: getattr(self, f.name)[index] for f in fields(self) if f.name not in (*PARTS, "planted")}
+        plain = [f.name for f in fields(self) if f.name not in (*PARTS, "injected", "planted")]
         return FlightParameters(
-            **own,
-            **taken,
+            **{name: getattr(self, name)[index] for name in plain},
+            **{name: getattr(self, name).rows(index) for name in PARTS},
+            injected=self.injected and self.injected.rows(index),
             planted={name: values[index] for name, values in self.planted.items()},
         )
 

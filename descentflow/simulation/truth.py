@@ -130,6 +130,7 @@ def flights_table(named: Sequence[Flight], parameters: FlightParameters, operato
         "airframe",
         "day",
         "planted",
+        "injected",
         *PARTS,
     }
     plain = [f.name for f in fields(parameters) if f.name not in already and not f.name.startswith("wander")]
@@ -137,16 +138,12 @@ def flights_table(named: Sequence[Flight], parameters: FlightParameters, operato
     if parameters.injected is not None:
         injected = parameters.injected
         more += [pl.Series(f"injected_{f.name}", getattr(injected, f.name).numpy()) for f in fields(injected)]
-    if parameters.constant_rates is not None:
-        values = {
-            "rate_fpm": parameters.constant_rates.rate_mps / FPM_MPS,
-            "low_fl": parameters.constant_rates.low_m / FL_M,
-        }
-        more += [
-            pl.Series(f"{which}_{name}", value[:, k].numpy()).fill_nan(None)
-            for name, value in values.items()
-            for k, which in enumerate(("first", "second"))
-        ]
+    rates = {"rate_fpm": parameters.constant_rates.rate_mps / FPM_MPS, "low_fl": parameters.constant_rates.low_m / FL_M}
+    more += [
+        pl.Series(f"{which}_{name}", column.numpy()).fill_nan(None)
+        for name, values in rates.items()
+        for which, column in zip(("first", "second"), values.unbind(1), strict=False)
+    ]
     more += _tables(parameters)
     more += [pl.Series(f"planted_{name}", value.numpy()).fill_nan(None) for name, value in parameters.planted.items()]
     return table.with_columns(more).with_columns(pl.col("level_off_fl", "managed_fl").fill_nan(None))
@@ -158,7 +155,6 @@ def _tables(parameters: FlightParameters) -> list[pl.Series]:
     return [
         pl.Series(f"{name}_{k + 1}_{f.name}", column.numpy())
         for name, part in parts.items()
-        if part is not None
         for f in fields(part)
         for k, column in enumerate(getattr(part, f.name).unbind(1))
     ]

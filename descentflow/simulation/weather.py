@@ -8,7 +8,7 @@ world.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from descentflow.core.units import FL_M
+from descentflow.simulation.flight_rows import FlightRows
 from descentflow.simulation.world_config import WorldConfig
 
 Array = NDArray[np.float64]
@@ -35,7 +36,7 @@ VEER = np.pi / 4
 
 
 @dataclass(frozen=True)
-class Weather:
+class Weather(FlightRows):
     """Air of each flight.
 
     Example:
@@ -47,15 +48,11 @@ class Weather:
     """
 
     tailwind_mps: Tensor
-    """(n, heights) at :data:`HEIGHT_M`, geometric."""
+    """(n, heights) at :data:`HEIGHT_M`, geometric; no heights where the air is that of the flight's parameters."""
     warmer_k: Tensor
     """(n, heights) of the temperature from the flight's mean deviation, at pressure altitudes of the same numbers."""
     track_rad: Tensor
     """(n,) track over ground."""
-
-    def rows(self, index: Tensor) -> "Weather":
-        """Return the flights of an index tensor."""
-        return Weather(**{f.name: getattr(self, f.name)[index] for f in fields(self)})
 
     def wind_mps(self, height_m: Tensor) -> Tensor:
         """Tailwind at geometric altitudes (n,)."""
@@ -71,19 +68,22 @@ class Weather:
 
     def mean_deviation_k(self, altitude_m: Tensor) -> Tensor:
         """Its mean below pressure altitudes (n,): that by which the column of air is higher."""
-        below = torch.from_numpy(HEIGHT_M) <= altitude_m[:, None]
-        return torch.where(below, self.warmer_k, 0.0).sum(1) / below.sum(1)
+        heights = torch.from_numpy(HEIGHT_M)[: self.warmer_k.shape[1]]
+        below = heights <= altitude_m[:, None]
+        return torch.where(below, self.warmer_k, 0.0).sum(1) / below.sum(1).clamp(min=1)
 
 
 def _at(table: Tensor, height_m: Tensor) -> tuple[Tensor, Tensor]:
     """Values at heights, and their slopes."""
+    if not table.shape[1]:
+        return torch.zeros_like(height_m), torch.zeros_like(height_m)
     place = (height_m / SPACING_M).clamp(0.0, table.shape[1] - 1.001)
     below = place.long()
     low, high = table.gather(1, below[:, None])[:, 0], table.gather(1, below[:, None] + 1)[:, 0]
     return low + (place - below) * (high - low), (high - low) / SPACING_M
 
 
-def draw_weather(numbers: Sequence[int], days: Sequence[int], seed: int, config: WorldConfig) -> Weather | None:
+def draw_weather(numbers: Sequence[int], days: Sequence[int], seed: int, config: WorldConfig) -> Weather:
     """Draw the weather of flights: a day's is that of the seed and the day alone.
 
     Args:
@@ -93,18 +93,17 @@ def draw_weather(numbers: Sequence[int], days: Sequence[int], seed: int, config:
         config: Shear, jet stream and temperature.
 
     Returns:
-        The weather; None if the world has none.
+        The weather.
 
     Example:
         >>> windy = WorldConfig(shear_spread_per_s=0.004)
         >>> draw_weather(range(2), [3, 3], 0, windy).tailwind_mps.shape
         torch.Size([2, 301])
-        >>> draw_weather(range(2), [3, 3], 0, WorldConfig()) is None
-        True
     """
     still = not (config.shear_spread_per_s or config.jet_mps[1])
     if not numbers or (still and not (config.layer_spread_k or config.daily_spread_k)):
-        return None
+        none = torch.empty(len(numbers), 0, dtype=torch.float64)
+        return Weather(none, none, none)
     known = {day: _day(np.random.default_rng((seed, day, DAY_STREAM)), config) for day in dict.fromkeys(days)}
     flights = [
         _flight(np.random.default_rng((seed, k, STREAM)), known[d], config) for k, d in zip(numbers, days, strict=True)

@@ -196,6 +196,6 @@ def _chunk(
         aircraft.typecode, numbers, seed, config.flights_per_aircraft, prefixes, parameters.day.tolist()
     )
     truth = truth_table(named, fly(aircraft, parameters, config))
-    tracks = None if parameters.weather is None else parameters.weather.track_rad.tolist()
+    tracks = parameters.weather.track_rad.tolist() if parameters.weather.tailwind_mps.numel() else None
     rows = observe(named, truth, seed, numbers, config, parameters.injected, tracks)
     return rows, flights_table(named, parameters, operators), truth

@@ -10,7 +10,7 @@ import torch
 import toys
 from torch import Tensor
 
-from descentflow.evaluation.figures.distances_by_level import level_scores_figure
+from descentflow.evaluation.figures.score_figures import level_scores_figure
 from descentflow.evaluation.metrics.bootstrap import score_intervals
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.pooled import Pooled, Values

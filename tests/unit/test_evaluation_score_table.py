@@ -9,12 +9,12 @@ import pytest
 import torch
 
 from descentflow.core.units import KT_MPS
+from descentflow.evaluation.evaluation_report import verdict
 from descentflow.evaluation.metrics.classifier import Detection
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.noise_floor import MIN_VALUES, split_distances
 from descentflow.evaluation.metrics.score_table import Score, ScoreTable
 from descentflow.evaluation.metrics.scores import score
-from descentflow.evaluation.verdict import verdict
 
 
 def plain(n: int, seed: int = 0, n_levels: int = 11) -> DescentSet:

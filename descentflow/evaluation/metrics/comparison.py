@@ -16,7 +16,7 @@ from descentflow.evaluation.metrics.noise_floor import (
     split_profile_scores,
 )
 from descentflow.evaluation.metrics.pooled import Values
-from descentflow.evaluation.metrics.statistic_kinds import DescentStatistic, ProfileStatistic
+from descentflow.evaluation.metrics.score_registry import DescentStatistic, ProfileStatistic
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,7 @@ from torch import Tensor
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.level_distances import Distances, joined, level_distances
 from descentflow.evaluation.metrics.pooled import Values
-from descentflow.evaluation.metrics.score_registry import level_statistics
-from descentflow.evaluation.metrics.statistic_kinds import DescentStatistic, ProfileStatistic
+from descentflow.evaluation.metrics.score_registry import DescentStatistic, ProfileStatistic, level_statistics
 
 T = TypeVar("T")
 SIZE = 200

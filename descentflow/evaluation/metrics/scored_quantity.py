@@ -10,8 +10,8 @@ from descentflow.evaluation.metrics.comparison import Comparison
 from descentflow.evaluation.metrics.distances import observed_mean
 from descentflow.evaluation.metrics.noise_floor import MIN_VALUES
 from descentflow.evaluation.metrics.pooled import Values
+from descentflow.evaluation.metrics.score_registry import Part, Quantity, Statistic
 from descentflow.evaluation.metrics.score_table import LevelScores, Score
-from descentflow.evaluation.metrics.statistic_kinds import Part, Quantity, Statistic
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.score_registry import (
     QUANTITIES,
     WHOLE,
+    DescentStatistic,
     descent_statistics,
     level_statistics,
     parts_of,
@@ -20,7 +21,6 @@ from descentflow.evaluation.metrics.score_registry import (
 )
 from descentflow.evaluation.metrics.score_table import LevelScores, Score, ScoreTable
 from descentflow.evaluation.metrics.scored_quantity import ScoredQuantity
-from descentflow.evaluation.metrics.statistic_kinds import DescentStatistic
 
 
 def score(

@@ -11,7 +11,7 @@ from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.parquet_pages import check_pages
 from descentflow.representation.context import ContextEncoder, Missing
 from descentflow.representation.profiles import Profiles
-from descentflow.surveillance.unpacking.streams import whole_input
+from descentflow.surveillance.unpacking import whole_input
 
 DERIVED = {
     "entry_fl": "highest flight level of the descent",

@@ -17,7 +17,7 @@ from descentflow.surveillance.descents.prepared_descents import (
     top_levels,
 )
 from descentflow.surveillance.descents.store import KEY, MANIFEST, SCHEMA_VERSION
-from descentflow.surveillance.unpacking.streams import whole_input
+from descentflow.surveillance.unpacking import whole_input
 
 USUAL = Cleaning()
 """The default settings."""

@@ -11,8 +11,14 @@ import polars as pl
 
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.tabular import held_table, is_pandas
-from descentflow.surveillance.formats.known_formats import ACCEPTED, Part, check_format, put_together
-from descentflow.surveillance.formats.recognition import held_parts, recognised
+from descentflow.surveillance.formats.known_formats import (
+    ACCEPTED,
+    Part,
+    check_format,
+    held_parts,
+    put_together,
+    recognised,
+)
 from descentflow.surveillance.rows.air_data import MACH_MISSING, mach_reported, with_ias, with_mach
 from descentflow.surveillance.rows.column_names import note_unused, row_names, with_named
 from descentflow.surveillance.rows.drop_report import DropReport
@@ -20,8 +26,7 @@ from descentflow.surveillance.rows.normalise import is_list_of_types, normalise,
 from descentflow.surveillance.rows.times import RelativeTimes
 from descentflow.surveillance.rows.units_check import check_units
 from descentflow.surveillance.rows.values_beside import with_values_beside
-from descentflow.surveillance.unpacking.inputs import Unreadable, files_of, inputs
-from descentflow.surveillance.unpacking.streams import Input, opened, unpacked
+from descentflow.surveillance.unpacking import Input, Unreadable, files_of, inputs, opened, unpacked
 
 LISTS_OF_TYPES = "rows of lists of types (icao24, typecode), which are no surveillance rows"
 """Name in the report of tables that only list the types of aircraft."""

@@ -31,7 +31,7 @@ from descentflow.surveillance.formats.known_formats import ACCEPTED
 from descentflow.surveillance.read_rows import TABLE_IN_MEMORY, Source
 from descentflow.surveillance.rows.column_names import check_named
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.unpacking.inputs import files_of
+from descentflow.surveillance.unpacking import files_of
 
 HASHED_ROWS = 100_000
 """Rows of a table in memory that are hashed at a time."""

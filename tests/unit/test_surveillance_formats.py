@@ -72,7 +72,7 @@ def test_snapshots_in_any_arrangement(form: str, tmp_path: Path) -> None:
 
 def test_lines_with_nan_are_read_one_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The standard library writes it, and the faster parser does not take it; nothing is read as a whole for it."""
-    monkeypatch.setattr("descentflow.surveillance.unpacking.streams.MAX_DOCUMENT_BYTES", 1000)
+    monkeypatch.setattr("descentflow.surveillance.unpacking.MAX_DOCUMENT_BYTES", 1000)
     text = snapshots_of(FLIGHT).decode().replace('"flight"', '"rssi": NaN, "flight"')
     found, _ = rows_of(written_to(tmp_path / "aircraft", text))
     assert_same_flight(found)

@@ -17,7 +17,7 @@ from descentflow.surveillance.read_rows import read_rows
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.normalise import normalise
 from descentflow.surveillance.rows.schema import TIMESTAMP
-from descentflow.surveillance.unpacking.inputs import files_of
+from descentflow.surveillance.unpacking import files_of
 
 NOON = datetime(2024, 3, 1, 12, 0, 0, 250_000, tzinfo=UTC)
 ROW = {"icao24": "4ca001", "altitude": 30_000.0, "IAS": 270.0, "Mach": 0.7}

@@ -6,8 +6,8 @@ import torch
 from torch import Tensor
 
 from descentflow.core.errors import ConfigError
-from descentflow.evaluation.metrics.comparison import resampled_levels
 from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.noise_floor import resampled_levels
 from descentflow.evaluation.metrics.score_registry import QUANTITIES, level_statistics, parts_of
 from descentflow.evaluation.metrics.score_table import ScoreTable
 

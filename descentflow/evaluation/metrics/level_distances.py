@@ -8,7 +8,8 @@ from torch import Tensor
 
 from descentflow.evaluation.metrics.distances import by_chunks
 from descentflow.evaluation.metrics.pooled import pool
-from descentflow.evaluation.metrics.score_registry import LevelStatistic, level_statistics
+from descentflow.evaluation.metrics.score_registry import level_statistics
+from descentflow.evaluation.metrics.statistic_kinds import LevelStatistic
 
 
 @dataclass(frozen=True)

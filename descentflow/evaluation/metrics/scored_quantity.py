@@ -6,12 +6,11 @@ from math import isnan, nan
 import torch
 from torch import Tensor
 
-from descentflow.evaluation.metrics.comparison import Comparison
 from descentflow.evaluation.metrics.distances import observed_mean
-from descentflow.evaluation.metrics.noise_floor import MIN_VALUES
+from descentflow.evaluation.metrics.noise_floor import MIN_VALUES, Comparison
 from descentflow.evaluation.metrics.pooled import Values
-from descentflow.evaluation.metrics.score_registry import Part, Quantity, Statistic
 from descentflow.evaluation.metrics.score_table import LevelScores, Score
+from descentflow.evaluation.metrics.statistic_kinds import Part, Quantity, Statistic
 
 
 @dataclass(frozen=True)
@@ -27,7 +26,7 @@ class ScoredQuantity:
         nominal: Those in the nominal descent, if there is one; else empty.
 
     Example:
-        >>> from descentflow.evaluation.metrics.comparison import compare
+        >>> from descentflow.evaluation.metrics.noise_floor import compare
         >>> from descentflow.evaluation.metrics.score_registry import QUANTITIES, STATISTICS, parts_of
         >>> from descentflow.evaluation.metrics.descent_set import DescentSet
         >>> from descentflow.generation.sample import sample

@@ -7,12 +7,11 @@ import torch
 from torch import Tensor
 
 from descentflow.core.errors import ConfigError, DataError
-from descentflow.evaluation.metrics.comparison import compare, compare_descents, compare_profiles
 from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.noise_floor import compare, compare_descents, compare_profiles
 from descentflow.evaluation.metrics.score_registry import (
     QUANTITIES,
     WHOLE,
-    DescentStatistic,
     descent_statistics,
     level_statistics,
     parts_of,
@@ -21,6 +20,7 @@ from descentflow.evaluation.metrics.score_registry import (
 )
 from descentflow.evaluation.metrics.score_table import LevelScores, Score, ScoreTable
 from descentflow.evaluation.metrics.scored_quantity import ScoredQuantity
+from descentflow.evaluation.metrics.statistic_kinds import DescentStatistic
 
 
 def score(

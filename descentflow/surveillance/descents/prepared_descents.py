@@ -19,7 +19,7 @@ from descentflow.surveillance.descents.store import KEY, MEND, SCHEMA_VERSION, d
 from descentflow.surveillance.rows.air_data import IAS_COMPUTED, MACH_COMPUTED
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import CHANNELS
-from descentflow.surveillance.unpacking.streams import whole_input
+from descentflow.surveillance.unpacking import whole_input
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -20,7 +20,7 @@ from polars.io.plugins import register_io_source
 from descentflow.core.errors import DataError
 from descentflow.core.files import whole_file
 from descentflow.core.parquet_pages import check_pages
-from descentflow.surveillance.unpacking.streams import whole_input
+from descentflow.surveillance.unpacking import whole_input
 
 SCHEMA_VERSION = 1
 KEY = "descentflow"

@@ -19,7 +19,7 @@ from descentflow.core.tabular import optional_library
 from descentflow.core.units import KT_MPS
 from descentflow.surveillance.formats.json_rows import numbers, texts
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.unpacking.streams import Input
+from descentflow.surveillance.unpacking import Input
 
 REGISTERS: dict[tuple[int, int], dict[str, tuple[int, int | None, int, int, float]]] = {
     (4, 0): {"selected_altitude": (1, None, 2, 12, 16.0)},

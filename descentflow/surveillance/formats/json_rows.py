@@ -11,7 +11,7 @@ import polars as pl
 
 from descentflow.core.errors import DataError
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.unpacking.streams import Input
+from descentflow.surveillance.unpacking import Input
 
 BLANKS = re.compile(r"\s*")
 DECODER = json.JSONDecoder()

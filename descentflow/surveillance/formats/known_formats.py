@@ -1,15 +1,18 @@
 """The table of formats: to add a source of rows, write its file in this folder and enter it here."""
 
+import itertools
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import polars as pl
 
-from descentflow.core.errors import ConfigError
+from descentflow.core.errors import ConfigError, DataError
 from descentflow.surveillance.formats import aircraft_json, asterix, json_rows, mode_s, readsb_trace, scat, tables
+from descentflow.surveillance.formats.json_rows import documents
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.unpacking.streams import Input
+from descentflow.surveillance.unpacking import Input
 
 Columns = Any
 """A polars table with the columns as the format names them, or something that :attr:`Format.join` makes one of."""
@@ -162,3 +165,151 @@ def _belongs(part: Part, waiting: Sequence[Part], block_rows: int) -> bool:
     if part.format.join:
         return count < MAX_HELD_POINTS
     return part.rows.schema == waiting[0].rows.schema and count < block_rows and len(waiting) < MAX_JOINED_TABLES
+
+
+PICKLE = ("a pickle", "write the table as Parquet: opening a pickle runs whatever code it holds")
+PACKED_MEND = "unpack it, or pack it with gzip"
+CAPTURE = ("a capture of network packets", "take the payloads out of the packets first")
+BEAST = ("Beast binary", "write it as lines of time and frame, or as JSON with jet1090")
+EXCEL = ("a workbook of Excel", "save the sheet as CSV in UTF-8, with commas and decimal points")
+POINTS_MEND = "compare times between levels by the recipe of the docs (Times from so6 and ALL_FT+)"
+REFUSED_BINARY = {
+    rb"\x80[\x02-\x05]": PICKLE,
+    rb"PK\x03\x04.*data\.pkl": (
+        "a checkpoint or another file of torch",
+        "pass the rows; info, sample, evaluate and diagnose take checkpoints",
+    ),
+    rb"PK\x03\x04.*(?:\[Content_Types\]\.xml|docProps/|xl/)": EXCEL,
+    rb"PK\x03\x04": ("a zip archive", "unpack it and pass the folder"),
+    rb"BZh": ("bzip2", PACKED_MEND),
+    rb"\xfd7zXZ": ("xz", PACKED_MEND),
+    rb"\x28\xb5\x2f\xfd": ("zstandard", PACKED_MEND),
+    rb"\x89HDF": ("HDF5", "write the table as Parquet"),
+    rb"FEA1": ("Feather version 1", "write it again as Feather version 2 or Parquet"),
+    rb"\xd4\xc3\xb2\xa1|\xa1\xb2\xc3\xd4|\x0a\x0d\x0d\x0a": CAPTURE,
+    rb"\x1a[1-3]": BEAST,
+    rb"\xff\xfe|\xfe\xff": (
+        "text in UTF-16, not UTF-8",
+        "save it as UTF-8, for instance in an editor or by iconv -f UTF-16 -t UTF-8",
+    ),
+}
+"""Begin of a file -> what it is, and what the user can do; the first that fits counts."""
+REFUSED_TEXT = {
+    rb"(?:\S+[ \t]+){4}(?:\d+[ \t]+){5}\S+(?:[ \t]+\d+){2}(?:[ \t]+\S+){8}[ \t]*[\r\n]": (
+        "so6 of EUROCONTROL, with times and altitudes but no airspeeds",
+        POINTS_MEND,
+    ),
+    rb"\d{1,2}[ \t]*\r?\n(?:[^;\n]*;){20}": (
+        "ALL_FT+ of EUROCONTROL, with times and altitudes but no airspeeds",
+        POINTS_MEND,
+    ),
+    rb"(?:MSG|SEL|ID|AIR|STA|CLK),\d*,\d*,\d*,[0-9A-Fa-f]*,": (
+        "a BaseStation (SBS-1) log, whose messages have no IAS and no Mach",
+        "record raw frames with jet1090, or snapshots (aircraft.json) of readsb or dump1090-fa",
+    ),
+    rb"(?:[*:]|@[0-9a-fA-F]{12})?(?:[0-9a-fA-F]{14}){1,2};?\s": (
+        "Mode S frames without the time of each",
+        "record lines `seconds frame` (seconds since 1970), for instance with jet1090",
+    ),
+    rb"[^\n]*\r[^\n]+\Z": (
+        "text whose lines end in CR alone",
+        r"write the line ends as LF, for instance by tr '\r' '\n' < OLD > NEW",
+    ),
+}
+"""The same of texts, without byte order mark and blanks before them; JSON is not looked at."""
+
+
+def refuse_known(begin: bytes, kinds: dict[bytes, tuple[str, str]], label: str) -> None:
+    """Refuse a file that begins as one of these kinds."""
+    for pattern, (what, mend) in kinds.items():
+        if re.match(pattern, begin, re.DOTALL):
+            raise DataError(f"{label} is {what}", expected=ACCEPTED, mend=mend)
+
+
+SPLIT_MEND = "write the table of pandas with orient='records' or as Parquet; names and values apart are not read"
+TRIED = sorted(KNOWN_FORMATS, key=lambda one: one.any_columns)
+"""Formats in the order in which they are tried."""
+
+
+def recognised(
+    source: Input, report: DropReport, name: str | None, block_rows: int
+) -> tuple[Format, Iterator[Columns]]:
+    """Format of a file, and its rows in parts."""
+    head = source.head()
+    if not head:
+        mend = "check how it was written or copied, or take it out of what is read"
+        raise DataError(f"{source.label} is empty", expected=ACCEPTED, mend=mend)
+    found = FORMATS[name] if name else format_of_bytes(head, source.label)
+    if isinstance(found, FileFormat):
+        return _table_or_frames(found, found.read(source, report, block_rows), report)
+    each = documents(source, report)
+    begin: list[object] = []
+    for document in each:  # to the first object: a list may begin with null
+        begin.append(document)
+        if isinstance(document, dict):
+            break
+    found = found or format_of_document(begin[-1] if begin else None, source.label)
+    return found, found.read(itertools.chain(begin, each), source.label, report, block_rows)
+
+
+def _table_or_frames(found: Format, parts: Iterator[Columns], report: DropReport) -> tuple[Format, Iterator[Columns]]:
+    """The same, unless a table of any columns holds raw Mode S frames: then these are decoded."""
+    if not found.any_columns:
+        return found, parts
+    first = next(parts)
+    parts = itertools.chain([first], parts)
+    if mode_s.is_table(first):
+        return FORMATS["modes-hex"], mode_s.of_tables(parts, report)
+    return found, parts
+
+
+def held_parts(
+    table: pl.DataFrame, label: str, report: DropReport, block_rows: int, columns: Sequence[str] = ()
+) -> tuple[Format, Iterator[Columns]]:
+    """As :func:`recognised`, of a table in memory."""
+    return _table_or_frames(HELD_TABLE, tables.held(table, label, report, block_rows, columns), report)
+
+
+def format_of_bytes(head: bytes, label: str) -> FileFormat | None:
+    """Format of a file that begins with these bytes; None if it is JSON, whose first document has to be read."""
+    refuse_known(head, REFUSED_BINARY, label)
+    for one in TRIED:
+        if isinstance(one, FileFormat) and not isinstance(one, TextFormat) and one.recognise(head):
+            return one
+    text = _text(head, label)
+    if text[:1] in (b"{", b"["):
+        return None
+    return next(one for one in TRIED if isinstance(one, TextFormat) and one.recognise(text))
+
+
+def _text(head: bytes, label: str) -> bytes:
+    """Begin of a text without byte order mark and blanks before it."""
+    if b"\0" in head:
+        raise DataError(
+            f"{label}: neither text nor of a known binary kind", expected=ACCEPTED, mend="convert it to one of these"
+        )
+    text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
+    if not text:
+        raise DataError(f"{label} holds no text", expected=ACCEPTED, mend="check how it was written")
+    if not text.startswith((b"{", b"[")):
+        refuse_known(text, REFUSED_TEXT, label)
+    return text
+
+
+def format_of_document(document: object, label: str) -> JsonFormat:
+    """Format of a file whose first JSON document is this one."""
+    for one in TRIED:
+        if isinstance(one, JsonFormat) and one.recognise(document):
+            return one
+    names = list(document) if isinstance(document, dict) else []
+    if "hex" in names:
+        raise DataError(
+            f"{label}: aircraft of a receiver without the time of each",
+            expected="`now` beside `hex` or around the list `aircraft`, in seconds since 1970",
+            mend="record whole snapshots (aircraft.json), or readsb's JSON output",
+        )
+    raise DataError(
+        f"{label}: JSON of no known kind (it has {', '.join(map(str, names[:8])) or 'no object'})",
+        expected=ACCEPTED,
+        mend=SPLIT_MEND if {"columns", "data"} <= set(names) else "pass such a file",
+    )

@@ -20,7 +20,7 @@ from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import POSSIBLE
 from descentflow.surveillance.rows.times import in_seconds, timestamps
 from descentflow.surveillance.rows.values_beside import NEAR_S, between, near
-from descentflow.surveillance.unpacking.streams import Input
+from descentflow.surveillance.unpacking import Input
 
 CLOCK_S = 1.0
 """At most one row in this time: several radars ask, but within a second nothing relevant to a descent changes."""

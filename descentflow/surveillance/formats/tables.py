@@ -11,7 +11,7 @@ from descentflow.surveillance.rows.column_names import note_unused
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.normalise import wanted
 from descentflow.surveillance.rows.schema import check_types
-from descentflow.surveillance.unpacking.streams import MAX_LINE_BYTES, Input
+from descentflow.surveillance.unpacking import MAX_LINE_BYTES, Input
 
 CSV_BYTES = 32 << 20
 """Text that is read at a time."""

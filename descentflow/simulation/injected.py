@@ -1,16 +1,29 @@
 """Changes by injected effects in flight and in the instruments, flight by flight; neutral values change nothing."""
 
 from dataclasses import dataclass, fields
+from typing import Self
 
 import torch
 from torch import Tensor
-
-from descentflow.simulation.flight_rows import FlightRows
 
 EDGE_M = 90.0
 """Height over which brakes run out or a bank is rolled in: some 8 s of descent."""
 REFERENCE_MACH = 0.6
 """Mach number at which the position error of IAS is its constant part."""
+
+
+@dataclass(frozen=True)
+class FlightRows:
+    """Dataclass of tensors whose first dimension counts flights.
+
+    Example:
+        >>> len(neutral(3).rows(torch.tensor([0, 2])).noise_factor)
+        2
+    """
+
+    def rows(self, index: Tensor) -> Self:
+        """Return the flights of an index tensor."""
+        return type(self)(**{one.name: getattr(self, one.name)[index] for one in fields(self)})
 
 
 @dataclass(frozen=True)

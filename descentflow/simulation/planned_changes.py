@@ -24,8 +24,7 @@ import torch
 from torch import Tensor
 
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
-from descentflow.simulation.flight_rows import FlightRows
-from descentflow.simulation.injected import inside
+from descentflow.simulation.injected import FlightRows, inside
 from descentflow.simulation.world_config import WorldConfig
 
 RATE_STREAM, SPEED_STREAM, OFF_IDLE_STREAM = 5, 10, 11

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from descentflow.core.units import FL_M
-from descentflow.simulation.flight_rows import FlightRows
+from descentflow.simulation.injected import FlightRows
 from descentflow.simulation.world_config import WorldConfig
 
 Array = NDArray[np.float64]

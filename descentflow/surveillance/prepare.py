@@ -103,14 +103,14 @@ def prepare(
     intake = take_in([*request.tables, *files], format, Spill.unbounded(), columns=request.columns)
     outcome = clean_held(intake, request, engine_of(None, workers).workers, report_progress)
     metadata = description(request.facts(files), intake.report, outcome.levels)
-    return Descents(outcome.levels, metadata, dropped_rows=outcome.dropped_rows)
+    return Descents(outcome.levels, metadata, dropped_rows=next(iter(outcome.dropped_rows), None))
 
 
 def _types(types: Any) -> pl.DataFrame:
     return named_types(read_table(Path(types)), types) if isinstance(types, str | Path) else types_held(types)
 
 
-def _typecodes(typecode: str | Sequence[str] | None) -> list[str] | None:
-    """Types to keep, None for all."""
+def _typecodes(typecode: str | Sequence[str] | None) -> list[str]:
+    """Types to keep, none for all."""
     names = typecode.split(",") if isinstance(typecode, str) else typecode or []
-    return [name.strip() for name in names] or None
+    return [name.strip() for name in names]

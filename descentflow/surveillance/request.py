@@ -44,7 +44,7 @@ class Request:
     Attributes:
         rows: Files or folders of rows, and tables in memory.
         types: Table `icao24,typecode` for rows that do not name their type.
-        typecodes: Types to keep; all if None.
+        typecodes: Types to keep; all if empty.
         cleaning: Thresholds.
         format: Name of the files' format; recognised from their content if None.
         shown: Number of random flights whose dropped rows are kept, besides the flight that each filter hit most.
@@ -58,7 +58,7 @@ class Request:
 
     rows: Sequence[Source]
     types: pl.DataFrame | None = None
-    typecodes: Sequence[str] | None = None
+    typecodes: Sequence[str] = ()
     cleaning: Cleaning = field(default_factory=Cleaning)
     format: str | None = None
     shown: int = 0
@@ -88,8 +88,8 @@ class Request:
             columns: Of all rows that were read.
             names: Flight names in them (:func:`~descentflow.surveillance.cleaning.flights.names_given`).
         """
-        wanted = None if self.typecodes is None else tuple(self.typecodes)
-        return Work(self.cleaning, columns, tuple(names_shared(names)), wanted, self.types, self.shown)
+        shared = tuple(names_shared(names))
+        return Work(self.cleaning, columns, shared, tuple(self.typecodes), self.types, self.shown)
 
     def facts(self, files: Sequence[Path]) -> dict[str, Any]:
         """All that the descents depend on.
@@ -103,7 +103,7 @@ class Request:
             "made_by": version(),
             "schema_version": SCHEMA_VERSION,
             "settings": asdict(self.cleaning),
-            "typecodes": None if self.typecodes is None else sorted(self.typecodes),
+            "typecodes": sorted(self.typecodes) or None,
             "types_sha256": types,
             "format": self.format,
             **columns,

@@ -15,7 +15,7 @@ from descentflow.core.errors import DataError
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.physics.airspeed import tas_to_cas_mps
 from descentflow.physics.atmosphere import isa_temperature_k, pressure_altitude_m
-from descentflow.simulation.causes.air import KT_PER_KFT
+from descentflow.simulation.causes.air_and_instruments import KT_PER_KFT
 from descentflow.surveillance.prepare import prepare
 from descentflow.surveillance.rows.schema import COLUMNS
 from studies.jsbsim_world.airframes import AIRFRAMES, airframe_of

@@ -9,18 +9,27 @@ from torch import Tensor
 
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.simulation.cause_values import Values
-from descentflow.simulation.causes.aerodynamics import DRAG_POLAR, IDLE_THRUST, INDUCED_DRAG, MASS, SPEED_BRAKE
-from descentflow.simulation.causes.air import TEMPERATURE, WIND_GRADIENT
+from descentflow.simulation.causes.air_and_instruments import (
+    AIRSPEED_BIAS,
+    MEASUREMENT_NOISE,
+    TEMPERATURE,
+    VERTICAL_RATE_LAG,
+    WIND_GRADIENT,
+)
 from descentflow.simulation.causes.cause import Cause, Fleet
-from descentflow.simulation.causes.instruments import AIRSPEED_BIAS, MEASUREMENT_NOISE, VERTICAL_RATE_LAG
-from descentflow.simulation.causes.operation import GEOMETRIC_PATH, LEVEL_OFF, SPEED_SCHEDULE, VERTICAL_SPEED_MODE
-from descentflow.simulation.causes.unmodelled_forces import (
+from descentflow.simulation.causes.forces import (
     ANTI_ICE,
     COMPRESSIBILITY,
+    DRAG_POLAR,
+    IDLE_THRUST,
+    INDUCED_DRAG,
     KEPT_THRUST,
+    MASS,
     POWERED_DESCENT,
+    SPEED_BRAKE,
     TURN,
 )
+from descentflow.simulation.causes.operation import GEOMETRIC_PATH, LEVEL_OFF, SPEED_SCHEDULE, VERTICAL_SPEED_MODE
 from descentflow.simulation.parameters import FlightParameters
 from descentflow.simulation.plantable import complete
 

@@ -44,7 +44,7 @@ class Work:
         rules: Thresholds.
         columns: Of all rows, in order; rows of some aircraft may lack some.
         shared: Flight names that several aircraft have.
-        typecodes: Types to keep; all if None.
+        typecodes: Types to keep; all if empty.
         types: Table `icao24,typecode` for rows that do not name their type.
         shown: Number of random flights whose rows are wanted with the reason for which each was dropped; none if 0.
     """
@@ -52,7 +52,7 @@ class Work:
     rules: Cleaning
     columns: tuple[str, ...]
     shared: tuple[str, ...] = ()
-    typecodes: tuple[str, ...] | None = None
+    typecodes: tuple[str, ...] = ()
     types: pl.DataFrame | None = None
     shown: int = 0
 
@@ -67,8 +67,8 @@ class Outcome:
     """Number of rows per type, if only some types are kept."""
     untyped: dict[str, int] = field(default_factory=dict)
     """Number of rows per address, if a table of types names none of these."""
-    dropped_rows: pl.DataFrame | None = None
-    """Rows of some flights with the reason for which each was dropped
+    dropped_rows: list[pl.DataFrame] = field(default_factory=list)
+    """Rows of some flights with the reason for which each was dropped, where they are wanted: one table
     (:func:`~descentflow.surveillance.rows.drop_report.some_flights`)."""
 
 
@@ -103,7 +103,7 @@ def clean(
     report.count("flights_told_apart", rows, rows)
     typed = with_types(rows, work.types, report)
     rows = of_types(typed, work.typecodes, report)
-    present = dict(typed["typecode"].drop_nulls().value_counts().iter_rows()) if work.typecodes is not None else {}
+    present = dict(typed["typecode"].drop_nulls().value_counts().iter_rows()) if work.typecodes else {}
     untyped = rows_by_address(typed) if work.types is not None and not report.left("unknown_type") else {}
     del typed
     batches = _batches(rows)
@@ -113,11 +113,11 @@ def clean(
     for done in results_of(parallel, (delayed(_cleaned)(batch, work) for batch in batches)):
         levels.append(done.levels)
         parts.append(done.report)
-        dropped_rows += [done.dropped_rows] if done.dropped_rows is not None else []
+        dropped_rows += done.dropped_rows
         if progress:
             progress(f"cleaning rows, part {len(levels)} of {len(batches)}")
     report.extend(parts)
-    shown = some_flights(pl.concat(dropped_rows), work.shown) if dropped_rows else None
+    shown = [some_flights(pl.concat(dropped_rows), work.shown)] if dropped_rows else []
     found = pl.concat(levels)
     return Outcome(found if silences is None else named_as_before(found, silences), report, present, untyped, shown)
 
@@ -183,7 +183,7 @@ def _cleaned(rows: pl.DataFrame, work: Work) -> Outcome:
     report.count("too_few_levels", kept, left)
     report.note("levels of the kept descents", len(long))
     report.note("levels of descents too short to keep", len(levels) - len(long))
-    traced = report.with_reasons(with_rate(rows), work.shown) if isinstance(report, TracedReport) else None
+    traced = [report.with_reasons(with_rate(rows), work.shown)] if isinstance(report, TracedReport) else []
     return Outcome(long, report, dropped_rows=traced)
 
 

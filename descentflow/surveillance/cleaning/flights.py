@@ -269,11 +269,11 @@ def with_types(rows: pl.DataFrame, types: pl.DataFrame | None, report: DropRepor
     return rows.with_columns(pl.col("typecode").str.to_uppercase())
 
 
-def of_types(rows: pl.DataFrame, wanted: Sequence[str] | None, report: DropReport) -> pl.DataFrame:
+def of_types(rows: pl.DataFrame, wanted: Sequence[str], report: DropReport) -> pl.DataFrame:
     """Keep rows of known type, and of the wanted types if there are any."""
     named = rows["typecode"].is_not_null()
     known = report.count("unknown_type", rows, rows if named.all() else rows.filter(named))
-    if wanted is None:
+    if not wanted:
         return known
     return report.count("other_type", known, known.filter(pl.col("typecode").is_in([t.upper() for t in wanted])))
 

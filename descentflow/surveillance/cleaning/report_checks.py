@@ -22,7 +22,7 @@ NONE_OF = "types asked for beside others, of which there is no row: "
 """Note in the report."""
 
 
-def tell_absent_types(wanted: Sequence[str] | None, present: Iterable[str], what: str, option: str) -> None:
+def tell_absent_types(wanted: Sequence[str], present: Iterable[str], what: str, option: str) -> None:
     """Warn of types that were asked for beside others, and of which there is none."""
     known = sorted(name for name in present if name)
     if absent := asked_in_vain(wanted, known):
@@ -33,10 +33,10 @@ def tell_absent_types(wanted: Sequence[str] | None, present: Iterable[str], what
         )
 
 
-def asked_in_vain(wanted: Sequence[str] | None, present: Iterable[str]) -> list[str]:
+def asked_in_vain(wanted: Sequence[str], present: Iterable[str]) -> list[str]:
     """Types that were asked for and that there are none of."""
     known = set(present)
-    return [name.upper() for name in wanted or [] if name.upper() not in known]
+    return [name.upper() for name in wanted if name.upper() not in known]
 
 
 def no_designators(names: Sequence[str]) -> list[str]:
@@ -103,7 +103,7 @@ def _tell_apart(report: DropReport) -> None:
 
 def check_left(
     report: DropReport,
-    wanted: Sequence[str] | None,
+    wanted: Sequence[str],
     present: Mapping[str, int],
     types: pl.DataFrame | None = None,
     untyped: Mapping[str, int] | None = None,
@@ -120,7 +120,7 @@ def check_left(
             mend="pass --types TABLE.csv with columns icao24,typecode, or add a column typecode; --typecode gives "
             "rows no type, it only selects among those that they have",
         )
-    if wanted is not None and not report.left("other_type"):
+    if wanted and not report.left("other_type"):
         often = sorted(present, key=lambda name: (-present[name], name))[:12]
         raise DataError(
             f"no row of type {', '.join(wanted)}", expected=f"one of {', '.join(often)}", mend="change --typecode"

@@ -1,5 +1,7 @@
 """Checks of prepared descents: types, possible values, columns that agree, one row for each flight and level."""
 
+from math import inf
+
 import numpy as np
 import polars as pl
 
@@ -31,7 +33,7 @@ def checked_descents(frame: pl.DataFrame, source: object) -> pl.DataFrame:
             raise _refused(source, name, f"lacks {missing:,} values", "one in every row")
     for name in (*CHANNELS, "time_s"):
         if name in frame.columns:
-            _check_values(frame[name], source, *POSSIBLE.get(name, (None, None)))
+            _check_values(frame[name], source, *POSSIBLE.get(name, (-inf, inf)))
     _check_values(frame["level_fl"], source, *LEVELS_FL)
     _check_values(frame["timestamp"].dt.epoch("s"), source, 0, LAST_TIME_S)
     _, flight = numbered(frame["flight_id"])
@@ -77,13 +79,11 @@ def _typed(frame: pl.DataFrame, source: object) -> pl.DataFrame:
     return frame
 
 
-def _check_values(column: pl.Series, source: object, low: float | None, high: float | None) -> None:
+def _check_values(column: pl.Series, source: object, low: float, high: float) -> None:
     given = column.drop_nulls()
     finite = given.is_finite() if given.dtype.is_float() else given.is_not_null()
     if wrong := (~finite).sum():
         raise _refused(source, column.name, f"holds {wrong:,} values that are not finite", "finite values")
-    if low is None or high is None:
-        return
     outside = given.filter(~given.is_between(low, high))
     if len(outside):
         what = f"holds {len(outside):,} values outside {low:g} to {high:g}, the first of them {outside[0]:g}"

@@ -118,15 +118,14 @@ class Parts:
         ]
         return cls(sources, pl.concat(pl.collect_all(tables)).sort("flight_id"))
 
-    def chunks(self, typecode: str | None = None) -> Iterator[pl.DataFrame]:
+    def chunks(self, *typecode: str) -> Iterator[pl.DataFrame]:
         """Levels of all descents, or of one type's, by flight, some at a time."""
-        flights = self.flights if typecode is None else self.flights.filter(typecode=typecode)
+        of_type = pl.col("typecode").is_in(typecode) if typecode else pl.lit(True)
+        flights = self.flights.filter(of_type)
         number = flights["rows"].cum_sum() // CHUNK_ROWS
         for some in flights.with_columns(number.alias("_chunk")).partition_by("_chunk", maintain_order=True):
             wanted = pl.col("flight_id").is_between(pl.lit(some["flight_id"][0]), pl.lit(some["flight_id"][-1]))
-            if typecode is not None:
-                wanted &= pl.col("typecode") == typecode
-            found = pl.concat(pl.collect_all([source.filter(wanted) for source in self.sources]))
+            found = pl.concat(pl.collect_all([source.filter(wanted, of_type) for source in self.sources]))
             yield found.sort("flight_id", maintain_order=True)
 
     @property

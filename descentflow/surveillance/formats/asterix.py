@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from datetime import UTC, date, datetime, time
+from math import nan
 from typing import Any
 
 import polars as pl
@@ -228,12 +229,12 @@ class _Clock:
     def __init__(self, day: date) -> None:
         self.day = day
         self._midnight = datetime.combine(day, time(), UTC).timestamp()
-        self._last: float | None = None
+        self._last = nan  # no time is before or after it
 
     def seconds(self, of_day: float) -> float:
-        if self._last is not None and of_day < self._last - HALF_DAY_S:
+        if of_day < self._last - HALF_DAY_S:
             self._midnight += 2 * HALF_DAY_S
-        late = self._last is not None and of_day > self._last + HALF_DAY_S and self._midnight > 0
+        late = of_day > self._last + HALF_DAY_S and self._midnight > 0
         if late:  # a message from before midnight that came after it
             return self._midnight - 2 * HALF_DAY_S + of_day
         self._last = of_day

@@ -38,20 +38,20 @@ class Intake:
         report: Of reading and of unusable rows.
         names: Flight names of the source (:func:`~descentflow.surveillance.cleaning.flights.names_given`).
         held: The rows, if they fit in memory.
-        buckets: The rows on disk, if they do not.
+        buckets: The rows on disk, if they do not; else empty.
         seen: Flights, or days of an aircraft where rows name none, with a row, and whether one is usable.
 
     Example:
         >>> intake = take_in(["rows.parquet"], None, Spill.unbounded())
-        >>> intake.columns[:2], intake.names.height, intake.buckets is None
-        (('timestamp', 'icao24'), 120, True)
+        >>> intake.columns[:2], intake.names.height, intake.buckets
+        (('timestamp', 'icao24'), 120, [])
     """
 
     columns: tuple[str, ...]
     report: DropReport
     names: pl.DataFrame
     held: list[pl.DataFrame]
-    buckets: list[Bucket] | None
+    buckets: list[Bucket]
     seen: pl.DataFrame = field(default_factory=lambda: pl.DataFrame(schema=SEEN))
 
     def note_lost(self) -> None:
@@ -142,7 +142,7 @@ def take_in(
         spill.add(good)
     spill.finish()
     read.extend(parts)
-    buckets = spill.buckets if spill.spilled else None
+    buckets = spill.buckets if spill.spilled else []
     intake = Intake(tuple(found), read, pl.concat(names).unique(), spill.held, buckets, pl.concat(seen).unique())
     if alone:
         intake.note_lost()
@@ -173,7 +173,7 @@ def _read_group(group: _Group, always: bool) -> Intake | None:
     try:
         spill = Spill(temporary, group.memory.rows_bytes, always=always)
         intake = take_in(group.files, group.format, spill, group.memory.block_rows, group.alone, group.columns)
-        if intake.buckets is None:
+        if not intake.buckets:
             return intake
         intake.names.write_parquet(temporary / "names.parquet")
         intake.seen.write_parquet(temporary / "seen.parquet")
@@ -242,7 +242,7 @@ def read_groups(
         report,
         pl.concat([intake.names for intake in intakes]).unique(),
         [],
-        joined([intake.buckets or [] for intake in intakes]),
+        joined([intake.buckets for intake in intakes]),
         pl.concat([intake.seen for intake in intakes]).unique(),
     )
     if len(intakes) > 1:  # a flight may have its usable rows in another group

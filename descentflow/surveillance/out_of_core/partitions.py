@@ -60,10 +60,10 @@ def _clean_partition(partition: Partition, work: Work) -> None:
         return
     rows = pl.concat([pl.read_ipc(path) for path in partition.files], how="diagonal")
     outcome = clean(rows, work)
-    if outcome.dropped_rows is not None:
+    for shown in outcome.dropped_rows:
         partition.dropped_rows.parent.mkdir(exist_ok=True)
         with whole_file(partition.dropped_rows) as temporary:
-            outcome.dropped_rows.write_parquet(temporary)
+            shown.write_parquet(temporary)
     about = {"report": outcome.report.as_dict(), "present": outcome.present, "untyped": outcome.untyped}
     described = json.dumps(about)
     with whole_file(partition.target) as temporary:
@@ -126,7 +126,7 @@ def _plan(intake: Intake, folder: Path, size: int, memory: Memory) -> list[tuple
     if not path.exists():
         planned = [
             {"files": [file.relative_to(folder).as_posix() for file in bucket.files], "bytes": bucket.bytes}
-            for bucket in partitions(intake.buckets or [], size, memory.rows_bytes)
+            for bucket in partitions(intake.buckets, size, memory.rows_bytes)
         ]
         with whole_file(path) as temporary:
             temporary.write_text(json.dumps(planned))

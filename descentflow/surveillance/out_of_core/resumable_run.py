@@ -164,10 +164,9 @@ def _cleaned(
     intake: Intake, request: Request, folder: Path, memory: Memory, engine: Engine, progress: Progress
 ) -> Cleaned:
     """Rows that were read as levels: at once if they are held, else partition by partition."""
-    if intake.buckets is None:
+    if not intake.buckets:
         outcome = clean_held(intake, request, engine.workers, progress)
-        dropped_rows = [] if outcome.dropped_rows is None else [outcome.dropped_rows]
-        return Cleaned([outcome.levels.lazy()], intake.report, dropped_rows)
+        return Cleaned([outcome.levels.lazy()], intake.report, outcome.dropped_rows)
     if not intake.report.steps[-1].rows_left:
         raise nothing_left(intake.report, request.cleaning)
     return clean_partitions(request, intake, folder, memory, engine, progress)

@@ -16,7 +16,7 @@ from descentflow.core.constants import T0_K
 from descentflow.core.units import FL_M, KT_MPS
 from descentflow.physics.atmosphere import isa_temperature_k
 from descentflow.simulation.causes import Injection
-from descentflow.simulation.causes.air import KT_PER_KFT
+from descentflow.simulation.causes.air_and_instruments import KT_PER_KFT
 from descentflow.simulation.injected import REFERENCE_MACH
 from descentflow.simulation.parameters import draw_parameters
 from studies.blind_diagnosis.blind_plan import SetPlan

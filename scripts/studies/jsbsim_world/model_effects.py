@@ -20,8 +20,8 @@ import numpy as np
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M, KT_MPS
 from descentflow.simulation.cause_values import CauseValue, Plantable, Values, completed
-from descentflow.simulation.causes.aerodynamics import LEAST_FACTOR, NARROWEST_FL
-from descentflow.simulation.causes.air import KT_PER_KFT
+from descentflow.simulation.causes.air_and_instruments import KT_PER_KFT
+from descentflow.simulation.causes.forces import LEAST_FACTOR, NARROWEST_FL
 from descentflow.simulation.plantable import PLANTABLE
 from studies.jsbsim_world.airframes import Airframe
 from studies.jsbsim_world.flight_plans import FlightPlan

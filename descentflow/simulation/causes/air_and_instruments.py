@@ -1,12 +1,50 @@
-"""Instruments that report other than what is flown; an airframe's error is its own and that of all its flights."""
+"""Air that differs from the simulator's, and instruments that report other than what is flown."""
 
 import numpy as np
 import torch
 
-from descentflow.core.units import KT_MPS
+from descentflow.core.units import FT_M, KT_MPS
 from descentflow.simulation.cause_values import Values
 from descentflow.simulation.causes.cause import Cause, Fleet, Own, normal, sign
 from descentflow.simulation.parameters import FlightParameters
+
+KT_PER_KFT = KT_MPS / (1000 * FT_M)
+"""1 kt in 1,000 ft, in 1/s."""
+
+
+def _temperature(generator: np.random.Generator, size: float) -> dict[str, float]:
+    return {"deviation_k": 10.0 * size * sign(generator), "spread_k": 4.0 * size}
+
+
+def _days(generator: np.random.Generator, size: float) -> dict[str, float]:
+    return {"spread_k": 1.0 * size, "daily_spread_k": generator.uniform(2.0, 5.0) * size}
+
+
+def _warm(fleet: Fleet, v: Values) -> tuple[FlightParameters, Own]:
+    own = v["deviation_k"] + v["spread_k"] * fleet.normal[:, 0] + v["daily_spread_k"] * normal(fleet.daily[:, 0])
+    return fleet.with_parameters(deviation_k=fleet.parameters.deviation_k + own), {"deviation_k": own}
+
+
+def _wind(generator: np.random.Generator, size: float) -> dict[str, float]:
+    return {"slope_kt_per_kft": 2.0 * size * sign(generator), "spread_kt_per_kft": 0.7 * size}
+
+
+def _windy_days(generator: np.random.Generator, size: float) -> dict[str, float]:
+    return {"spread_kt_per_kft": 0.3 * size, "daily_spread_kt_per_kft": generator.uniform(0.4, 0.9) * size}
+
+
+def _blow(fleet: Fleet, v: Values) -> tuple[FlightParameters, Own]:
+    daily = v["daily_spread_kt_per_kft"] * normal(fleet.daily[:, 0])
+    own = v["slope_kt_per_kft"] + v["spread_kt_per_kft"] * fleet.normal[:, 0] + daily
+    slope = fleet.parameters.wind_slope_per_s + KT_PER_KFT * own
+    return fleet.with_parameters(wind_slope_per_s=slope), {"slope_kt_per_kft": own}
+
+
+TEMPERATURE = Cause("temperature", _temperature, _warm, stream=0, vary=_days, channels=("TAS",))
+"""Mean 10 K at full size; the deviation of each flight its own, or of each day its own."""
+
+WIND_GRADIENT = Cause("wind_gradient", _wind, _blow, stream=1, vary=_windy_days, channels=("TAS", "groundspeed"))
+"""Mean 2 kt/1,000 ft at full size; the growth of each flight its own, or of each day its own."""
 
 
 def _bias(generator: np.random.Generator, size: float) -> dict[str, float]:

@@ -167,7 +167,8 @@ def evaluate_profiles(
         draw_budget=draw_budget,
         progress=progress,
     )
-    generated, observed = DescentSet.of_trajectories(samples.trajectories), DescentSet.of_profiles(real)
+    observed = DescentSet.of_profiles(real)
+    generated = DescentSet.of_trajectories(samples.trajectories, fuel=real.fuel_flow_kg_s is not None)
     nominal = DescentSet.of_nominal(nominal_descent(decoder.aircraft, decoder.levels_fl.cpu()))
     transition_fl = decoder.transition_fl
     count = score_progress or (lambda _: None)

@@ -20,7 +20,7 @@ from descentflow.evaluation.figures.score_figures import acceptance_figure, clas
 from descentflow.evaluation.metrics.bootstrap import score_intervals
 from descentflow.evaluation.metrics.classifier import MIN_PAIRS, Detection, detect
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.evaluation.metrics.score_registry import level_parts
+from descentflow.evaluation.metrics.score_registry import FUEL, level_parts
 from descentflow.evaluation.metrics.score_table import ScoreTable
 from descentflow.generation.samples import RejectionReport
 from descentflow.reporting.in_notebook import InNotebook
@@ -205,7 +205,7 @@ def verdict(scores: ScoreTable, detection: Detection) -> str:
         not for the distribution of rate below: 2.0 noise floors off;
         too few held-out flights to judge the course of single descents
     """
-    names = {name: part.short for name, part in level_parts().items()}
+    names = {name: part.short for name, part in level_parts().items()} | {FUEL.name: FUEL.short}
     rows = [row for row in scores if row.statistic == STATISTIC]
     far = [row for row in rows if row.equal_size > row.floor_high]
     near = [row for row in rows if row.equal_size <= row.floor_high and row.n_each >= MIN_PAIRS]

@@ -1,7 +1,7 @@
 """Descents as tensors on the flight-level grid, and the drag that BADA's equation needs to explain them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import polars as pl
@@ -43,6 +43,8 @@ class Profiles:
     drag_n: Tensor
     mask: Tensor
     air: LevelAir | None = None
+    fuel_flow_kg_s: Tensor | None = None
+    """NaN where it is not known; None where no flight has any."""
 
     def __len__(self) -> int:
         """Number of flights."""
@@ -71,6 +73,7 @@ class Profiles:
             self.drag_n[chosen],
             self.mask[chosen],
             air=None if self.air is None else self.air.rows(chosen),
+            fuel_flow_kg_s=None if self.fuel_flow_kg_s is None else self.fuel_flow_kg_s[chosen],
         )
 
     def between(self, bottom_fl: float, top_fl: float) -> "Profiles":
@@ -85,6 +88,7 @@ class Profiles:
             self.drag_n[:, low:high],
             self.mask[:, low:high],
             None if self.air is None else self.air.levels(low, high),
+            None if self.fuel_flow_kg_s is None else self.fuel_flow_kg_s[:, low:high],
         )
 
 
@@ -131,7 +135,7 @@ def profiles_from_frame(
     """Tensors of a prepared table of descents (columns ``flight_id level_fl time_s IAS vertical_rate``).
 
     Args:
-        frame: One row per flight and level, as ``descentflow prepare`` writes it.
+        frame: One row per flight and level, as ``descentflow prepare`` writes it; it may have ``fuel_flow``.
         aircraft: Coefficients for the drag.
         bottom_fl: Lowest level of the grid.
         top_fl: Highest level of the grid; the highest in the table if absent. Flights without a level on the
@@ -149,7 +153,8 @@ def profiles_from_frame(
         (120, 350)
     """
     highest = frame["level_fl"].to_numpy().max(initial=bottom_fl) if top_fl is None else top_fl
-    frame = frame.select("flight_id", "level_fl", "time_s", "IAS", "vertical_rate")
+    burns = "fuel_flow" in frame.columns and not frame["fuel_flow"].is_null().all()
+    frame = frame.select("flight_id", "level_fl", "time_s", "IAS", "vertical_rate", *(["fuel_flow"] if burns else []))
     on_grid = frame["level_fl"].is_between(bottom_fl, int(highest))
     if not on_grid.any():
         raise DataError(
@@ -170,7 +175,11 @@ def profiles_from_frame(
     # A plausible speed keeps the arithmetic finite at missing levels; the mask hides the result.
     cas_mps = cas_kt.masked_fill_(~mask, 250.0).mul_(KT_MPS)
     rate_mps = rate_fpm.mul_(FPM_MPS)
-    return observed_profiles(aircraft, tuple(flight_ids), levels, time_s, cas_mps, rate_mps, mask, mass_kg)
+    found = observed_profiles(aircraft, tuple(flight_ids), levels, time_s, cas_mps, rate_mps, mask, mass_kg)
+    if not burns:
+        return found
+    flow = frame["fuel_flow"].cast(pl.Float64).fill_null(float("nan")).to_numpy()
+    return replace(found, fuel_flow_kg_s=_scatter(flow, index, len(flight_ids), len(levels)))
 
 
 def observed_profiles(

@@ -1,11 +1,14 @@
 """Thrust and fuel of a descent: the energy equation the other way round, and what the tables of samples have of it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 import torch
 from bada4_dummies import DUMMIES, dummies, printed_descents
+from scipy.stats import wasserstein_distance
 
 from descentflow.aircraft_types.registry import AnyAircraft, aircraft
 from descentflow.core.constants import G0_MPS2
@@ -13,12 +16,19 @@ from descentflow.core.units import FL_M, FT_M, KT_MPS
 from descentflow.diagnosis.correction.costs import costs_of
 from descentflow.diagnosis.inference.example_sides import example_sides
 from descentflow.effects import EFFECTS
+from descentflow.evaluation.evaluation_report import verdict
+from descentflow.evaluation.metrics.classifier import Detection
+from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.scores import score
 from descentflow.exports.columns import COLUMNS
 from descentflow.generation.sample_tables import to_frame, write_samples
 from descentflow.physics.airspeed import cas_to_tas_mps
 from descentflow.physics.energy import descent_rate_mps, energy_share_factor_local
 from descentflow.physics.fuel import CO2_PER_FUEL, burn
-from descentflow.representation.decoder.trajectories import integrate
+from descentflow.representation.decoder.trajectories import Trajectories, integrate
+from descentflow.representation.profiles import Profiles, profiles_from_frame
+from descentflow.simulation.world import simulate
+from descentflow.surveillance.prepare import prepare
 
 TYPES = ("A320", "AT76", *DUMMIES)
 COLUMNS_OF_FUEL = ("thrust_n", "fuel_flow_kg_s", "fuel_kg", "co2_kg")
@@ -123,3 +133,57 @@ def test_a_gap_costs_fuel_before_and_after_its_cause() -> None:
     assert (cost.label, cost.unit) == ("fuel", "kg")
     assert cost.simulator > 20
     assert cost.before.estimate == pytest.approx(cost.flights - cost.simulator)
+
+
+def seen_and_sampled() -> tuple[Profiles, Trajectories]:
+    """Flights with a fuel flow, half of them with a gap in it, and samples that burn a tenth more."""
+    model, levels = model_of("A320"), torch.arange(150, 171).double()
+    generator = torch.Generator().manual_seed(2)
+    drag = 30e3 + 3e3 * torch.randn(2, 80, 1, generator=generator, dtype=torch.float64).expand(2, 80, 21)
+    cas, entry = torch.full((80, 21), 140.0).double(), torch.full((80,), 20)
+    real, sampled = (integrate(model, levels, levels * FL_M, one, cas, entry) for one in drag)
+    frame = to_frame(real).select(
+        pl.format("f{}", "sample_id").alias("flight_id"),
+        pl.col("level_fl").cast(pl.Int32),
+        "time_s",
+        pl.col("CAS").alias("IAS"),
+        "vertical_rate",
+        pl.when((pl.col("sample_id") % 2 == 1) & (pl.col("level_fl") == 160))
+        .then(None)
+        .otherwise(pl.col("fuel_flow_kg_s") / 1.1)
+        .alias("fuel_flow"),
+    )
+    return profiles_from_frame(frame, model, 150), sampled
+
+
+def test_fuel_is_scored_where_flights_have_a_flow() -> None:
+    seen, sampled = seen_and_sampled()
+    real, samples = DescentSet.of_profiles(seen), DescentSet.of_trajectories(sampled, fuel=True)
+    table = score(samples, real, transition_fl=291.5, n_splits=4)
+    known = real.subset(real.fuel_flow_kg_s.isfinite().all(1))  # type: ignore[union-attr]
+    burnt = [
+        np.trapezoid(one.fuel_flow_kg_s.numpy(), -one.time_s.numpy(), axis=1)  # type: ignore[union-attr]
+        for one in (samples, known)
+    ]
+    row = table.get("fuel", "wasserstein")
+    assert (row.unit, row.n_samples, row.n_real) == ("kg", 80, 40)
+    assert row.score == pytest.approx(wasserstein_distance(*map(np.abs, burnt)), rel=1e-9)
+    assert 0 < row.floor < row.score
+    assert verdict(table, Detection(torch.tensor([torch.nan]), ())).count("fuel") == 1
+
+
+def test_without_a_fuel_flow_there_is_no_row_of_it() -> None:
+    seen, sampled = seen_and_sampled()
+    part = seen.between(150, 160).subset([0, 2])
+    assert part.fuel_flow_kg_s is not None
+    assert part.fuel_flow_kg_s.shape == (2, 11)
+    real = DescentSet.of_profiles(replace(seen, fuel_flow_kg_s=None))
+    table = score(DescentSet.of_trajectories(sampled), real, transition_fl=291.5, n_splits=2)
+    assert "fuel" not in {row.quantity for row in table}
+
+
+def test_prepared_descents_keep_the_fuel_flow_of_rows() -> None:
+    rows = simulate("A320", 12, seed=1).rows
+    prepared = prepare(rows.with_columns(fuel_flow=0.1 + pl.col("altitude") / 1e5), typecode="A320").frame
+    wanted = 0.1 + 100 * prepared["level_fl"].to_numpy() / 1e5
+    assert prepared["fuel_flow"].to_numpy() == pytest.approx(wanted, abs=1e-6)

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from descentflow.core.errors import DataError
 from descentflow.physics.nominal_descent import NominalDescent
-from descentflow.representation.decoder.trajectories import Trajectories
+from descentflow.representation.decoder.trajectories import Trajectories, burn_of
 from descentflow.representation.profiles import Profiles
 
 
@@ -34,6 +34,8 @@ class DescentSet:
     rate_mps: Tensor
     drag_n: Tensor
     mask: Tensor
+    fuel_flow_kg_s: Tensor | None = None
+    """NaN where it is not known; None where it is known of no descent."""
 
     def __post_init__(self) -> None:
         shape = (len(self.mask), len(self.levels_fl))
@@ -71,27 +73,31 @@ class DescentSet:
         return whole[:, 0] - whole[:, -1]
 
     def _per_flight(self) -> dict[str, Tensor]:
-        return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "levels_fl"}
+        named = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "levels_fl"}
+        return {name: values for name, values in named.items() if values is not None}
 
     @classmethod
     def of_profiles(cls, real: Profiles) -> "DescentSet":
         """Real descents."""
-        return cls(real.levels_fl, real.time_s, real.cas_mps, real.rate_mps, real.drag_n, real.mask)
+        values = real.time_s, real.cas_mps, real.rate_mps, real.drag_n, real.mask, real.fuel_flow_kg_s
+        return cls(real.levels_fl, *values)
 
     @classmethod
-    def of_trajectories(cls, flown: Trajectories) -> "DescentSet":
-        """Sampled descents, in float64 on the CPU."""
+    def of_trajectories(cls, flown: Trajectories, *, fuel: bool = False) -> "DescentSet":
+        """Sampled descents, in float64 on the CPU; with their fuel flow where it is asked for and known."""
+        burnt = burn_of(flown) if fuel else None
+        flow = None if burnt is None else burnt.flow_kg_s.detach().double().cpu()
         time_s, cas, rate, drag = (
             values.detach().double().cpu() for values in (flown.time_s, flown.cas_mps, flown.rate_mps, flown.drag_n)
         )
-        return cls(flown.levels_fl.double().cpu(), time_s, cas, rate, drag, flown.mask.cpu())
+        return cls(flown.levels_fl.double().cpu(), time_s, cas, rate, drag, flown.mask.cpu(), flow)
 
     @classmethod
     def of_nominal(cls, nominal: NominalDescent) -> "DescentSet":
         """The one nominal BADA descent, on every level."""
-        time_s, cas, rate, drag = (
+        time_s, cas, rate, drag, fuel = (
             values.detach().double().cpu().reshape(1, -1)
-            for values in (nominal.time_s, nominal.cas_mps, nominal.rate_mps, nominal.drag_n)
+            for values in (nominal.time_s, nominal.cas_mps, nominal.rate_mps, nominal.drag_n, nominal.fuel_kg_s)
         )
         levels_fl = nominal.level_fl.double().cpu()
-        return cls(levels_fl, time_s, cas, rate, drag, torch.ones_like(time_s, dtype=torch.bool))
+        return cls(levels_fl, time_s, cas, rate, drag, torch.ones_like(time_s, dtype=torch.bool), fuel)

@@ -28,10 +28,21 @@ from descentflow.evaluation.metrics.statistic_kinds import (
     Quantity,
     Statistic,
 )
+from descentflow.physics.fuel import burnt_kg
 
 
 def _times(descents: DescentSet) -> Values:
     return (descents.time_s[:, 0] - descents.time_s[:, -1])[:, None], descents.spans_grid()[:, None]
+
+
+def _fuel(descents: DescentSet) -> Values:
+    flow = descents.fuel_flow_kg_s
+    if flow is None:
+        nothing = torch.zeros_like(descents.time_s[:, :1])
+        return nothing, nothing.bool()
+    known = descents.spans_grid() & flow.isfinite().all(1)
+    burnt = burnt_kg(flow, descents.time_s, descents.mask)[:, :1]
+    return torch.where(known[:, None], burnt, 0.0), known[:, None]
 
 
 def _cas_and_rate(descents: DescentSet) -> Values:
@@ -50,6 +61,9 @@ QUANTITIES = (
         short="rate",
     ),
 )
+
+FUEL = Quantity("fuel", "Fuel from entry to bottom", "kg", _fuel, False, "fuel")
+"""Scored where flights have a fuel flow."""
 
 WHOLE = Part(Quantity("descent", "Whole descent", "1", _cas_and_rate), "descent", "Whole descent", "whole descent")
 """Quantity of statistics of whole descents: CAS and rate together, at all levels."""

@@ -10,6 +10,7 @@ from descentflow.core.errors import ConfigError, DataError
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.noise_floor import compare, compare_descents, compare_profiles
 from descentflow.evaluation.metrics.score_registry import (
+    FUEL,
     QUANTITIES,
     WHOLE,
     descent_statistics,
@@ -79,7 +80,8 @@ def score(
     whole: list[Score] = []
     by_flight: dict[tuple[str, str], Tensor] = {}
     levels: list[LevelScores] = []
-    for quantity in QUANTITIES:
+    burns = real.fuel_flow_kg_s is not None and samples.fuel_flow_kg_s is not None
+    for quantity in (*QUANTITIES, *([FUEL] if burns else [])):
         sampled, observed = quantity.of(samples), quantity.of(real)
         one = quantity.of(nominal)
         found = ScoredQuantity(
@@ -87,7 +89,7 @@ def score(
             real.levels_fl,
             sampled,
             observed,
-            compare(sampled, observed, seed, n_splits, progress),
+            compare(sampled, observed, seed, n_splits, (lambda _: None) if quantity is FUEL else progress),
             one,
         )
         for part in parts_of(quantity):

@@ -205,6 +205,7 @@ COLUMN_UNITS = {
     "geometric_rate": "ft/min",
     "geoaltitude": "ft",
     "temperature": "K",
+    "fuel_flow": "kg/s",
     **dict.fromkeys(("IAS", "TAS", "groundspeed", "wind_speed"), "kt"),
     **dict.fromkeys(("track", "heading", "roll", "latitude", "longitude", "wind_direction"), "degrees"),
 }

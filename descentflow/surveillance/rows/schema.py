@@ -31,6 +31,7 @@ COLUMNS: dict[str, pl.DataType] = {
     "wind_direction": pl.Float64(),
     "wind_speed": pl.Float64(),
     "geometric_rate": pl.Float64(),
+    "fuel_flow": pl.Float64(),
     "selected_altitude": pl.Float64(),
     "cleared_flight_level": pl.Float64(),
     "cleared_speed_kt": pl.Float64(),
@@ -41,8 +42,8 @@ COLUMNS: dict[str, pl.DataType] = {
 Units: `altitude` (pressure altitude), `geoaltitude` and `selected_altitude` (of the autopilot's panel) in ft,
 `vertical_rate` and `geometric_rate` in ft/min, `IAS`, `TAS`, `groundspeed` and `wind_speed` in kt, angles in degrees
 (`track` true; `heading` as the source gives it, magnetic from Mode S; `wind_direction` true, from where it blows),
-`temperature` in K. What a controller has cleared: `cleared_flight_level` in hundreds of feet, `cleared_speed_kt` (IAS)
-and `cleared_mach`, missing where nothing is assigned.
+`temperature` in K, `fuel_flow` of all engines in kg/s. What a controller has cleared: `cleared_flight_level` in
+hundreds of feet, `cleared_speed_kt` (IAS) and `cleared_mach`, missing where nothing is assigned.
 """
 
 REQUIRED = ("timestamp", "icao24", "altitude", "IAS", "Mach")
@@ -70,6 +71,7 @@ POSSIBLE = {
     "temperature": (150.0, 340.0),
     "wind_speed": (0.0, 300.0),
     "geometric_rate": (-15_000.0, 15_000.0),
+    "fuel_flow": (0.0, 20.0),
     "cleared_flight_level": (0.0, 600.0),
     "cleared_speed_kt": (100.0, 400.0),
     "cleared_mach": (0.3, 1.0),

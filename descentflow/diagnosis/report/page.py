@@ -29,6 +29,8 @@ COSTS_DRAWN = ("time", "time_at_speed", "ground_distance", "air_distance", "rate
 """Costs that are drawn by level."""
 BRIEF = ("time", "ground_distance", "air_distance", "rate")
 """Costs at the top of the page."""
+REPAIRED = frozenset(("drag_polar", "mass", "idle_thrust"))
+"""Effects that are a type's coefficients."""
 LEVELS_DRAWN = 4
 """Quantities drawn against altitude: the rate, and those that differ most in standard errors."""
 
@@ -170,6 +172,22 @@ def next_command(found: Findings, folder: str | Path | None = None, real: str = 
     return f"{again} {simulator} --catalogue MY_EFFECTS.py --out {out}"
 
 
+def repair_command(found: Findings) -> str:
+    """The command that mends coefficients where polar, mass or idle thrust is a cause; empty elsewhere.
+
+    Example:
+        >>> from descentflow.diagnosis.diagnose import diagnose
+        >>> from descentflow.effects import EFFECTS
+        >>> repair_command(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}))
+        'descentflow repair descents.parquet --aircraft A320 --out A320.toml'
+    """
+    made = found.provenance
+    if made is None or found.corrected_file.endswith(".ckpt") or not REPAIRED & {one.effect for one in found.causes}:
+        return ""
+    code = found.details.typecode
+    return f"descentflow repair {_typed(made.real)} --aircraft {quote(code)} --out {quote(code)}.toml"
+
+
 def _typed(used: InputUsed) -> str:
     """One file by its name, anything else by a word to be replaced."""
     return quote(used.name) if "." in used.name and " + " not in used.name else "FLIGHTS"
@@ -195,6 +213,7 @@ def _shared(found: Findings) -> dict[str, Any]:
         "standing": _standing(found),
         "stand_in": str(used) if used is not None and used.stand_in else "",
         "decide": _deciding(found),
+        "repair": repair_command(found),
         "worth_a_look": found.flights_worth_a_look if found.verdict in ("unknown", "partial") else [],
         "limits": _limits(found),
         "then_named": "" if found.previous is None else listed(list(map(found.details.label, found.previous.causes))),

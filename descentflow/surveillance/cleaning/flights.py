@@ -50,7 +50,7 @@ def in_order(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
     names = rows["icao24"].unique().sort()
     address = rows["icao24"].cast(pl.Enum(names)).to_physical().cast(pl.Int64).to_numpy()
     time = rows["timestamp"].dt.epoch("us").to_numpy()
-    order = _order(address, time - time.min(initial=2**62))
+    order = np.lexsort((time, address))
     same = np.diff(address[order], prepend=-1) == 0
     report.note("rows put into time order", int((same & (np.diff(order, prepend=-1) < 0)).sum()))
     repeated = same & (np.diff(time[order], prepend=0) == 0)
@@ -67,15 +67,6 @@ def _differing(rows: pl.DataFrame, one: Index, other: Index) -> int:
     measured = [rows[name] for name in MEASURED_COLUMNS if name in rows.columns]
     differs = [(values[one] != values[other]).fill_null(False).to_numpy() for values in measured]
     return int(np.any(differs, axis=0).sum()) if differs else 0
-
-
-def _order(address: Index, time: Index) -> Index:
-    """(n,) order by address, time and position; a single key, where both fit in one, is several times faster."""
-    span = int(time.max(initial=0)) + 1
-    if (int(address.max(initial=0)) + 1) * span >= 2**63:
-        return np.lexsort((time, address))
-    keys = pl.DataFrame({"key": address * span + time}).with_row_index("row")
-    return keys.sort("key", maintain_order=True)["row"].cast(pl.Int64).to_numpy()
 
 
 def names_given(rows: pl.DataFrame) -> pl.DataFrame:

@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.distances import Values
 from descentflow.evaluation.metrics.noise_floor import split_distances
-from descentflow.evaluation.metrics.pooled import Values
 from descentflow.evaluation.metrics.scores import score
 
 

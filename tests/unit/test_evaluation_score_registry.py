@@ -13,7 +13,7 @@ from torch import Tensor
 from descentflow.evaluation.figures.score_figures import level_scores_figure
 from descentflow.evaluation.metrics.bootstrap import score_intervals
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.evaluation.metrics.pooled import Pooled, Values
+from descentflow.evaluation.metrics.distances import Pooled, Values
 from descentflow.evaluation.metrics.score_registry import STATISTICS, LevelStatistic, ProfileStatistic, rows
 from descentflow.evaluation.metrics.scores import score
 

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from descentflow.evaluation.metrics.distances import by_chunks
-from descentflow.evaluation.metrics.pooled import pool
+from descentflow.evaluation.metrics.distances import by_chunks, pool
 from descentflow.evaluation.metrics.score_registry import level_statistics
 from descentflow.evaluation.metrics.statistic_kinds import LevelStatistic
 

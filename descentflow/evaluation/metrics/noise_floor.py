@@ -14,8 +14,8 @@ import torch
 from torch import Tensor
 
 from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.distances import Values
 from descentflow.evaluation.metrics.level_distances import Distances, joined, level_distances
-from descentflow.evaluation.metrics.pooled import Values
 from descentflow.evaluation.metrics.score_registry import level_statistics
 from descentflow.evaluation.metrics.statistic_kinds import DescentStatistic, ProfileStatistic
 
@@ -144,12 +144,6 @@ def splits(samples: Values, real: Values, seed: int, n_splits: int, size: int) -
         seed: Of the splits.
         n_splits: How many.
         size: Most flights on each side, see :func:`matched_size`.
-
-    Example:
-        >>> samples, real = torch.ones(9, 3), torch.ones(6, 3)
-        >>> drawn, first, second = splits((samples, samples > 0), (real, real > 0), seed=0, n_splits=1, size=200)
-        >>> len(drawn[0]), sorted([*first[0].tolist(), *second[0].tolist()])
-        (3, [0, 1, 2, 3, 4, 5])
     """
     generator = torch.Generator().manual_seed(seed)
     flights, drawn, h = _seen(real), _seen(samples), matched_size(samples, real, size)
@@ -254,17 +248,7 @@ def compare(
 def compare_profiles(
     statistic: ProfileStatistic, samples: Values, real: Values, seed: int, n_splits: int
 ) -> Comparison:
-    """As :func:`compare`, by a statistic of whole profiles.
-
-    Example:
-        >>> from descentflow.evaluation.metrics.score_registry import profile_statistics
-        >>> (energy,) = profile_statistics()
-        >>> values = torch.arange(24.0)[:, None].expand(24, 3)
-        >>> samples, real = (values, values > -1), (values[:10], values[:10] > -1)
-        >>> found = compare_profiles(energy, samples, real, seed=0, n_splits=2)
-        >>> found.whole["energy"].shape, found.floor["energy"].shape
-        (torch.Size([10]), torch.Size([2, 1]))
-    """
+    """As :func:`compare`, by a statistic of whole profiles."""
     name, whole = statistic.name, _enough_flights(statistic.compute(samples, real))
     if not statistic.has_floor:
         return Comparison({name: whole}, {}, {}, matched_size(samples, real))
@@ -291,29 +275,12 @@ def compare_descents(
 
 
 def whole_distances(samples: Values, real: Values) -> dict[str, Tensor]:
-    """Level statistics (K,) of all samples against all flights, NaN at levels with too few values of a set.
-
-    Example:
-        >>> samples, real = torch.arange(20.0)[:, None], torch.arange(8.0)[:, None] + 3
-        >>> samples, real = (samples, samples > -1), (real, real > -1)
-        >>> whole_distances(samples, real)["mae"]
-        tensor([3.], dtype=torch.float64)
-        >>> three = real[0][:3], real[1][:3]
-        >>> whole_distances(samples, three)["mae"]  # too few
-        tensor([nan], dtype=torch.float64)
-    """
+    """Level statistics (K,) of all samples against all flights, NaN at levels with too few values of a set."""
     return _enough(level_distances(*samples, *real))
 
 
 def resampled_levels(samples: Values, real: Values, drawn: Tensor) -> dict[str, Tensor]:
-    """Level statistics (n_resamples, K) of all samples against the flights at positions ``drawn`` (n_resamples, m).
-
-    Example:
-        >>> samples, real = torch.arange(20.0)[:, None], torch.arange(4.0)[:, None]
-        >>> drawn = torch.tensor([[0, 1, 2, 3], [3, 3, 3, 3]])
-        >>> resampled_levels((samples, samples > -1), (real, real > -1), drawn)["mae"][:, 0]
-        tensor([8.0000, 6.5000], dtype=torch.float64)
-    """
+    """Level statistics (n_resamples, K) of all samples against the flights at positions ``drawn`` (n_resamples, m)."""
     values, mask = real
     found = [whole_distances(samples, (values[one], mask[one])) for one in drawn]
     return {name: torch.stack([one[name] for one in found]) for name in found[0]}

@@ -13,8 +13,7 @@ from torch import Tensor
 
 from descentflow.core.errors import ConfigError
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.evaluation.metrics.distances import by_chunks, observed_mean
-from descentflow.evaluation.metrics.pooled import Pooled, Values, pool
+from descentflow.evaluation.metrics.distances import Pooled, Values, by_chunks, observed_mean, pool
 
 _PAIRS = 1 << 22
 """Distances held at once: 32 MB in float64."""

@@ -6,9 +6,8 @@ from math import isnan, nan
 import torch
 from torch import Tensor
 
-from descentflow.evaluation.metrics.distances import observed_mean
+from descentflow.evaluation.metrics.distances import Values, observed_mean
 from descentflow.evaluation.metrics.noise_floor import MIN_VALUES, Comparison
-from descentflow.evaluation.metrics.pooled import Values
 from descentflow.evaluation.metrics.score_table import LevelScores, Score
 from descentflow.evaluation.metrics.statistic_kinds import Part, Quantity, Statistic
 

@@ -64,7 +64,7 @@ def _quantities(flown: Trajectories, positions: Positions | None, air: LevelAir 
     found = {name: tensor.detach().cpu().double().numpy() for name, tensor in tensors.items()}
     if air is not None:
         found |= {"deviation_k": air.deviation_k.numpy(), "tailwind": air.tailwind_mps.numpy() / KT_MPS}
-    tailwind = None if air is None else air.tailwind_mps
+    tailwind = 0.0 if air is None else air.tailwind_mps
     return found | _over_ground(place(flown, tailwind_mps=tailwind) if positions is None else positions)
 
 

@@ -152,7 +152,7 @@ class Samples(InNotebook):
         """
         if self.flown_at is not None:
             return self.flown_at
-        return self.plan.place(self.trajectories, None if self.air is None else self.air.tailwind_mps)
+        return self.plan.place(self.trajectories, 0.0 if self.air is None else self.air.tailwind_mps)
 
     def to_polars(self) -> pl.DataFrame:
         """The long table: one row for each sample and level, see :func:`~.sample_tables.to_frame`."""

@@ -40,7 +40,7 @@ class GroundPlan:
     to_go_nm: float = 0.0
     end_time: datetime | None = None
 
-    def place(self, flown: Trajectories, tailwind_mps: Tensor | None = None) -> Positions:
+    def place(self, flown: Trajectories, tailwind_mps: Tensor | float = 0.0) -> Positions:
         """Distances, groundspeeds and, with a path, places of descents, see :func:`~.placing.place`."""
         return place(
             flown, self.path, self.wind, to_go_m=self.to_go_nm * NM_M, end_time=self.end_time, tailwind_mps=tailwind_mps

@@ -57,7 +57,7 @@ def place(
     *,
     to_go_m: float = 0.0,
     end_time: datetime | None = None,
-    tailwind_mps: Tensor | None = None,
+    tailwind_mps: Tensor | float = 0.0,
 ) -> Positions:
     r"""Integrate groundspeed over time, from the lowest level up to the entry level.
 
@@ -88,15 +88,15 @@ def place(
         >>> bool((into.top_of_descent_m < place(flown, westbound).top_of_descent_m).all())
         True
     """
-    air = _Air.of(flown, end_time)
-    if wind is not None and tailwind_mps is not None and bool(tailwind_mps.any()):
+    air, tailwind = _Air.of(flown, end_time), np.asarray(tailwind_mps)
+    if wind is not None and tailwind.any():
         raise ConfigError(
             "a wind over the ground beside descents that were flown in a wind of their own",
             expected="one of them",
             mend="leave the wind out, or fly in an air without wind",
         )
     if path is None or wind is None:
-        to_go, groundspeed = _along(air, to_go_m, None if tailwind_mps is None else tailwind_mps.numpy())
+        to_go, groundspeed = _along(air, to_go_m, tailwind)
     else:
         to_go, groundspeed = _blown(air, path, wind, to_go_m)
     top = to_go[np.arange(len(flown)), flown.entry.cpu().numpy()]
@@ -135,9 +135,9 @@ def unix_of(time: datetime) -> float:
     return (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()
 
 
-def _along(air: _Air, to_go_m: float, tailwind_mps: Array | None) -> tuple[Array, Array]:
+def _along(air: _Air, to_go_m: float, tailwind_mps: Array) -> tuple[Array, Array]:
     """Distance to go and groundspeed in still air, or in a wind along the track."""
-    speed = air.speed_mps if tailwind_mps is None else air.speed_mps + tailwind_mps
+    speed = air.speed_mps + tailwind_mps
     legs = 0.5 * (speed[:, 1:] + speed[:, :-1]) * air.leg_s
     return np.pad(legs.cumsum(1), ((0, 0), (1, 0))) + to_go_m, speed
 

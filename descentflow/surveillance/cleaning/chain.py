@@ -21,6 +21,7 @@ from descentflow.surveillance.cleaning.flights import (
     rows_by_address,
     with_types,
 )
+from descentflow.surveillance.cleaning.level_flight import note_level_flight
 from descentflow.surveillance.cleaning.level_grid import to_levels
 from descentflow.surveillance.cleaning.rates import ConstantRate, with_rate
 from descentflow.surveillance.cleaning.thresholds import Cleaning
@@ -197,6 +198,8 @@ def _free(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.DataFra
     narrow = before(narrow, report)
     absent = narrow["vertical_rate"].null_count() if "vertical_rate" in narrow.columns else len(narrow)
     report.note(DIFFERENCED, absent)
-    narrow = after(with_rate(narrow), report)
+    rated = with_rate(narrow)
+    note_level_flight(rated, report)
+    narrow = after(rated, report)
     others = rows.drop(set(needed) - {"flight_id"})[narrow[ROW_NUMBER]]
     return pl.concat([narrow.drop("flight_id"), others], how="horizontal")

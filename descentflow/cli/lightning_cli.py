@@ -19,8 +19,8 @@ from lightning.pytorch.loggers import CSVLogger
 from descentflow.cli.options import class_in
 from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import CheckpointError, ConfigError, DescentflowError, nearest
-from descentflow.core.settings_file import read_settings, settings_text
 from descentflow.core.threads import one_thread_unless_told
+from descentflow.core.user_files import read_settings, settings_text
 from descentflow.densities.kinds import KINDS
 from descentflow.representation.read_checkpoint import SECTION, read_checkpoint
 from descentflow.training.callbacks.failed_run import RemoveFailedRun, WholeConfig

@@ -180,7 +180,7 @@ def cleaning_of_options(config: Path | None, options: dict[str, Any]) -> Cleanin
         >>> cleaning_of_options(None, {"bottom_fl": 100}).bottom_fl
         100
     """
-    from descentflow.core.settings_file import read_settings
+    from descentflow.core.user_files import read_settings
     from descentflow.surveillance.cleaning.thresholds import cleaning_of
 
     settings = read_settings(config_file(config)) if config else {}

@@ -62,8 +62,7 @@ def run(
             temperature:deviation_k=10,spread_k=4 (see below)
     """
     from descentflow.core.progress import stage
-    from descentflow.simulation.world import simulate
-    from descentflow.simulation.world_files import WorldFiles
+    from descentflow.simulation.world import WorldFiles, simulate
 
     with stage("flying", flights, "flights") as flown:
         world = simulate(

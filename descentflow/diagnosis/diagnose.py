@@ -8,8 +8,8 @@ from typing import Any
 from descentflow.core.arguments import Output, checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_folder
-from descentflow.core.own_file import lines_named
 from descentflow.core.threads import one_thread
+from descentflow.core.user_files import lines_named
 from descentflow.diagnosis.diagnosis_inputs import Inputs
 from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.earlier_report import check_no_other_report

@@ -5,7 +5,7 @@ from pathlib import Path
 from types import ModuleType
 
 from descentflow.core.errors import ConfigError
-from descentflow.core.own_file import failed, module_of_file
+from descentflow.core.user_files import failed, module_of_file
 from descentflow.effects.effect import Effect
 
 

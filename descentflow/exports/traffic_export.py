@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import whole_file
 from descentflow.densities.checkpoint import as_density
-from descentflow.exports.export_request import ExportRequest
-from descentflow.exports.rows_by_time import rows_at
+from descentflow.exports.export_request import ExportRequest, rows_at
 from descentflow.generation.sample import sample
 from descentflow.positions.ground_plan import GroundPlan
 

@@ -1,7 +1,7 @@
 """A world: flights of known truth, and the surveillance rows that a radar would have of them."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +9,8 @@ import polars as pl
 
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.arguments import Count, NotNegativeInt, Output, checked_arguments
+from descentflow.core.errors import ConfigError
+from descentflow.core.files import check_output, whole_file
 from descentflow.core.tabular import to_pandas
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.simulation.cause_values import Values
@@ -19,10 +21,54 @@ from descentflow.simulation.parameters import FlightParameters, draw_parameters
 from descentflow.simulation.scenarios import PLAIN, scenario_settings
 from descentflow.simulation.truth import flights_table, name_flights, truth_table
 from descentflow.simulation.world_config import WorldConfig, default_operators
-from descentflow.simulation.world_files import WorldFiles
 
 CHUNK = 2000
 """Flights flown together: fewer waste time on overhead, more on memory and on waiting for the longest."""
+
+
+@dataclass(frozen=True)
+class WorldFiles:
+    """Paths of a world's files."""
+
+    rows: Path
+    truth: Path
+    flights: Path
+
+    @classmethod
+    def named(cls, out: str | Path, truth: str | Path | None = None) -> "WorldFiles":
+        """Names for the tables, checked before minutes of flying go into them.
+
+        Args:
+            out: Of the rows, ``NAME.parquet``.
+            truth: Of the truth; ``NAME_truth.parquet`` if not given.
+
+        Raises:
+            ConfigError: If a name does not end in .parquet, or two are the same.
+            DataError: If one cannot be written.
+
+        Example:
+            >>> WorldFiles.named("rows.parquet").flights.name
+            'rows_flights.parquet'
+        """
+        rows = Path(out)
+        beside = Path(truth) if truth is not None else rows.parent / f"{rows.stem}_truth.parquet"
+        files = cls(rows, beside, rows.parent / f"{rows.stem}_flights.parquet")
+        paths: tuple[Path, ...] = astuple(files)
+        if any(path.suffix != ".parquet" for path in paths) or len(set(paths)) < len(paths):
+            raise ConfigError(
+                f"outputs {', '.join(map(str, paths))}",
+                expected="three different names that end in .parquet",
+                mend="choose other names for --out and --truth",
+            )
+        for path in paths:
+            check_output(path)
+        return files
+
+    def write(self, rows: pl.DataFrame, truth: pl.DataFrame, flights: pl.DataFrame) -> None:
+        """Write each table whole or not at all."""
+        for frame, path in ((rows, self.rows), (truth, self.truth), (flights, self.flights)):
+            with whole_file(path) as temporary:
+                frame.write_parquet(temporary)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from descentflow.core.errors import ConfigError
-from descentflow.core.own_file import module_of_file
+from descentflow.core.user_files import module_of_file
 from descentflow.densities import MODULES
 from descentflow.densities.density import Density
 from descentflow.training import models

@@ -10,7 +10,7 @@ from lightning.pytorch.loggers import TensorBoardLogger
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_folder, whole_file
-from descentflow.core.settings_file import settings_text
+from descentflow.core.user_files import settings_text
 
 SETTINGS = "config.yaml"
 """File of a run's settings."""

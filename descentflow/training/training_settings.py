@@ -10,7 +10,7 @@ from lightning.pytorch import Callback
 
 from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import ConfigError, nearest
-from descentflow.core.settings_file import read_settings
+from descentflow.core.user_files import read_settings
 from descentflow.densities.kinds import KINDS
 from descentflow.training.data_settings import grouped, groups_of
 from descentflow.training.models.latent_model import LatentModel

@@ -15,7 +15,7 @@ from descentflow.cli.ending import ended_in_order
 from descentflow.cli.entry import main
 from descentflow.core.errors import DataError
 from descentflow.core.files import check_folder, system_number, whole_file
-from descentflow.simulation.world_files import WorldFiles
+from descentflow.simulation.world import WorldFiles
 
 pytestmark = pytest.mark.usefixtures("worlds_once")
 

@@ -10,7 +10,7 @@ import pytest
 from descentflow.cli.options import CommandParser
 from descentflow.cli.prepare_command import cleaning_of_options, extend, memory_bytes, run
 from descentflow.core.errors import ConfigError
-from descentflow.core.settings_file import read_settings
+from descentflow.core.user_files import read_settings
 from descentflow.surveillance.cleaning.thresholds import Cleaning, cleaning_of, describe
 
 DEFAULT = Path(__file__).resolve().parents[2] / "descentflow" / "configs" / "prepare" / "default.yaml"

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from descentflow.core.errors import ConfigError
-from descentflow.core.own_file import lines_named
+from descentflow.core.user_files import lines_named
 from descentflow.effects import EFFECTS, checked_catalogue
 from descentflow.effects.example_flights import example_flights
 from descentflow.effects.user_catalogue import effects_of_file

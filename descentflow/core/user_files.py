@@ -1,12 +1,15 @@
-"""A Python file of the user's own, with effects or a density; the file is run."""
+"""Files of the user's own: Python with effects or a density, which is run, and settings in YAML, read by one loader."""
 
+import re
 import sys
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from descentflow.core.errors import ConfigError, DescentflowError
 
@@ -59,3 +62,34 @@ def _lines(source: Path, error: Exception) -> list[int | None]:
     """Lines of a file that an error came through, the last one last."""
     frames = traceback.extract_tb(error.__traceback__)
     return [frame.lineno for frame in frames if Path(frame.filename).absolute() == source.absolute()]
+
+
+EXPONENT = re.compile(r"[-+]?[0-9]+[eE][-+]?[0-9]+$")
+
+
+def read_settings(path: Path) -> dict[str, Any]:
+    """Read a YAML file of settings."""
+    # A tenth of a second of imports that a command without a settings file need not pay.
+    yaml: Any = import_module("yaml")
+    loader: Any = type("Loader", (yaml.SafeLoader,), {})
+    loader.add_implicit_resolver("tag:yaml.org,2002:float", EXPONENT, list("-+0123456789"))
+    try:
+        found = yaml.load(path.read_text(encoding="utf-8"), loader)
+    except (OSError, ValueError, yaml.YAMLError, RecursionError) as error:
+        reason = " ".join(str(error).split())
+        raise ConfigError(
+            f"{path}: {reason}", expected="a YAML file of settings", mend="correct what is named"
+        ) from error
+    if not isinstance(found, dict | None):
+        raise ConfigError(
+            f"{path} holds a {type(found).__name__}",
+            expected="lines of `name: value`",
+            mend="begin from a file that comes along, for instance configs/model/gaussian.yaml",
+        )
+    return found or {}
+
+
+def settings_text(settings: dict[str, Any]) -> str:
+    """Settings as YAML, in their order."""
+    text: str = import_module("yaml").safe_dump(settings, sort_keys=False)
+    return text

@@ -3,10 +3,10 @@
 from dataclasses import replace
 
 import torch
+from example_sides import example_sides
 from torch import Tensor
 
 from descentflow.core.units import FL_M
-from descentflow.diagnosis.inference.example_sides import example_sides
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.effects import EFFECTS
 

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, NamedTuple, ParamSpec, TypeVar, Unio
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import is_name
-from descentflow.core.remote_files import with_local_files
+from descentflow.core.remote_files import has_address, with_local_files
 from descentflow.core.tabular import held_table
 
 P = ParamSpec("P")
@@ -102,12 +102,15 @@ def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
                     place = function.__qualname__.removesuffix(".__init__")
                     raise ConfigError(f"{name} = {_shown(value)}", expected=kind.words, mend=f"see help({place})")
 
+        # What a constructor is given is read later, by functions that fetch it.
+        if is_constructor or not has_address(bound.arguments):
+            return function(*bound.args, **bound.kwargs)
+
         def call(arguments: Mapping[str, Any]) -> R:
             bound.arguments.update(arguments)
             return function(*bound.args, **bound.kwargs)
 
-        # What a constructor is given is read later, by functions that fetch it.
-        return call({}) if is_constructor else with_local_files(call, bound.arguments, outputs)
+        return with_local_files(call, bound.arguments, outputs)
 
     return checked
 

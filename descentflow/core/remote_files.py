@@ -35,6 +35,11 @@ def address(value: object) -> str | None:
     return f"{found[1]}://{text[found.end() :]}" if found[1] in available_protocols() else None
 
 
+def has_address(arguments: Mapping[str, Any]) -> bool:
+    """True if an argument is an address, or a list with one."""
+    return any(address(one) for value in arguments.values() for one in _each(value))
+
+
 def with_local_files(
     function: Callable[[Mapping[str, Any]], R], arguments: Mapping[str, Any], outputs: Collection[str]
 ) -> R:
@@ -61,7 +66,7 @@ def with_local_files(
         >>> fsspec.filesystem("memory").cat("/place/copy.txt")
         b'one more'
     """
-    if not any(address(one) for value in arguments.values() for one in _each(value)):
+    if not has_address(arguments):
         return function(arguments)
     here = Path.cwd() / HERE
     here.mkdir(exist_ok=True)

@@ -22,16 +22,16 @@ def as_tensors(*values: Number) -> list[Tensor]:
                 break
             like = value if like is None else like
     dtype, device = (torch.float64, None) if like is None else (like.dtype, like.device)
-    return [_one(value, dtype, device) for value in values]
-
-
-def _one(value: Number, dtype: torch.dtype, device: torch.device | None) -> Tensor:
-    if not isinstance(value, Tensor):
-        return torch.full((), value, dtype=dtype, device=device)
-    if value.dtype is dtype:
-        return value
-    # A tensor without dimensions is a scalar like any float: on its own it must not raise the precision of a batch.
-    return value.to(dtype) if value.dim() == 0 or not value.is_floating_point() else value
+    found = []
+    for value in values:
+        if not isinstance(value, Tensor):
+            found.append(torch.full((), value, dtype=dtype, device=device))
+        elif value.dtype is not dtype and (value.dim() == 0 or not value.is_floating_point()):
+            # Without dimensions it is a scalar like any float: on its own it must not raise the precision of a batch.
+            found.append(value.to(dtype))
+        else:
+            found.append(value)
+    return found
 
 
 def safe_sqrt(value: Tensor) -> Tensor:

@@ -5,38 +5,36 @@ cannot take in: airspeeds that disagree with the standard atmosphere, wind betwe
 Mach number, and a reported rate against altitude over time. These are compared with what physics claims.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 
+import polars as pl
 import torch
 
-from descentflow.diagnosis.correction.corrected_descents import CHECKPOINT
 from descentflow.diagnosis.correction.corrected_simulator import corrected
 from descentflow.diagnosis.diagnosis_settings import Settings
+from descentflow.diagnosis.diagnosis_steps import Diagnosis
+from descentflow.diagnosis.inference.explain import Explainer
 from descentflow.diagnosis.inference.two_sides import Compared, compare
 from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.diagnosis.report.what_is_left import OWN_FLIGHTS, not_identifiable
 from descentflow.diagnosis.simulator import Simulator
 from descentflow.measurements.quantities import Quantities
 
-Diagnosed = Callable[[Compared, Settings], GapReport]
 TAKEN_IN = ("rate", "cas")
 """Quantities that a model follows whatever made them."""
 
 
-def with_shared_effects(report: GapReport, real: Quantities, settings: Settings, diagnosed: Diagnosed) -> GapReport:
+def with_shared_effects(report: GapReport, real: Quantities, settings: Settings) -> GapReport:
     """The report with causes that both sides have, where no other is named and there are such.
 
     Args:
         report: Against a model's own flights, which may hold a cause that it does not know.
         real: Real flights.
         settings: What is diagnosed, and how.
-        diagnosed: Diagnoses flights against physics.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
         >>> from descentflow.diagnosis.diagnose import diagnose
-        >>> from descentflow.diagnosis.procedure import against_physics
         >>> from descentflow.diagnosis.simulator import Simulator
         >>> from descentflow.effects import EFFECTS
         >>> from descentflow.measurements.quantities import CHANNELS, quantities_of
@@ -45,7 +43,7 @@ def with_shared_effects(report: GapReport, real: Quantities, settings: Settings,
         >>> flights = quantities_of(warm.frame, 150, 340, CHANNELS)
         >>> asked = Settings(Simulator(aircraft("A320")), {"temperature": EFFECTS["temperature"]}, CHANNELS, 0, str)
         >>> alike = diagnose("descents.parquet", "best.ckpt")
-        >>> found = with_shared_effects(alike, flights, asked, against_physics)
+        >>> found = with_shared_effects(alike, flights, asked)
         >>> alike.verdict, found.causes[0].effect  # the air of both sides is warmer
         ('none', 'temperature')
     """
@@ -58,7 +56,8 @@ def with_shared_effects(report: GapReport, real: Quantities, settings: Settings,
     compared = _kinematic(compare(None, real, settings.simulator.aircraft))
     if not able or not compared.entries:
         return report
-    found = diagnosed(compared, replace(settings, simulator=Simulator(settings.simulator.aircraft), catalogue=able))
+    physical = replace(settings, simulator=Simulator(settings.simulator.aircraft), catalogue=able)
+    found = Diagnosis(Explainer(compared, able), physical, "physics").report({}, pl.DataFrame())
     if found.verdict != "effect" or not all(_is_large(cause.effect, found, settings) for cause in found.causes):
         return report
     return _refit_report(report, found, settings)
@@ -83,7 +82,7 @@ def _refit_report(report: GapReport, found: GapReport, settings: Settings) -> Ga
         cause.effect: torch.tensor([one.estimate for one in cause.parameters.values()], dtype=torch.float64)
         for cause in found.causes
     }
-    write = corrected(settings.simulator, report.details.mass_kg, settings.catalogue, theta, inherited=True)
+    made = corrected(settings.simulator, report.details.mass_kg, settings.catalogue, theta, inherited=True)
     return replace(
         report,
         verdict="effect",
@@ -95,8 +94,8 @@ def _refit_report(report: GapReport, found: GapReport, settings: Settings) -> Ga
         causes=[replace(cause, inherited=True) for cause in found.causes],
         # The gap of this report is another one, of what both sides have.
         details=replace(report.details, regime="refit", curves=found.details.curves, measured_over=[], gap_error=None),
-        write_corrected=write,
-        corrected_file="" if write is None else CHECKPOINT,
+        corrections=made,
+        corrected_file=next(iter(made), ""),
         recipe=found.recipe,
         would_split=not_identifiable(settings, OWN_FLIGHTS),
     )

@@ -132,7 +132,7 @@ def diagnose(
         if out is not None:
             say("writing the report")
             report.write(out)
-            report = replace(report, is_written=True)
+            report = replace(report, folder=str(out))
     return report
 
 

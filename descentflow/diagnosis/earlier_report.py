@@ -2,11 +2,12 @@
 
 import json
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from descentflow.core.errors import DataError
-from descentflow.diagnosis.findings.inputs_found import InputUsed, Provenance
+from descentflow.diagnosis.findings.inputs_found import Provenance
 
 NAME = "gap.json"
 """Of the report in its folder."""
@@ -39,32 +40,24 @@ def check_no_other_report(out: str | Path, previous: str | Path | None, made: Pr
     there = Path(out) / NAME
     if made is None or not there.exists():
         return
-    then = _provenance(there)
-    for what, earlier, now in (
-        ("other real flights", then.get("real"), made.real),
-        ("another simulator", then.get("simulator"), made.simulator),
-    ):
-        if not _same(earlier, now):
-            name = f" ({earlier['name']})" if isinstance(earlier, Mapping) and "name" in earlier else ""
-            raise DataError(
-                f"output {out} holds the report of another diagnosis, of {what}{name}",
-                expected="a new folder, or that of the same flights and simulator",
-                mend=f"choose another output, or remove {there}",
-            )
-
-
-def _provenance(path: Path) -> Mapping[str, Any]:
-    """Inputs by a report of any version; nothing where it is none."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8")).get("provenance")
-    except (OSError, ValueError, AttributeError):
-        return {}
-    return found if isinstance(found, Mapping) else {}
+        then = json.loads(there.read_text(encoding="utf-8"))["provenance"]
+        sides = {
+            "other real flights": (then["real"], made.real),
+            "another simulator": (then["simulator"], made.simulator),
+        }
+        other = {what: earlier for what, (earlier, now) in sides.items() if _key(earlier) != _key(asdict(now))}
+    except (OSError, ValueError, KeyError, TypeError):
+        other = {"inputs that it does not name": {}}
+    for what, earlier in other.items():
+        name = f" ({earlier['name']})" if "name" in earlier else ""
+        raise DataError(
+            f"output {out} holds the report of another diagnosis, of {what}{name}",
+            expected="a new folder, or that of the same flights and simulator",
+            mend=f"choose another output, or remove {there}",
+        )
 
 
-def _same(then: Any, now: InputUsed) -> bool:
-    if not isinstance(then, Mapping):
-        return False
-    if then.get("fingerprint") is not None and now.fingerprint is not None:
-        return bool(then["fingerprint"] == now.fingerprint)
-    return all(then.get(name) == getattr(now, name) for name in SAME)
+def _key(used: Mapping[str, Any]) -> object:
+    """Fingerprint of inputs; without one, what else identifies them."""
+    return used["fingerprint"] or [used[name] for name in SAME]

@@ -34,14 +34,6 @@ def rounding_of(compared: Compared, profile: Sequence[LevelMeans]) -> Tensor:
     Args:
         compared: Flights of both sides.
         profile: What the simulator flies on average by level.
-
-    Example:
-        >>> from descentflow.diagnosis.correction.costs import profile_of
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> sides = example_sides()
-        >>> of_cas = rounding_of(sides, profile_of(sides))[sides.columns("cas")]
-        >>> round(float(of_cas.mean()), 2)  # kt, of steps of one
-        0.29
     """
     by_level = {round(m.level_fl, 3): m for m in profile}
     middles = compared.middles_fl()
@@ -103,18 +95,6 @@ def below_rounding(
         cells: All that were looked at.
         costs: Over all levels and parts of them.
         profile: What the simulator flies on average by level.
-
-    Example:
-        >>> from descentflow.diagnosis.correction.costs import costs_of, profile_of
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> from descentflow.effects import EFFECTS
-        >>> from descentflow.diagnosis.inference.where import where
-        >>> def found(kelvin):
-        ...     sides = example_sides(EFFECTS["temperature"], [kelvin], n=1500)
-        ...     cells, _ = where(sides, 290.0, 0)
-        ...     return below_rounding(sides, cells, costs_of(sides, None, 0), profile_of(sides))
-        >>> sorted((row.quantity, row.difference < row.rounding) for row in found(0.2)), found(10.0)
-        ([('cas', True), ('rate', True), ('tas', True)], [])
     """
     if not profile or not cells or any(_is_felt(cost, profile) for cost in costs):
         return []

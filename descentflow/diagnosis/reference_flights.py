@@ -8,7 +8,7 @@ import torch
 
 from descentflow.core.errors import DataError
 from descentflow.diagnosis.simulator import Simulator
-from descentflow.measurements.quantities import Quantities, checked, grid_of, measured, of_some_aircraft
+from descentflow.measurements.quantities import Quantities, grid_of, measured, of_some_aircraft
 
 MIN_FLIGHTS = 20
 """Of either side: fewer say nothing of any effect; hundreds tell effects apart."""
@@ -27,14 +27,13 @@ AIR_NOISE = ("noise_tas", "noise_groundspeed")
 
 
 @dataclass(frozen=True)
-class BothSides:
+class MeasuredSides:
     """Measurements of both sides' flights, by the same instrument.
 
     Attributes:
         reference: The simulator's flights; None for a nominal descent.
         real: Real flights, in the same quantities.
         source: Where the former come from: ``training flights``, ``simulator flights`` or ``physics``.
-        given: Flights of the simulator before any was left out; zero for a nominal descent.
         lacked: Channel -> the side that lacks it, where one side alone does; it is left out on both.
 
     Example:
@@ -49,11 +48,10 @@ class BothSides:
     reference: Quantities | None
     real: Quantities
     source: str
-    given: int = 0
     lacked: Mapping[str, str] = field(default_factory=dict)
 
 
-def both_sides(simulator: Simulator, frame: pl.DataFrame, channels: Sequence[str]) -> BothSides:
+def both_sides(simulator: Simulator, frame: pl.DataFrame, channels: Sequence[str]) -> MeasuredSides:
     """Measure both sides on the simulator's grid.
 
     Args:
@@ -69,11 +67,11 @@ def both_sides(simulator: Simulator, frame: pl.DataFrame, channels: Sequence[str
     if simulator.flights is not None:
         return _of_flights(simulator.flights.frame, frame, channels, low, high)
     grid = grid_of(frame, low, high, channels)
-    real = checked(measured(grid))
+    real = measured(grid)
     check_count(real, frame["flight_id"].n_unique(), low, high)
     parts = simulator.representation
     if parts is None:
-        return BothSides(None, real, "physics")
+        return MeasuredSides(None, real, "physics")
     if parts.air is not None:
         # Reports are rounded in the air as it was: what it does to them does not go with the wind.
         real = replace(real, values={name: value for name, value in real.values.items() if name not in AIR_NOISE})
@@ -91,12 +89,12 @@ def both_sides(simulator: Simulator, frame: pl.DataFrame, channels: Sequence[str
         ) from error
     check_count(own, len(own), low, high, whose="training flights of the checkpoint")
     lacked = {c: REAL for c, q in SHOWS.items() if c in channels and q in own.values and q not in real.values}
-    return BothSides(kept_channels(own, real), real, "training flights", len(own), lacked)
+    return MeasuredSides(kept_channels(own, real), real, "training flights", lacked)
 
 
 def _of_flights(
     flights: pl.DataFrame, frame: pl.DataFrame, channels: Sequence[str], low: float, high: float
-) -> BothSides:
+) -> MeasuredSides:
     """Both sides measured in the channels that both have."""
     given = flights["flight_id"].n_unique()
     flights = of_some_aircraft(flights)
@@ -114,9 +112,16 @@ def _of_flights(
     check_count(real, frame["flight_id"].n_unique(), low, high)
     check_count(own, given, low, high, whose="simulated flights")
     for side, whose in ((real, "real flights"), (own, "simulated flights")):
-        _check_aircraft(side, whose)
+        count = len(torch.unique(side.airframe))
+        if count < MIN_AIRCRAFT:
+            raise DataError(
+                f"{whose} of {count} aircraft (icao24)",
+                expected=f"flights of at least {MIN_AIRCRAFT}, for those of one aircraft are alike and stay together",
+                mend="give flights of more aircraft; where a simulator makes its flights independently of each other, "
+                "give each an icao24 of its own",
+            )
     lacked = {c: REAL if c not in shown[0] else SIMULATED for c in channels if (c in shown[0]) != (c in shown[1])}
-    return BothSides(kept_channels(own, real), kept_channels(real, own), "simulator flights", given, lacked)
+    return MeasuredSides(kept_channels(own, real), kept_channels(real, own), "simulator flights", lacked)
 
 
 def _channels_shown(frame: pl.DataFrame, low: float, high: float, channels: Sequence[str]) -> list[str]:
@@ -128,25 +133,7 @@ def _channels_shown(frame: pl.DataFrame, low: float, high: float, channels: Sequ
     return [c for c in names if int(by_flight[c].sum()) > least]
 
 
-def _check_aircraft(found: Quantities, whose: str) -> None:
-    """Refuse flights of so few aircraft that whole aircraft cannot be held out (DataError)."""
-    count = len(torch.unique(found.airframe))
-    if count < MIN_AIRCRAFT:
-        raise DataError(
-            f"{whose} of {count} aircraft (icao24)",
-            expected=f"flights of at least {MIN_AIRCRAFT}, for those of one aircraft are alike and stay together",
-            mend="give flights of more aircraft; where a simulator makes its flights independently of each other, "
-            "give each an icao24 of its own",
-        )
-
-
-def check_count(
-    found: Quantities,
-    given: int,
-    low: float,
-    high: float,
-    whose: str = "real flights",
-) -> None:
+def check_count(found: Quantities, given: int, low: float, high: float, whose: str = "real flights") -> None:
     """Refuse too few flights of one side on the grid (DataError).
 
     Args:

@@ -109,7 +109,7 @@ def test_reports_that_do_not_fit_are_refused(folder: Path, first: GapReport, tmp
     for change, message in (
         ({"schema_version": 1}, "schema version 1"),
         ({"provenance": {**content["provenance"], "versions": {"descentflow": "9"}}}, "of version 9, and"),
-        ({"provenance": None}, "describes no flights"),
+        ({"provenance": None}, "provenance: NoneType; expected an object"),
         ({"details": {**content["details"], "measured_over": []}}, "does not say what its gap was measured over"),
     ):
         other = tmp_path / "gap.json"

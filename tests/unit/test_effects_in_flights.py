@@ -8,7 +8,7 @@ from torch import Tensor
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
-from descentflow.diagnosis.correction.effects_in_flights import Correction, filled, state_of_levels, with_effects
+from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, filled, state_of_levels, with_effects
 from descentflow.effects import EFFECTS
 from descentflow.effects.effect import Effect, Parameter
 from descentflow.measurements.level_channels import LevelGrid, gaps_of
@@ -59,7 +59,7 @@ def flights(n: int = 8, rate_fpm: float = -1500.0, gap: slice | None = None) -> 
 def put(grid: LevelGrid, *names_and_theta: tuple[Effect, list[float]], seed: int = 0) -> LevelGrid:
     catalogue = {effect.name: effect for effect, _ in names_and_theta}
     theta = {effect.name: torch.tensor(values).double() for effect, values in names_and_theta}
-    return with_effects(grid, A320, Correction(catalogue, theta, 60e3, Cleaning(), seed))
+    return with_effects(grid, A320, AddedEffects(catalogue, theta, 60e3, Cleaning(), seed))
 
 
 def test_a_rate_doubled_halves_the_time_and_nothing_else() -> None:
@@ -100,7 +100,7 @@ def test_warm_air_is_what_the_physics_says() -> None:
     mach, altitude = grid.values["Mach"], grid.altitude_m
     torch.testing.assert_close(found.values["TAS"] * KT_MPS, mach_to_tas_mps(mach, altitude, 10.0))
     torch.testing.assert_close(found.values["Mach"], mach)
-    state = state_of_levels(grid, A320, Correction(EFFECTS, {}, 60e3, Cleaning(), 0))
+    state = state_of_levels(grid, A320, AddedEffects(EFFECTS, {}, 60e3, Cleaning(), 0))
     shift = EFFECTS["temperature"].shift(state, torch.tensor([10.0]).double())
     torch.testing.assert_close((found.values["vertical_rate"] / grid.values["vertical_rate"]).log(), shift["rate"])
     # In still air the groundspeed stays the level part of the airspeed.

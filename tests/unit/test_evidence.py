@@ -7,15 +7,16 @@ import numpy as np
 import polars as pl
 import pytest
 import torch
+from example_sides import example_sides
 from scipy import stats
 
 from descentflow.aircraft_types.registry import aircraft
 from descentflow.diagnosis.correction.corrected_sides import corrected_entries
-from descentflow.diagnosis.correction.effects_in_flights import Correction
+from descentflow.diagnosis.correction.effects_in_flights import AddedEffects
 from descentflow.diagnosis.diagnosis_settings import Settings
+from descentflow.diagnosis.diagnosis_steps import Diagnosis
 from descentflow.diagnosis.inference.assumptions import Assumptions
 from descentflow.diagnosis.inference.candidates import FlightsEffect, Linearised
-from descentflow.diagnosis.inference.example_sides import example_sides
 from descentflow.diagnosis.inference.explain import Explainer, detection_limits, explain
 from descentflow.diagnosis.inference.flight_mixture import (
     LearntLaw,
@@ -28,7 +29,6 @@ from descentflow.diagnosis.inference.moments import Moments, moments, sums_by_cl
 from descentflow.diagnosis.inference.naming import lacks, name_effects
 from descentflow.diagnosis.inference.sets import Search, SetFit, SetFits
 from descentflow.diagnosis.inference.two_sides import Compared, Entry
-from descentflow.diagnosis.procedure import Diagnosis
 from descentflow.diagnosis.report.what_is_left import curves
 from descentflow.diagnosis.simulator import Simulator
 from descentflow.effects import EFFECTS
@@ -301,7 +301,7 @@ def asked(**other: object) -> Settings:
 
 @pytest.mark.parametrize(("name", "theta"), [("temperature", [10.0]), ("drag_polar", [0.15])])
 def test_closure_is_measured_on_simulated_flights_that_have_the_cause(name: str, theta: list[float]) -> None:
-    diagnosis = Diagnosis(example_sides(EFFECTS[name], theta, n=200), asked(), "samples")
+    diagnosis = Diagnosis(Explainer(example_sides(EFFECTS[name], theta, n=200), EFFECTS), asked(), "samples")
     report = diagnosis.report({}, pl.DataFrame())
     assert report.verdict == "effect"
     closed = report.causes[0].closure.marginal
@@ -345,7 +345,7 @@ def test_the_error_of_a_curve_counts_aircraft_and_not_flights() -> None:
 def test_effects_in_simulated_entries_are_their_signatures(name: str, theta: list[float]) -> None:
     """The correction puts into flights what the evidence takes an effect to shift, and nothing else."""
     sides, effect = example_sides(), EFFECTS[name]
-    correction = Correction(EFFECTS, {name: torch.tensor(theta)}, sides.state.mass_kg, Cleaning(), seed=0)
+    correction = AddedEffects(EFFECTS, {name: torch.tensor(theta)}, sides.state.mass_kg, Cleaning(), seed=0)
     moved = corrected_entries(sides, correction) - sides.y
     assert float(moved[sides.real].abs().max()) == 0.0
     shift = sides.vector(effect.shift(replace(sides.state, affected=False), torch.tensor(theta).double()))

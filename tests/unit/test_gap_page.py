@@ -21,6 +21,7 @@ from descentflow.diagnosis.correction.recipe import recipe_of
 from descentflow.diagnosis.findings.cause_found import ClosedShare, ParameterEstimate, TradeSize
 from descentflow.diagnosis.findings.costs_found import Measured
 from descentflow.diagnosis.findings.findings import SEEN, Curve, Findings
+from descentflow.diagnosis.findings.inputs_found import Provenance
 from descentflow.diagnosis.findings.plain_values import percent
 from descentflow.diagnosis.report.figures import cost_figure, level_figure
 from descentflow.diagnosis.report.page import next_command, page, summary
@@ -302,7 +303,7 @@ def test_what_is_not_known_is_left_out() -> None:
     found = of_verdict("partial")
     bare = replace(found.details, curves={}, detection_limits=[], singles=[], subsets=[], profile=[], lacks=[])
     causes = [replace(one, takes_away={}) for one in found.causes]
-    empty = replace(found, costs=[], causes=causes, details=bare, provenance=None, where=[])
+    empty = replace(found, costs=[], causes=causes, details=bare, provenance=Provenance(), where=[])
     assert "No rate of descent is compared, so times and distances are not known." in page(empty)
     assert "<figure" not in page(empty)
     assert "Next: " not in summary(empty)

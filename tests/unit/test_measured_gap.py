@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import pytest
 import torch
+from example_sides import example_sides
 
 from descentflow.diagnosis.correction.measured_gap import MeasuredGap, again
 from descentflow.diagnosis.correction.previous_round import achieved_share, mean_of
 from descentflow.diagnosis.findings.gap_found import MeasuredEntry
-from descentflow.diagnosis.inference.example_sides import example_sides
 from descentflow.effects import EFFECTS
 
 

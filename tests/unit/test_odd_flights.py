@@ -6,9 +6,9 @@ from datetime import UTC, datetime
 import polars as pl
 import pytest
 import torch
+from example_sides import example_sides
 
 from descentflow.diagnosis.findings.costs_found import LevelMeans
-from descentflow.diagnosis.inference.example_sides import example_sides
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.report.what_is_left import flights_worth_a_look
 from descentflow.measurements.quantities import CHANNELS, quantities_of

@@ -7,16 +7,17 @@ import finding_toys
 import polars as pl
 import pytest
 import torch
+from example_sides import example_sides
 
 from descentflow.aircraft_types.registry import aircraft
 from descentflow.core.mode_s_steps import STEPS
 from descentflow.diagnosis.correction.costs import costs_of, profile_of
 from descentflow.diagnosis.diagnosis_settings import Settings
-from descentflow.diagnosis.inference.example_sides import example_sides
+from descentflow.diagnosis.diagnosis_steps import Diagnosis
+from descentflow.diagnosis.inference.explain import Explainer
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.inference.where import where
 from descentflow.diagnosis.practical_size import below_rounding, rounding_of
-from descentflow.diagnosis.procedure import Diagnosis
 from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.diagnosis.report.page import page, summary
 from descentflow.diagnosis.simulator import Simulator
@@ -27,11 +28,11 @@ MANY = 1500
 
 def diagnosed(sides: Compared) -> GapReport:
     asked = Settings(Simulator(aircraft("A320")), {"temperature": EFFECTS["temperature"]}, [], 0, str)
-    return Diagnosis(sides, asked, "training flights").report({}, pl.DataFrame())
+    return Diagnosis(Explainer(sides, asked.catalogue), asked, "training flights").report({}, pl.DataFrame())
 
 
 def small_gap(sides: Compared) -> list[str]:
-    cells, _ = where(sides, 290.0, 0)
+    cells = where(sides, 290.0, 0)
     return [row.quantity for row in below_rounding(sides, cells, costs_of(sides, None, 0), profile_of(sides))]
 
 

@@ -36,7 +36,7 @@ def test_fields_with_a_default_may_be_absent(tmp_path: Path) -> None:
     assert len(optional) >= 8
     found = read_gap(written(tmp_path, **{f.name: ... for f in optional}))
     assert found.costs == []
-    assert found.provenance is None
+    assert found.provenance.real.name == ""
     assert found.causes == finding_toys.findings().causes
 
 

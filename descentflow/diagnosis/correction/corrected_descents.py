@@ -1,17 +1,16 @@
 """The corrected simulator of a diagnosis: its own flights with the causes in them, or its checkpoint and samples."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import polars as pl
 from torch import Tensor
 
 from descentflow.core.errors import DataError
-from descentflow.diagnosis.correction.effects_in_flights import Correction, with_effects
+from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, with_effects
 from descentflow.diagnosis.diagnosis_settings import Settings
+from descentflow.diagnosis.findings.correction_found import FLIGHTS, Corrections
 from descentflow.diagnosis.simulator import Simulator
 from descentflow.measurements.level_channels import LevelGrid
 from descentflow.measurements.quantity_registry import CHANNELS
@@ -25,19 +24,16 @@ KEPT = ("schema_version", "descentflow", "settings", "typecodes", "inputs")
 """Parts of a description that hold for the corrected flights as well."""
 
 
-def corrected_descents(
-    frame: pl.DataFrame, aircraft: PerformanceModel, correction: Correction, metadata: Mapping[str, Any] | None = None
-) -> Descents:
+def corrected_descents(flights: Descents, aircraft: PerformanceModel, added: AddedEffects) -> Descents:
     """Prepared descents of a simulator with effects in them, times integrated again.
 
     Positions are left out: at another rate a level is reached somewhere else. The description names the effects that
     were put in.
 
     Args:
-        frame: Prepared descents of the simulator.
+        flights: Prepared descents of the simulator.
         aircraft: Whose coefficients give the signatures.
-        correction: What is put in.
-        metadata: Description of the descents.
+        added: What is put in.
 
     Raises:
         DataError: If no level is left.
@@ -49,30 +45,29 @@ def corrected_descents(
         >>> from descentflow.surveillance.cleaning.thresholds import Cleaning
         >>> from descentflow.surveillance.descents.prepared_descents import read_descents
         >>> own = read_descents("descents.parquet")
-        >>> heavier = Correction(EFFECTS, {"mass": torch.tensor([0.25])}, 60e3, Cleaning(), seed=0)
-        >>> corrected = corrected_descents(own.frame, aircraft("A320"), heavier, own.metadata)
+        >>> heavier = AddedEffects(EFFECTS, {"mass": torch.tensor([0.25])}, 60e3, Cleaning(), seed=0)
+        >>> corrected = corrected_descents(own, aircraft("A320"), heavier)
         >>> bool(corrected.frame["vertical_rate"].mean() > own.frame["vertical_rate"].mean())  # slower descents
         True
         >>> corrected.metadata["corrected"]["effects"]
         {'mass': [0.25]}
     """
+    frame = flights.frame
     low, high = (int(bound) for bound in frame.select(low=pl.min("level_fl"), high=pl.max("level_fl")).row(0))
-    channels = [c for c in CHANNELS if c in frame.columns]
-    grid = LevelGrid.of_frame(frame, low, high, channels)
-    moved = None if grid is None else with_effects(grid, aircraft, correction)
-    if moved is None or not bool(moved.mask.any()):
+    grid = LevelGrid.of_frame(frame, low, high, [c for c in CHANNELS if c in frame.columns])
+    moved = grid and with_effects(grid, aircraft, added)
+    if not (moved and bool(moved.mask.any())):
         raise DataError(
             "no level left of the simulator's flights with the causes in them",
             expected="descents that the causes leave descents",
             mend="look at the sizes of the causes: they stop the descent",
         )
     table = _table(moved, frame)
-    described = {name: value for name, value in (metadata or {}).items() if name in KEPT}
-    effects = {name: [round(float(x), 9) for x in theta] for name, theta in correction.theta.items()}
+    described = {name: value for name, value in flights.metadata.items() if name in KEPT}
     made = {
-        "effects": effects,
-        "seed": correction.seed,
-        "mass_kg": correction.mass_kg,
+        "effects": {name: [round(float(x), 9) for x in theta] for name, theta in added.theta.items()},
+        "seed": added.seed,
+        "mass_kg": added.mass_kg,
         "typecode": aircraft.typecode,
     }
     defaults = {"schema_version": SCHEMA_VERSION, "inputs": []}
@@ -105,33 +100,10 @@ def _table(grid: LevelGrid, frame: pl.DataFrame) -> pl.DataFrame:
     return joined.select(*order, *absent)
 
 
-CHECKPOINT, FLIGHTS = "corrected.ckpt", "corrected.parquet"
-"""Names of the corrected simulator beside `gap.json`."""
-
-
-@dataclass(frozen=True)
-class CorrectionMade:
-    """Correction of a simulator by the causes of a diagnosis.
-
-    Attributes:
-        file_name: Of the corrected simulator; empty where there is none to write.
-        write: Writes it to a path; None where there is none.
-        write_flights: Of a checkpoint, writes sampled flights with the causes in them; None where there is none.
-
-    Example:
-        >>> CorrectionMade().write is None  # of a nominal descent
-        True
-    """
-
-    file_name: str = ""
-    write: Callable[[Path], None] | None = None
-    write_flights: Callable[[Path], None] | None = None
-
-
 def correction_made(
     simulator: Simulator, frame: pl.DataFrame, mass_kg: float, theta: Mapping[str, Tensor], asked: Settings
-) -> CorrectionMade:
-    """The simulator with the causes in it: its own flights, or its checkpoint with samples of it.
+) -> Corrections:
+    """The simulator with the causes in it: its own flights, or its checkpoint and samples; or neither.
 
     Args:
         simulator: What was diagnosed.
@@ -152,20 +124,18 @@ def correction_made(
     """
     flights = simulator.flights
     if flights is not None:
-        correction = Correction(asked.catalogue, theta, mass_kg, simulator.cleaning, asked.seed)
+        added = AddedEffects(asked.catalogue, theta, mass_kg, simulator.cleaning, asked.seed)
 
         def write(path: Path) -> None:
-            write_descents(corrected_descents(flights.frame, simulator.aircraft, correction, flights.metadata), path)
+            write_descents(corrected_descents(flights, simulator.aircraft, added), path)
 
-        return CorrectionMade(FLIGHTS, write)
+        return {FLIGHTS: write}
     # Here and not above: a comparison of flights with flights must not pay for models.
     from descentflow.diagnosis.correction.corrected_simulator import corrected, samples_with
 
-    write_checkpoint = corrected(simulator, mass_kg, asked.catalogue, theta)
-    if write_checkpoint is None:
-        return CorrectionMade()
+    checkpoint = corrected(simulator, mass_kg, asked.catalogue, theta)
 
-    def write_flights(path: Path) -> None:
+    def write_samples(path: Path) -> None:
         write_descents(samples_with(simulator, frame, mass_kg, theta, asked.seed), path)
 
-    return CorrectionMade(CHECKPOINT, write_checkpoint, write_flights)
+    return {**checkpoint, FLIGHTS: write_samples} if checkpoint else {}

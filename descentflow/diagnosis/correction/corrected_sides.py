@@ -10,35 +10,24 @@ import torch
 from torch import Tensor
 
 from descentflow.core.units import KT_MPS
-from descentflow.diagnosis.correction.effects_in_flights import Correction, changes_of
+from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, changes_of
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.effects.flight_state import FlightState, log_rate
 
 
-def corrected_entries(compared: Compared, correction: Correction) -> Tensor:
+def corrected_entries(compared: Compared, added: AddedEffects) -> Tensor:
     """Entries (n, p) of both sides once the simulator has the effects.
 
     Args:
         compared: Flights of both sides.
-        correction: What is put in.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> from descentflow.effects import EFFECTS
-        >>> from descentflow.surveillance.cleaning.thresholds import Cleaning
-        >>> sides = example_sides(EFFECTS["temperature"], [10.0])
-        >>> warm = Correction(EFFECTS, {"temperature": torch.tensor([10.0])}, 60e3, Cleaning(), seed=0)
-        >>> left, tas = corrected_entries(sides, warm), sides.columns("tas")
-        >>> apart = left[sides.real][:, tas].mean() - left[~sides.real][:, tas].mean()
-        >>> bool(abs(apart) < 0.001)  # 2 % before
-        True
+        added: What is put in.
     """
     simulated = torch.nonzero(~compared.real)[:, 0]
     left = compared.y.clone()
-    if not len(simulated) or not correction.theta:
+    if not len(simulated) or not added.theta:
         return left
     state = _before(compared, simulated)
-    flown, reported = changes_of(state, correction)
+    flown, reported = changes_of(state, added)
     moved = dict(flown)
     moved["cas"] = flown["cas"] + reported["cas"]
     # The rate of a comparison is beyond the polar's at the speed that the flight reports.

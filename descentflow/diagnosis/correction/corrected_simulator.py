@@ -1,6 +1,6 @@
 """A model with its causes added: a checkpoint that adds them to descents after they are decoded, and samples of it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,8 +11,8 @@ import polars as pl
 import torch
 from torch import Tensor
 
-from descentflow.core.errors import ConfigError
 from descentflow.core.units import FPM_MPS, KT_MPS
+from descentflow.diagnosis.findings.correction_found import CHECKPOINT, Corrections
 from descentflow.diagnosis.inference.compared_state import state_of
 from descentflow.diagnosis.simulator import Simulator
 from descentflow.effects import EFFECTS, Effect
@@ -43,8 +43,8 @@ def corrected(
     theta: Mapping[str, Tensor],
     *,
     inherited: bool = False,
-) -> Callable[[Path], None] | None:
-    """Writer of the corrected checkpoint; None where there is no checkpoint to correct, or none could hold it.
+) -> Corrections:
+    """Writer of the corrected checkpoint; empty where there is no checkpoint to correct, or none could hold it.
 
     Effects of the user's own cannot be written: a checkpoint that names code outside the package would not load.
 
@@ -59,15 +59,15 @@ def corrected(
         >>> from descentflow.densities.checkpoint import load_model
         >>> from descentflow.diagnosis.diagnosis_inputs import Inputs
         >>> theta = {"temperature": torch.tensor([10.0])}
-        >>> write = corrected(Inputs("descents.parquet", "best.ckpt").open().simulator, 64_000.0, EFFECTS, theta)
-        >>> write(Path("warm.ckpt"))
+        >>> made = corrected(Inputs("descents.parquet", "best.ckpt").open().simulator, 64_000.0, EFFECTS, theta)
+        >>> made["corrected.ckpt"](Path("warm.ckpt"))
         >>> load_model("warm.ckpt").representation.correction.effects
         {'temperature': [10.0]}
     """
     foreign = any(catalogue[name] is not EFFECTS.get(name) for name in theta)
     parts = simulator.representation
     if parts is None or foreign:
-        return None
+        return {}
 
     def write(path: Path) -> None:
         content = simulator.content()
@@ -77,20 +77,13 @@ def corrected(
         air = {} if inherited else air_of_training(parts)
         correction = Correction(sizes, mass_kg, inherited, parts.cleaning or Cleaning(), of_training=air)
         state: dict[str, Any] = content[SECTION]["representation"]
-        before = state["decoder"].get("correction")
-        if before is not None:
-            raise ConfigError(
-                "a simulator that is corrected already",
-                expected="one without a correction",
-                mend="diagnose the simulator that `descentflow fit` wrote",
-            )
         state["decoder"]["correction"] = correction.to_state()
         state["plausibility"] = _widened(
             parts.plausibility, parts.decoder.levels_fl, correction, parts.decoder.aircraft
         )
         torch.save(content, path)
 
-    return write
+    return {CHECKPOINT: write}
 
 
 def air_of_training(parts: Representation) -> dict[str, list[float]]:

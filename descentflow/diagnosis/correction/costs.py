@@ -63,40 +63,49 @@ def costs_of(compared: Compared, left: Tensor | None, seed: int) -> list[Cost]:
 
     Returns:
         The whole first, then the parts from below; nothing where no rate is compared.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> from descentflow.effects import EFFECTS
-        >>> warm = costs_of(example_sides(EFFECTS["temperature"], [10.0]), None, seed=0)
-        >>> [(cost.name, cost.unit) for cost in warm[:4]]
-        [('time', 's'), ('time_at_speed', 's'), ('air_distance', 'NM'), ('rate', 'ft/min')]
-        >>> warm[0].before.low < warm[0].flights - warm[0].simulator < warm[0].before.high
-        True
     """
     bands = sorted(e.band for e in compared.entries if e.quantity == "rate")
     if not bands:
         return []
-    sides = _Sides(compared, left, seed)
-    parts = [bands, *_thirds(bands)]
-    found = []
-    for chosen in parts if len(bands) >= PARTS else parts[:1]:
-        low, high = chosen[0], chosen[-1]
-        half = compared.band_fl / 2
-        levels = (round(compared.middles_fl()[low] - half, 6), round(compared.middles_fl()[high] + half, 6))
-        names = [name for name in LABELS if name in sides.tables and (name not in OF_FLIGHT or chosen is bands)]
-        found += [sides.cost(name, chosen, levels) for name in names]
+    c, real, generator = compared, compared.real, torch.Generator().manual_seed(seed)
+    of_real = _fleets(c.airframe[real], generator)
+    own, of_own = (~real, _fleets(c.airframe[~real], generator)) if c.has_reference else (real, of_real)
+    every = flown(c, c.y)
+    # Nominal BADA flies each flight's own speed at the polar's rate: a rate of zero beyond the polar.
+    normal = every if c.has_reference else flown(c, 0.0 * c.y)
+    sides = [_Side(normal, own, *of_own), _Side(every, real, *of_real)]
+    after = []
+    if left is not None:
+        both = flown(c, left)
+        after = [_Side(both if c.has_reference else normal, own, *of_own), _Side(both, real, *of_real)]
+    known = [name for name in LABELS if name in every and bool(normal[name][own].isfinite().any())]
+    found, half = [], compared.band_fl / 2
+    for chosen in [bands, *_thirds(bands)] if len(bands) >= PARTS else [bands]:
+        low_fl = round(compared.middles_fl()[chosen[0]] - half, 6)
+        high_fl = round(compared.middles_fl()[chosen[-1]] + half, 6)
+        for name in [name for name in known if name not in OF_FLIGHT or chosen is bands]:
+            simulator, flights = (side.over(name, chosen) for side in sides)
+            before = flights - simulator
+            last = after[1].over(name, chosen) - after[0].over(name, chosen) if after else before
+            floor = float((last[1:] - last[0]).abs().quantile(CONFIDENCE[1] - CONFIDENCE[0]))
+            found.append(
+                Cost(
+                    name,
+                    *LABELS[name],
+                    low_fl,
+                    high_fl,
+                    float(simulator[0]),
+                    float(flights[0]),
+                    _measured(before),
+                    _measured(last) if after else None,
+                    floor,
+                )
+            )
     return found
 
 
 def profile_of(compared: Compared) -> list[LevelMeans]:
-    """Mean profile of the simulator in each band where a rate is compared, from below.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> means = profile_of(example_sides())
-        >>> means[0].level_fl, means[-1].level_fl, means[0].tas_kt > means[0].cas_kt
-        (160.0, 360.0, True)
-    """
+    """Mean profile of the simulator in each band where a rate is compared, from below."""
     bands = sorted(e.band for e in compared.entries if e.quantity == "rate")
     table = flown(compared, compared.y if compared.has_reference else 0.0 * compared.y)
     simulator = simulator_rows(compared)
@@ -113,62 +122,23 @@ def _thirds(bands: Sequence[int]) -> list[list[int]]:
 
 
 @dataclass(frozen=True)
-class _Tables:
-    """By cost, (n, K) or (n, 1) of the simulator's, the real and the corrected flights; NaN where not seen."""
+class _Side:
+    """Flights of one side: costs by name (n, K) or (n,), rows that are its own, aircraft, and drawn fleets of these."""
 
-    simulator: dict[str, Tensor]
-    flights: dict[str, Tensor]
-    left: tuple[dict[str, Tensor], dict[str, Tensor]] | None
-    """The simulator's and the real flights once the causes are in the one or off the other."""
+    tables: dict[str, Tensor]
+    rows: Tensor
+    owner: Tensor
+    weights: Tensor
 
-
-class _Sides:
-    """Both sides' tables, and fleets of whole aircraft drawn from each."""
-
-    def __init__(self, compared: Compared, left: Tensor | None, seed: int) -> None:
-        c, real = compared, compared.real
-        self.has_reference = c.has_reference
-        every = flown(c, c.y)
-        # Nominal BADA flies each flight's own speed at the polar's rate: a rate of zero beyond the polar.
-        simulator = {k: v[~real] for k, v in every.items()} if self.has_reference else flown(c, 0.0 * c.y)
-        after = None
-        if left is not None:
-            both = flown(c, left)
-            own = {k: v[~real] for k, v in both.items()} if self.has_reference else simulator
-            after = own, {k: v[real] for k, v in both.items()}
-        self.all = _Tables(simulator, {name: table[real] for name, table in every.items()}, after)
-        self.tables = [name for name in every if bool(simulator[name].isfinite().any())]
-        generator = torch.Generator().manual_seed(seed)
-        self.owner_real, self.weights_real = _fleets(c.airframe[real], generator)
-        self.owner_own, self.weights_own = self.owner_real, self.weights_real
-        if self.has_reference:
-            self.owner_own, self.weights_own = _fleets(c.airframe[~real], generator)
-
-    def cost(self, name: str, bands: Sequence[int], levels: tuple[float, float]) -> Cost:
-        """One cost over some bands."""
-        simulator = self._over(name, bands, self.all.simulator, self.owner_own, self.weights_own)
-        flights = self._over(name, bands, self.all.flights, self.owner_real, self.weights_real)
-        before, after = flights - simulator, None
-        last = before
-        if self.all.left is not None:
-            own, real = self.all.left
-            last = self._over(name, bands, real, self.owner_real, self.weights_real)
-            last = last - self._over(name, bands, own, self.owner_own, self.weights_own)
-            after = _measured(last)
-        label, unit = LABELS[name]
-        floor = float((last[1:] - last[0]).abs().quantile(CONFIDENCE[1] - CONFIDENCE[0]))
-        return Cost(name, label, unit, *levels, float(simulator[0]), float(flights[0]), _measured(before), after, floor)
-
-    def _over(
-        self, name: str, bands: Sequence[int], tables: dict[str, Tensor], owner: Tensor, weights: Tensor
-    ) -> Tensor:
-        """The cost (1 + fleets,) of one side: of all its flights first, then of each fleet."""
-        table = tables[name] if name in OF_FLIGHT else tables[name][:, list(bands)]
+    def over(self, name: str, bands: Sequence[int]) -> Tensor:
+        """Mean cost (1 + fleets,) over bands, of all flights first."""
+        table = self.tables[name][self.rows]
+        table = table if name in OF_FLIGHT else table[:, list(bands)]
         seen = table.isfinite()
-        size = (weights.shape[1], table.shape[1])
-        total = torch.zeros(size, dtype=torch.float64).index_add_(0, owner, table.nan_to_num(0.0))
-        count = torch.zeros(size, dtype=torch.float64).index_add_(0, owner, seen.double())
-        drawn, number = weights @ total, weights @ count
+        size = (self.weights.shape[1], table.shape[1])
+        total = torch.zeros(size, dtype=torch.float64).index_add_(0, self.owner, table.nan_to_num(0.0))
+        count = torch.zeros(size, dtype=torch.float64).index_add_(0, self.owner, seen.double())
+        drawn, number = self.weights @ total, self.weights @ count
         # A fleet without a flight in a band says of it what all flights do.
         mean = torch.where(number > 0, drawn / number.clamp(min=1), drawn[:1] / number[:1].clamp(min=1))
         return mean.sum(1) if name in SUMMED else mean.mean(1)
@@ -183,13 +153,6 @@ def flown(compared: Compared, y: Tensor) -> dict[str, Tensor]:
 
     Returns:
         (n, K) by cost, (n, 1) for those of :data:`OF_FLIGHT`; NaN where no rate is seen.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> sides = example_sides()
-        >>> found = flown(sides, sides.y)
-        >>> bool((found["time"] * found["rate"] / 60 - 2000).abs().max() < 1e-6)  # bands of 2,000 ft
-        True
     """
     state, quantities = compared.state, compared.quantities()
 
@@ -215,7 +178,9 @@ def flown(compared: Compared, y: Tensor) -> dict[str, Tensor]:
         found["cas"] = torch.where(rate.isfinite(), cas_mps / KT_MPS, torch.nan)
     if "tas" in quantities:
         found["tas"] = torch.where(rate.isfinite(), tas / KT_MPS, torch.nan)
-    if "wind" in quantities and all(_measured_wind(compared)):
+    sides = [compared.real, ~compared.real] if compared.has_reference else [compared.real]
+    # Without wind measured on each side there is no distance over ground.
+    if "wind" in quantities and all(bool((state.tailwind_mps[side] != 0).any()) for side in sides):
         level = (tas**2 - crossed.nan_to_num(0.0) ** 2).clamp(min=0.0).sqrt()
         found["ground_distance"] = (level + state.tailwind_mps + moved("wind")) * seconds / NM_M
     asked = burn(state.aircraft, cas_mps, state.altitude_m, -crossed, state.cas_slope_per_s, mass_kg=state.mass_kg)
@@ -227,20 +192,8 @@ def flown(compared: Compared, y: Tensor) -> dict[str, Tensor]:
 
 
 def simulator_rows(compared: Compared) -> Tensor:
-    """Flights (n,) with the simulator's speeds: its own, or all where it flies each flight's own speed.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> int(simulator_rows(example_sides()).sum())
-        80
-    """
+    """Flights (n,) with the simulator's speeds: its own, or all where it flies each flight's own speed."""
     return ~compared.real if compared.has_reference else compared.real
-
-
-def _measured_wind(compared: Compared) -> list[bool]:
-    """Test for wind measured on each side: without it there is no distance over ground."""
-    sides = [compared.real, ~compared.real] if compared.has_reference else [compared.real]
-    return [bool((compared.state.tailwind_mps[side] != 0).any()) for side in sides]
 
 
 def _fleets(airframe: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor]:

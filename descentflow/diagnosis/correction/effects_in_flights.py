@@ -9,7 +9,7 @@ from torch import Tensor
 
 from descentflow.core.counter_random import DrawNumbers
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
-from descentflow.diagnosis.correction.flight_gaps import GapChange, with_gaps
+from descentflow.diagnosis.correction.flight_gaps import with_gaps
 from descentflow.effects import Effect
 from descentflow.effects.effect import Shift
 from descentflow.effects.flight_law import DiffersByFlight
@@ -31,7 +31,7 @@ LAWS = 100_000
 
 
 @dataclass(frozen=True)
-class Correction:
+class AddedEffects:
     """Effects that are put into flights.
 
     Attributes:
@@ -43,7 +43,7 @@ class Correction:
 
     Example:
         >>> from descentflow.effects import EFFECTS
-        >>> Correction(EFFECTS, {"temperature": torch.tensor([10.0])}, 60e3, Cleaning(), seed=0).mass_kg
+        >>> AddedEffects(EFFECTS, {"temperature": torch.tensor([10.0])}, 60e3, Cleaning(), seed=0).mass_kg
         60000.0
     """
 
@@ -54,9 +54,7 @@ class Correction:
     seed: int
 
 
-def with_effects(
-    grid: LevelGrid, aircraft: PerformanceModel, correction: Correction, state: FlightState | None = None
-) -> LevelGrid:
+def with_effects(grid: LevelGrid, aircraft: PerformanceModel, added: AddedEffects) -> LevelGrid:
     """The flights as the simulator would fly and report them if it had the effects.
 
     Rates, CAS, TAS, wind and heights change on every level by what the effects say of the flight's own speed there;
@@ -68,8 +66,7 @@ def with_effects(
     Args:
         grid: Flights on levels.
         aircraft: Whose coefficients give the signatures.
-        correction: What is put in.
-        state: The flights by :func:`state_of_levels`, where they are known from another correction of the same mass.
+        added: What is put in.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
@@ -77,21 +74,23 @@ def with_effects(
         >>> from descentflow.measurements.quantities import CHANNELS, grid_of
         >>> from descentflow.surveillance.descents.prepared_descents import read_descents
         >>> grid = grid_of(read_descents("descents.parquet").frame, 150, 340, CHANNELS)
-        >>> warm = Correction(EFFECTS, {"temperature": torch.tensor([10.0])}, 60e3, Cleaning(), seed=0)
+        >>> warm = AddedEffects(EFFECTS, {"temperature": torch.tensor([10.0])}, 60e3, Cleaning(), seed=0)
         >>> found = with_effects(grid, aircraft("A320"), warm)
         >>> round(float((found.values["TAS"] / grid.values["TAS"]).nanmean()), 3)  # at the same Mach number
         1.021
     """
-    state = state_of_levels(grid, aircraft, correction) if state is None else state
-    flown, reported = changes_of(state, correction)
+    state = state_of_levels(grid, aircraft, added)
+    flown, reported = changes_of(state, added)
     moved = _flown(grid, state, flown)
-    moved = with_gaps(moved, GapChange.of(flown), DrawNumbers(correction.seed), correction.cleaning)
+    moved = with_gaps(moved, flown, DrawNumbers(added.seed), added.cleaning)
     moved = _reported(moved, reported)
-    slow = moved.values["vertical_rate"] > -correction.cleaning.slowest_fpm
-    return _without(moved, slow & grid.mask)
+    slow = moved.values["vertical_rate"] > -added.cleaning.slowest_fpm
+    gone = slow & grid.mask
+    values = {name: torch.where(gone, torch.nan, value) for name, value in moved.values.items()}
+    return replace(moved, time_s=torch.where(gone, torch.nan, moved.time_s), values=values)
 
 
-def state_of_levels(grid: LevelGrid, aircraft: PerformanceModel, correction: Correction) -> FlightState:
+def state_of_levels(grid: LevelGrid, aircraft: PerformanceModel, added: AddedEffects) -> FlightState:
     """The flights as effects look at them, each level a band of its own.
 
     Example:
@@ -99,7 +98,7 @@ def state_of_levels(grid: LevelGrid, aircraft: PerformanceModel, correction: Cor
         >>> from descentflow.measurements.quantities import CHANNELS, grid_of
         >>> from descentflow.surveillance.descents.prepared_descents import read_descents
         >>> grid = grid_of(read_descents("descents.parquet").frame, 150, 340, CHANNELS)
-        >>> state_of_levels(grid, aircraft("A320"), Correction({}, {}, 60e3, Cleaning(), 0)).cas_mps.shape
+        >>> state_of_levels(grid, aircraft("A320"), AddedEffects({}, {}, 60e3, Cleaning(), 0)).cas_mps.shape
         torch.Size([120, 191])
     """
     cas = filled(grid.values["IAS"]) * KT_MPS
@@ -109,7 +108,7 @@ def state_of_levels(grid: LevelGrid, aircraft: PerformanceModel, correction: Cor
     low, high = (index - SLOPE_LEVELS).clamp(min=0), (index + SLOPE_LEVELS).clamp(max=n - 1)
     state = FlightState(
         aircraft,
-        correction.mass_kg,
+        added.mass_kg,
         grid.altitude_m,
         FL_M,
         cas,
@@ -118,7 +117,7 @@ def state_of_levels(grid: LevelGrid, aircraft: PerformanceModel, correction: Cor
         grid.mask,
         (top - grid.altitude_m).clamp(min=0.0),
         affected=False,
-        cleaning=correction.cleaning,
+        cleaning=added.cleaning,
     )
     # A held path takes the place of the very rate that was flown.
     flown = (-grid.values["vertical_rate"] * FPM_MPS).clamp(min=SLOWEST_MPS).log()
@@ -144,18 +143,18 @@ def filled(values: Tensor) -> Tensor:
     return torch.from_numpy(np.stack(rows))
 
 
-def changes_of(state: FlightState, correction: Correction) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
+def changes_of(state: FlightState, added: AddedEffects) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
     """Changes that are flown, and that are reported alone, of all effects together, in the flights that each takes.
 
     Args:
         state: The simulator's flights, which do not have the effects.
-        correction: What is put in.
+        added: What is put in.
 
     Example:
         >>> from dataclasses import replace
         >>> from descentflow.effects import EFFECTS
         >>> from descentflow.effects.example_flights import example_flights
-        >>> warm = Correction(EFFECTS, {"temperature": torch.tensor([10.0])}, 60e3, Cleaning(), seed=0)
+        >>> warm = AddedEffects(EFFECTS, {"temperature": torch.tensor([10.0])}, 60e3, Cleaning(), seed=0)
         >>> flown, reported = changes_of(replace(example_flights(), affected=False), warm)
         >>> round(float(flown["tas"].mean()), 3), float(reported["rate"].abs().max())
         (0.021, 0.0)
@@ -163,10 +162,10 @@ def changes_of(state: FlightState, correction: Correction) -> tuple[dict[str, Te
     flown, reported = ({name: torch.zeros_like(state.cas_mps) for name in BY_LEVEL} for _ in range(2))
     held, begun = torch.zeros(len(state.cas_mps), dtype=torch.bool), 0.0
     rate_held = torch.zeros_like(state.cas_mps)
-    for place, (name, theta) in enumerate(correction.theta.items()):
-        effect = correction.catalogue[name]
+    for place, (name, theta) in enumerate(added.theta.items()):
+        effect = added.catalogue[name]
         share, whole = effect.mixture(theta.double())
-        n, draws = len(state.cas_mps), DrawNumbers(correction.seed)
+        n, draws = len(state.cas_mps), DrawNumbers(added.seed)
         law = isinstance(effect, DiffersByFlight) and effect.is_law(theta)
         # A flight has one effect that flights have each in their own way, or none: one number decides which.
         number = draws.uniform(n, stream=LAWS if law else place * STREAMS)
@@ -260,12 +259,6 @@ def _reported(grid: LevelGrid, change: dict[str, Tensor]) -> LevelGrid:
     if "geoaltitude" in values:
         values["geoaltitude"] = values["geoaltitude"] + change["height"] / FT_M
     return replace(grid, values=values)
-
-
-def _without(grid: LevelGrid, gone: Tensor) -> LevelGrid:
-    """The flights without some levels (n, L)."""
-    values = {name: torch.where(gone, torch.nan, value) for name, value in grid.values.items()}
-    return replace(grid, time_s=torch.where(gone, torch.nan, grid.time_s), values=values)
 
 
 def _tailwind_mps(grid: LevelGrid) -> Tensor:

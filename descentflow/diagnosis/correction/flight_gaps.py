@@ -1,7 +1,7 @@
 """Gaps put into flights, or closed: level-offs, and stretches at a held rate that cleaning cuts out."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import torch
 from torch import Tensor
@@ -21,33 +21,7 @@ MOST_GAPS = 4
 """Gaps of a kind that one flight is given at most."""
 
 
-@dataclass(frozen=True)
-class GapChange:
-    """Changes of the gaps of n flights by effects, all (n,): means over flights, not of single ones.
-
-    Attributes:
-        level_s: Seconds in level-offs.
-        level_gaps: Their number.
-        slow_s: Seconds lost in longer gaps.
-        missing: Share of the levels that longer gaps take.
-
-    Example:
-        >>> GapChange.of({"level": torch.full((3,), 50.0)}).level_s
-        tensor([50., 50., 50.])
-    """
-
-    level_s: Tensor | None
-    level_gaps: Tensor | None
-    slow_s: Tensor | None
-    missing: Tensor | None
-
-    @classmethod
-    def of(cls, change: Mapping[str, Tensor]) -> "GapChange":
-        """Of the quantities that an effect shifts."""
-        return cls(*(change.get(name) for name in ("level", "level_gaps", "slow", "missing")))
-
-
-def with_gaps(grid: LevelGrid, change: GapChange, draws: DrawNumbers, cleaning: Cleaning) -> LevelGrid:
+def with_gaps(grid: LevelGrid, change: Mapping[str, Tensor], draws: DrawNumbers, cleaning: Cleaning) -> LevelGrid:
     """The flights with more level-offs and held stretches, or less time in those that they have.
 
     Each flight is given a number of gaps with the mean asked for, at levels drawn within its own; around a level-off go
@@ -56,7 +30,9 @@ def with_gaps(grid: LevelGrid, change: GapChange, draws: DrawNumbers, cleaning: 
 
     Args:
         grid: Flights on levels.
-        change: What is to change.
+        change: Means over flights (n,) of what is to change, as effects shift it: ``level`` (seconds in level-offs),
+            ``level_gaps`` (their number), ``slow`` (seconds lost in longer gaps), ``missing`` (share of the levels that
+            these take).
         draws: By which flights and levels are drawn.
         cleaning: Settings by which flights were cleaned.
 
@@ -64,26 +40,23 @@ def with_gaps(grid: LevelGrid, change: GapChange, draws: DrawNumbers, cleaning: 
         >>> from descentflow.measurements.quantities import CHANNELS, grid_of
         >>> from descentflow.surveillance.descents.prepared_descents import read_descents
         >>> grid = grid_of(read_descents("descents.parquet").frame, 150, 340, CHANNELS)
-        >>> more = GapChange.of({"level": torch.full((120,), 40.0), "level_gaps": torch.full((120,), 0.5)})
+        >>> more = {"level": torch.full((120,), 40.0), "level_gaps": torch.full((120,), 0.5)}
         >>> added = with_gaps(grid, more, DrawNumbers(0), Cleaning())
         >>> lost = gaps_of(added)["level"].mean() - gaps_of(grid)["level"].mean()
         >>> abs(float(lost) - 40.0) < 12.0
         True
     """
-    found = grid
-    if change.level_s is not None:
+    found, none = grid, torch.zeros(len(grid.time_s), dtype=torch.float64)
+    if "level" in change:
         fall_mps = -grid.values["vertical_rate"].nanmedian(1).values * FPM_MPS
         cut = (2 * cleaning.transient_s * fall_mps / FL_M).round().clamp(1, SHORT_GAP_LEVELS - 1)
-        number = change.level_gaps
-        if number is None or bool((number <= 0).all()):
-            number = change.level_s / USUAL_LEVEL_OFF_S
-        found = _changed(found, change.level_s, number, cut, draws, stream=FIRST_STREAM, kind="level")
-    if change.slow_s is not None or change.missing is not None:
-        zero = torch.zeros(len(grid.time_s), dtype=torch.float64)
-        seconds, share = (zero if x is None else x for x in (change.slow_s, change.missing))
-        span = grid.mask.sum(1).double()
-        cut = torch.full_like(zero, float(USUAL_STRETCH_FL))
-        number = share * span / USUAL_STRETCH_FL
+        number = change.get("level_gaps", none)
+        number = number if bool((number > 0).any()) else change["level"] / USUAL_LEVEL_OFF_S
+        found = _changed(found, change["level"], number, cut, draws, stream=FIRST_STREAM, kind="level")
+    if "slow" in change or "missing" in change:
+        cut = torch.full_like(none, float(USUAL_STRETCH_FL))
+        number = change.get("missing", none) * grid.mask.sum(1).double() / USUAL_STRETCH_FL
+        seconds = change.get("slow", none)
         found = _changed(found, seconds, number, cut, draws, stream=FIRST_STREAM + 1000, kind="slow")
     return found
 

@@ -33,22 +33,7 @@ SAME_EDGE_FL = 0.5
 
 
 class MeasuredGap:
-    """Difference of the means of both sides over some entries, before and after a correction.
-
-    Example:
-        >>> from descentflow.diagnosis.correction.corrected_sides import corrected_entries
-        >>> from descentflow.diagnosis.correction.effects_in_flights import Correction
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> from descentflow.effects import EFFECTS
-        >>> from descentflow.surveillance.cleaning.thresholds import Cleaning
-        >>> sides = example_sides(EFFECTS["temperature"], [10.0])
-        >>> warm = Correction(EFFECTS, {"temperature": torch.tensor([10.0])}, 60e3, Cleaning(), seed=0)
-        >>> measured = MeasuredGap(sides, sides.of("tas"), seed=0)
-        >>> measured.share(corrected_entries(sides, warm)).estimate > 0.9
-        True
-        >>> len(measured.entries()), measured.error < 0.1 * measured.before
-        (11, True)
-    """
+    """Difference of the means of both sides over some entries, before and after a correction."""
 
     def __init__(self, compared: Compared, entries: Tensor, seed: int, spreads: Tensor | None = None) -> None:
         """Measure the gap.
@@ -145,15 +130,6 @@ def again(
         compared: Flights of both sides.
         before: Entries of the earlier round; those that are not measured now are left out.
         seed: Of labellings and groups of aircraft.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> from descentflow.effects import EFFECTS
-        >>> warm, same = example_sides(EFFECTS["temperature"], [10.0]), example_sides()
-        >>> then = MeasuredGap(warm, warm.of("tas"), seed=0)
-        >>> now, of_then = again(same, then.entries(), seed=0)
-        >>> len(of_then), now().before < 0.1 * then.before
-        (11, True)
     """
     chosen = torch.zeros(len(compared.entries), dtype=torch.bool)
     spreads, kept = compared.scale.clone(), []

@@ -40,7 +40,7 @@ def previous_round(path: str | Path, made: Provenance, typecode: str) -> Finding
     """
     found = read_gap(path)
     then = found.provenance
-    if then is None:
+    if not then.real.flights:
         raise DataError(
             f"{path} describes no flights",
             expected="the gap.json of a diagnosis of the same real flights",
@@ -89,20 +89,6 @@ def held_against(previous: Findings, name: str, compared: Compared, seed: int) -
 
     Raises:
         DataError: If less than half of what it measured is measured now.
-
-    Example:
-        >>> from dataclasses import replace
-        >>> from descentflow.diagnosis.correction.measured_gap import MeasuredGap
-        >>> from descentflow.diagnosis.diagnose import diagnose
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> from descentflow.effects import EFFECTS
-        >>> report = diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]})
-        >>> warm, same = example_sides(EFFECTS["temperature"], [10.0]), example_sides()
-        >>> then = MeasuredGap(warm, warm.of("tas"), seed=0)
-        >>> details = replace(report.details, measured_over=then.entries(), gap_error=then.error)
-        >>> found = held_against(replace(report, details=details), "gap.json", same, seed=0)
-        >>> found.achieved.estimate > 0.9
-        True
     """
     then = previous.details
     measure, kept = again(compared, then.measured_over, seed)

@@ -32,13 +32,7 @@ def recipe_of(
 
 
 def levels_compared(compared: Compared) -> tuple[float, float]:
-    """Lowest and highest flight level that are compared.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> [round(level) for level in levels_compared(example_sides())]
-        [150, 370]
-    """
+    """Lowest and highest flight level that are compared."""
     ranges = [compared.level_range(entry) for entry in compared.entries]
     return min(low for low, _ in ranges), max(high for _, high in ranges)
 

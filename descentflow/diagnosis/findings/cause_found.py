@@ -39,7 +39,7 @@ class Closure:
 
 
 @dataclass(frozen=True)
-class ParameterEstimate:
+class ParameterEstimate(Measured):
     """One parameter with its 90 % interval, within its physical bounds; no interval where none is claimed.
 
     Example:
@@ -47,16 +47,13 @@ class ParameterEstimate:
         deviation from the standard atmosphere 10.1 (9.88 to 10.4) K
     """
 
-    estimate: float
-    low: float | None
-    high: float | None
-    unit: str
+    unit: str = "1"
     label: str = ""
 
     @property
     def interval(self) -> str:
         """The 90 % interval in brackets, after a space; nothing where none is claimed."""
-        return "" if self.low is None or self.high is None else f" ({number(self.low)} to {number(self.high)})"
+        return f" ({' to '.join(map(number, self.ends))})" if self.ends else ""
 
     @property
     def unit_text(self) -> str:

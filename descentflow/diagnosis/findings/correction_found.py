@@ -1,9 +1,16 @@
 """Actions for the owner of a simulator: the recipe, and the round before."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from descentflow.diagnosis.findings.cause_found import ClosedShare
 from descentflow.diagnosis.findings.costs_found import Measured
+
+CHECKPOINT, FLIGHTS = "corrected.ckpt", "corrected.parquet"
+"""Names of the corrected simulator beside `gap.json`: a checkpoint, and flights with the causes in them."""
+Corrections = Mapping[str, Callable[[Path], None]]
+"""Name of a file of the corrected simulator -> what writes it to a path."""
 
 
 @dataclass(frozen=True)

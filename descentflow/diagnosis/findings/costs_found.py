@@ -17,6 +17,11 @@ class Measured:
     high: float | None = None
 
     @property
+    def ends(self) -> tuple[float, ...]:
+        """Both ends of the interval; empty where none is claimed."""
+        return () if self.low is None or self.high is None else (self.low, self.high)
+
+    @property
     def excludes_zero(self) -> bool:
         """True if the interval leaves no room for zero; false where there is none.
 
@@ -24,7 +29,7 @@ class Measured:
             >>> Measured(12.0, 10.5, 13.4).excludes_zero, Measured(1.0, -0.5, 2.0).excludes_zero
             (True, False)
         """
-        return self.low is not None and self.high is not None and (self.low > 0 or self.high < 0)
+        return bool(self.ends) and not self.ends[0] <= 0 <= self.ends[1]
 
 
 @dataclass(frozen=True)

@@ -164,7 +164,7 @@ class Findings:
         left_out_channels: Channels that one side lacks.
         flights_worth_a_look: Those with most of what no named cause explains, largest first.
         previous: The round before, where one was given.
-        provenance: What went in; None where it is not known.
+        provenance: What went in; without names where it is not known.
         corrected_file: Name of the corrected simulator beside `gap.json`; empty where there is none.
         below_rounding: Of a gap that is more than chance and yet less than the rounding of one report, the largest
             difference of each quantity; empty of any other.
@@ -193,7 +193,7 @@ class Findings:
     left_out_channels: list[LeftOutChannel] = field(default_factory=list)
     flights_worth_a_look: list[FlightWorthALook] = field(default_factory=list)
     previous: Previous | None = None
-    provenance: Provenance | None = None
+    provenance: Provenance = field(default_factory=Provenance)
     corrected_file: str = ""
     below_rounding: list[BelowRounding] = field(default_factory=list)
 

@@ -25,9 +25,9 @@ class InputUsed:
         400
     """
 
-    name: str
-    kind: str
-    flights: int
+    name: str = ""
+    kind: str = ""
+    flights: int = 0
     aircraft: int | None = None
     first: str | None = None
     last: str | None = None
@@ -98,8 +98,8 @@ class Provenance:
         []
     """
 
-    real: InputUsed
-    simulator: InputUsed
+    real: InputUsed = InputUsed()
+    simulator: InputUsed = InputUsed()
     versions: dict[str, str] = field(default_factory=dict)
     settings: dict[str, str] = field(default_factory=dict)
     user_files: list[str] = field(default_factory=list)

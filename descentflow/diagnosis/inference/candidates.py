@@ -1,7 +1,6 @@
 """Candidate causes: an effect with a mean shift, its prior, and the evidence of single flights beside."""
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import torch
@@ -17,57 +16,8 @@ MOST_SCALED = 25.0
 """Factor of a misfit up to which it is scaled with the square of a shift: of an effect that alone has nearly none."""
 
 
-class Candidate(Protocol):
-    """Anything that may stand in a set: sizes with a normal prior, and a signature at each of them."""
-
-    @property
-    def name(self) -> str:
-        """Of the effect."""
-
-    @property
-    def prior_mean(self) -> Array:
-        """Mean (k,) of the prior of its sizes."""
-
-    @property
-    def prior_sd(self) -> Array:
-        """Standard deviation (k,) of the same."""
-
-    @property
-    def start(self) -> Array:
-        """Sizes (k,) at which a fit begins."""
-
-    @property
-    def log_gain(self) -> float:
-        """Nats that it gains in what the means do not show."""
-
-    def at(self, sizes: Array) -> Signature:
-        """Signature at sizes (k,)."""
-
-    def clamp(self, sizes: Array) -> Array:
-        """Sizes within what is physically possible."""
-
-    def plausible(self, sizes: Array) -> bool:
-        """True if the effect can have these sizes."""
-
-    def theta(self, sizes: Array) -> Tensor:
-        """All parameters of the effect at sizes (k,)."""
-
-    def theta_errors(self, errors: Array) -> Tensor:
-        """Standard errors of all parameters by those of sizes (k,); zero where unknown."""
-
-
 class MeanEffect:
-    """An effect that shows in the means: its sizes are those of its parameters that a mean can tell.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.moments import moments
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> from descentflow.effects import EFFECTS
-        >>> sides, assumed = example_sides(), Assumptions()
-        >>> warm = MeanEffect(EFFECTS["temperature"], Signatures(sides, moments(sides, assumed), assumed), assumed)
-        >>> warm.prior_sd, warm.plausible(np.array([10.0])), warm.clamp(np.array([70.0]))
-        (array([15.]), True, array([40.]))
-    """
+    """An effect that shows in the means: its sizes are those of its parameters that a mean can tell."""
 
     log_gain = 0.0
 
@@ -97,10 +47,6 @@ class MeanEffect:
         found = torch.zeros(len(self.effect.parameters), dtype=torch.float64)
         found[self._free] = torch.from_numpy(np.where(answers, errors, 0.0))
         return found
-
-    def shows(self) -> bool:
-        """True if anything that is compared responds to it."""
-        return bool(np.abs(self.at(self.start).jacobian).max(initial=0.0) > 0.0)
 
     def at(self, sizes: Array) -> Signature:
         """Signature at sizes (k,)."""
@@ -173,6 +119,10 @@ class FlightsEffect:
     def theta_errors(self, errors: Array) -> Tensor:
         """Standard errors of the law's parameters, the mean size's by that of its factor."""
         return self.law.errors(float(errors[0]))
+
+
+Candidate = MeanEffect | FlightsEffect
+"""Anything that may stand in a set: sizes with a normal prior, and a signature at each of them."""
 
 
 class Linearised:

@@ -11,7 +11,7 @@ from torch import Tensor
 from descentflow.diagnosis.findings.findings import Verdict
 from descentflow.diagnosis.findings.gap_found import Lack
 from descentflow.diagnosis.findings.selection_found import DetectionLimit
-from descentflow.diagnosis.inference.candidates import Candidate, FlightsEffect, MeanEffect
+from descentflow.diagnosis.inference.candidates import Candidate, MeanEffect
 from descentflow.diagnosis.inference.flight_effects import FlightShapes, differing
 from descentflow.diagnosis.inference.linear_gaussian import posterior
 from descentflow.diagnosis.inference.moments import moments
@@ -35,13 +35,6 @@ class Explanation:
         theta: By effect of ``best``: its parameters (k,).
         errors: Standard errors of these.
         lacks: What the simulator lacks besides.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> from descentflow.effects import EFFECTS
-        >>> found = explain(example_sides(EFFECTS["temperature"], [10.0]), EFFECTS)
-        >>> found.verdict, list(found.named.groups), found.theta["temperature"].round()
-        ('effect', ['temperature'], tensor([10.], dtype=torch.float64))
     """
 
     verdict: Verdict
@@ -54,15 +47,7 @@ class Explanation:
 
 
 class Explainer:
-    """The steps from flights of two sides to an explanation.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> from descentflow.effects import EFFECTS
-        >>> sides = example_sides(EFFECTS["temperature"], [10.0])
-        >>> Explainer(sides, {"temperature": EFFECTS["temperature"]}).explanation().best.names
-        ('temperature',)
-    """
+    """The steps from flights of two sides to an explanation."""
 
     def __init__(self, compared: Compared, catalogue: Mapping[str, Effect]) -> None:
         """Take the moments and the shapes of single flights.
@@ -71,16 +56,21 @@ class Explainer:
             compared: Flights of both sides.
             catalogue: Effects that may be named.
         """
-        self.assumed = compared.assumed
+        self.compared, self.assumed = compared, compared.assumed
         apart = set_apart(compared)
         self._aside, self.within = (compared.only(torch.nonzero(part)[:, 0]) for part in (apart, ~apart))
         self.known, self.catalogue = moments(self.within, self.assumed), catalogue
         signatures = Signatures(self.within, self.known, self.assumed)
-        by_flight = differing(catalogue) if "rate" in self.within.quantities() else []
-        shapes = FlightShapes(self.within, self.known, by_flight, self.assumed) if by_flight else None
-        self._shapes = [] if shapes is None else shapes.candidates(signatures)
-        self.groups = list({group.members: None for e in catalogue.values() if (group := e.scale_group) is not None})
-        self.search = Search(self.known, self._candidates(signatures), self.assumed, exclusive=self.groups)
+        self._by_flight = differing(catalogue)
+        others = [effect for effect in catalogue.values() if effect not in self._by_flight]
+        means = [MeanEffect(effect, signatures, self.assumed) for effect in others]
+        candidates: list[Candidate] = [
+            one for one in means if np.abs(one.at(one.start).jacobian).max(initial=0.0) > 0.0
+        ]
+        if self._by_flight and "rate" in self.within.quantities():
+            candidates += FlightShapes(self.within, self.known, self._by_flight, self.assumed).candidates(signatures)
+        self.groups = list(dict.fromkeys(e.scale_group.members for e in catalogue.values() if e.scale_group))
+        self.search = Search(self.known, candidates, self.assumed, exclusive=self.groups)
 
     def explanation(self) -> Explanation:
         """Weigh the sets and name what they say."""
@@ -93,6 +83,13 @@ class Explainer:
         keeps_all = verdict in ("partial", "unknown")
         unknown = {q: scale for q, scale in heaviest.unknown.items() if keeps_all or q in heaviest.air}
         best = fits.fit(names, unknown, heaviest.sizes)
+        # Edges and changes of single flights raise short-scale noise, and so do some effects by definition.
+        start, state = {name: self.catalogue[name].start() for name in names}, self.within.state
+        raised = any(
+            self.catalogue[name] in self._by_flight
+            or any(quantity.startswith(NOISE) for quantity in self.catalogue[name].shift(state, start[name]))
+            for name in names
+        )
         return Explanation(
             verdict,
             named,
@@ -101,22 +98,10 @@ class Explainer:
             {name: fits.candidates[name].theta(best.sizes[name]) for name in names},
             {name: fits.candidates[name].theta_errors(best.errors[name]) for name in names},
             [
-                *lacks(self._aside, self.assumed, raised=any(map(self._raises_noise, names))),
+                *lacks(self._aside, self.assumed, raised=raised),
                 *layers_of_air(best, self.known, fits),
             ],
         )
-
-    def _raises_noise(self, name: str) -> bool:
-        """Test for an effect that raises short-scale noise, by edges and changes of single flights or by definition."""
-        effect = self.catalogue[name]
-        noise = any(quantity.startswith(NOISE) for quantity in effect.shift(self.within.state, effect.start()))
-        return noise or effect in differing(self.catalogue)
-
-    def _candidates(self, signatures: Signatures) -> list[Candidate]:
-        by_flight = differing(self.catalogue)
-        means = [MeanEffect(e, signatures, self.assumed) for e in self.catalogue.values() if e not in by_flight]
-        shapes: list[FlightsEffect] = self._shapes
-        return [*(one for one in means if one.shows()), *shapes]
 
 
 def explain(compared: Compared, catalogue: Mapping[str, Effect]) -> Explanation:
@@ -125,12 +110,6 @@ def explain(compared: Compared, catalogue: Mapping[str, Effect]) -> Explanation:
     Args:
         compared: Flights of both sides.
         catalogue: Effects that may be named.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> from descentflow.effects import EFFECTS
-        >>> explain(example_sides(), EFFECTS).verdict
-        'none'
     """
     return Explainer(compared, catalogue).explanation()
 
@@ -152,38 +131,26 @@ def detection_limits(explainer: Explainer) -> list[DetectionLimit]:
 
     Args:
         explainer: Of the flights.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> from descentflow.effects import EFFECTS
-        >>> found = detection_limits(Explainer(example_sides(), {"temperature": EFFECTS["temperature"]}))
-        >>> found[0].parameter, 0.3 < found[0].size < 3.0
-        ('deviation_k', True)
     """
-    found = []
+    found, known, assumed = [], explainer.known, explainer.assumed
+    needed = math.log(assumed.named / (1.0 - assumed.named)) + math.log((1.0 - assumed.inclusion) / assumed.inclusion)
     for candidate in explainer.search.fits.candidates.values():
-        if isinstance(candidate, MeanEffect) and len(candidate.start):
-            found.append(_limit(explainer, candidate))
+        if not isinstance(candidate, MeanEffect) or not len(candidate.start):
+            continue
+        about, prior = candidate.at(candidate.start), candidate.prior_sd
+        # The others of its sizes are free: what is left of the first is what the flights say of it alone.
+        apart = posterior(known.difference, known.covariance, about.jacobian, candidate.prior_mean, prior)
+        variance = apart.covariance[0, 0]
+        parameter = next(p for p in candidate.effect.parameters if not p.from_heterogeneity)
+        size = math.inf
+        if variance < prior[0] ** 2 * (1.0 - 1e-9):
+            sigma = math.sqrt(1.0 / (1.0 / variance - 1.0 / prior[0] ** 2))
+            ratio = (prior[0] / sigma) ** 2
+            size = (
+                sigma * math.sqrt(2.0 * (needed + 0.5 * math.log1p(ratio)) * (1.0 + ratio) / ratio) + POWER_80 * sigma
+            )
+            moved = float((np.abs(about.jacobian[:, 0]) / known.negligible).max())
+            size = max(size, assumed.least_shift / max(moved, 1e-30))
+        possible = size if abs(size) <= max(abs(parameter.low), abs(parameter.high)) else None
+        found.append(DetectionLimit(candidate.name, parameter.name, possible, parameter.unit, parameter.text))
     return found
-
-
-def _limit(explainer: Explainer, candidate: MeanEffect) -> DetectionLimit:
-    known, assumed = explainer.known, explainer.assumed
-    about = candidate.at(candidate.start)
-    prior = candidate.prior_sd
-    # The others of its sizes are free: what is left of the first is what the flights say of it alone.
-    apart = posterior(known.difference, known.covariance, about.jacobian, candidate.prior_mean, prior)
-    variance = apart.covariance[0, 0]
-    parameter = next(p for p in candidate.effect.parameters if not p.from_heterogeneity)
-    size: float | None = None
-    if variance < prior[0] ** 2 * (1.0 - 1e-9):
-        sigma = math.sqrt(1.0 / (1.0 / variance - 1.0 / prior[0] ** 2))
-        ratio = (prior[0] / sigma) ** 2
-        needed = math.log(assumed.named / (1.0 - assumed.named)) + math.log(
-            (1.0 - assumed.inclusion) / assumed.inclusion
-        )
-        size = sigma * math.sqrt(2.0 * (needed + 0.5 * math.log1p(ratio)) * (1.0 + ratio) / ratio) + POWER_80 * sigma
-        moved = float((np.abs(about.jacobian[:, 0]) / known.negligible).max())
-        size = max(size, assumed.least_shift / max(moved, 1e-30))
-        size = None if abs(size) > max(abs(parameter.low), abs(parameter.high)) else size
-    return DetectionLimit(candidate.name, parameter.name, size, parameter.unit, parameter.text)

@@ -60,18 +60,7 @@ class Side:
 
 
 class FlightShapes:
-    """The shapes of the flights of both sides.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.moments import moments
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> from descentflow.effects import EFFECTS
-        >>> brakes, assumed = EFFECTS["speed_brake"], Assumptions()
-        >>> sides = example_sides(EFFECTS["mass"], [0.1])
-        >>> known = moments(sides, assumed)
-        >>> FlightShapes(sides, known, [brakes], assumed).candidates(Signatures(sides, known, assumed))
-        []
-    """
+    """The shapes of the flights of both sides."""
 
     def __init__(
         self, compared: Compared, known: Moments, effects: Sequence[DiffersByFlight], assumed: Assumptions
@@ -89,7 +78,7 @@ class FlightShapes:
         self.rates = flight_rates(compared, known)
         real = compared.real.numpy()
         enough = self.rates.seen.sum(1) >= FEWEST_BANDS
-        self.real, self.simulated = (self._side(np.flatnonzero(side & enough)) for side in (real, ~real))
+        self.real, self.simulated = self._side(real & enough), self._side(~real & enough)
         self.spread = self._spread()
         self._kept: dict[tuple[bool, tuple[str, ...]], MixtureFit] = {}
 
@@ -105,7 +94,11 @@ class FlightShapes:
         while rest := [name for name in self.effects if name not in chosen]:
             best = max(rest, key=lambda name: self._gain((*chosen, name)))
             larger = (*chosen, best)
-            possible = self._is_shared(larger, best) and self._is_plausible(larger, best)
+            fit, effect, state = self.fit(self.real, larger), self.effects[best], self.real.ways[best].state
+            is_shared = fit.shares[best] - self.fit(self.simulated, larger).shares[best] > self.assumed.least_share
+            # A law that the effect can have, and that is none of another effect.
+            theta = fit.laws[best].theta
+            possible = is_shared and effect.plausible(state, theta) and not effect.may_be(state, theta)
             if self._gain(larger) <= self._gain(chosen) or not possible:
                 break
             chosen = (*chosen, best)
@@ -185,17 +178,6 @@ class FlightShapes:
         theirs = max(simulated, 0.0) * count / max(len(self.simulated.index), 1)
         return real - theirs - 0.5 * PARAMETERS * len(names) * math.log(count)
 
-    def _is_shared(self, names: tuple[str, ...], name: str) -> bool:
-        """Test for a sufficient excess of real flights that have it."""
-        real, simulated = (self.fit(side, names).shares[name] for side in (self.real, self.simulated))
-        return real - simulated > self.assumed.least_share
-
-    def _is_plausible(self, names: tuple[str, ...], name: str) -> bool:
-        """Test for a law that the effect can have, and that is none of another effect."""
-        theta, state = self.fit(self.real, names).laws[name].theta, self.real.ways[name].state
-        effect = self.effects[name]
-        return effect.plausible(state, theta) and not effect.may_be(state, theta)
-
     def _mean_shift(self, side: Side, names: tuple[str, ...], name: str) -> Array:
         """Mean shift (p, c) of what is compared, late reports included; c is two where a part has no size."""
         fit, mine = self.fit(side, names), side.ways[name]
@@ -220,12 +202,13 @@ class FlightShapes:
                 found[i] = [weight @ part[:, slots[entry.quantity, entry.band]] for part in shown]
         return found
 
-    def _side(self, index: np.ndarray) -> Side:
-        rows = torch.from_numpy(index)
+    def _side(self, chosen: np.ndarray) -> Side:
+        index = np.flatnonzero(chosen)
         # Rates here are by altitude over time: nothing of them is late.
-        state = replace(self.compared.state.rows_of_fleet(rows), report_delay_s=0.0)
-        seen = self.rates.seen[index]
-        ways = {name: ways_of_flights(effect, state, self.rates.bands, seen) for name, effect in self.effects.items()}
+        state = replace(self.compared.state.rows_of_fleet(torch.from_numpy(index)), report_delay_s=0.0)
+        seen, ways = self.rates.seen[index], {}
+        for name, effect in self.effects.items():
+            ways[name] = ways_of_flights(effect, state, self.rates.bands, seen)
         return Side(index, self.rates.values[index], seen, ways)
 
     def _spread(self) -> Spread:

@@ -62,13 +62,6 @@ class WaysOfFlights:
     weights: Array
     open: np.ndarray
 
-    def rows(self, index: np.ndarray) -> "WaysOfFlights":
-        """Those of some flights."""
-        state = self.state.rows_of_fleet(torch.from_numpy(index))
-        return WaysOfFlights(
-            self.effect, state, self.start, self.shape[index], self.offset[index], self.weights, self.open[index]
-        )
-
 
 def ways_of_flights(
     effect: DiffersByFlight,

@@ -47,15 +47,6 @@ class FlightRates:
         seen: (n, m).
         entries: (m,) positions among what is compared.
         bands: (m,).
-
-    Example:
-        >>> from descentflow.diagnosis.inference.assumptions import Assumptions
-        >>> from descentflow.diagnosis.inference.moments import moments
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> sides = example_sides()
-        >>> found = flight_rates(sides, moments(sides, Assumptions()))
-        >>> found.values.shape, bool(abs(found.values[sides.real.numpy()].mean(0)).max() < 1e-3)
-        ((160, 11), True)
     """
 
     values: Array

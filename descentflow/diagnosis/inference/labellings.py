@@ -19,13 +19,6 @@ class Labellings:
 
     Shapes: ``sides`` (1 + b, c), one for real aircraft and zero for the simulator's, or signs where there is one side
     only; ``aircraft`` (n,) position of each flight's aircraft.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> sides = example_sides()
-        >>> dealt = labellings(sides.airframe, sides.real, 9, seed=0)
-        >>> len(dealt), bool((dealt.flights(0) == sides.real).all()), int(dealt.flights(1).sum())
-        (10, True, 80)
     """
 
     sides: Tensor
@@ -81,13 +74,7 @@ def labellings(airframe: Tensor, real: Tensor, count: int, seed: int) -> Labelli
 
 
 def labellings_of(compared: Compared, count: int, seed: int) -> Labellings:
-    """Labellings of compared flights.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> len(labellings_of(example_sides(), 9, seed=0))
-        10
-    """
+    """Labellings of compared flights."""
     return labellings(compared.airframe, compared.real, count, seed)
 
 
@@ -155,16 +142,7 @@ def noise_floor(y: Tensor, real: Tensor, dealt: Iterable[Tensor], scale: Tensor,
 
 
 def mean_over_quantities(compared: Compared, values: Tensor, chosen: Tensor) -> Tensor:
-    """Mean of the chosen entries' values (..., p) over quantities, each of which counts once.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> from descentflow.effects import EFFECTS
-        >>> sides = example_sides(EFFECTS["temperature"], [10.0])
-        >>> ones = torch.ones(len(sides.entries)).double()
-        >>> mean_over_quantities(sides, ones, sides.of("tas") | sides.of("rate"))
-        tensor(1., dtype=torch.float64)
-    """
+    """Mean of the chosen entries' values (..., p) over quantities, each of which counts once."""
     parts = []
     for quantity in compared.quantities():
         at = compared.columns(quantity)

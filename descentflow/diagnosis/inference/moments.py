@@ -39,12 +39,6 @@ class Moments:
         negligible: (p,) shift of a mean that means nothing in practice.
         quantity: (p,) name.
         kernel: (p, p) correlation of what is smooth in altitude, zero between quantities.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> found = moments(example_sides(), Assumptions())
-        >>> found.difference.shape, found.covariance.shape, found.departures.shape
-        ((33,), (33, 33), (160, 33))
     """
 
     difference: Array
@@ -61,13 +55,6 @@ def moments(compared: Compared, assumed: Assumptions) -> Moments:
     Args:
         compared: Flights of both sides, with a simulator's flights among them.
         assumed: Constants.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> from descentflow.effects import EFFECTS
-        >>> found = moments(example_sides(EFFECTS["temperature"], [10.0]), Assumptions())
-        >>> round(float(found.difference[found.quantity == "tas"].mean()), 2)  # 10 K are 2 % of the true airspeed
-        0.02
     """
     y, real, airframe = compared.y.numpy(), compared.real.numpy(), compared.airframe.numpy()
     day = compared.day.numpy()
@@ -93,15 +80,7 @@ def moments(compared: Compared, assumed: Assumptions) -> Moments:
 
 
 def smooth_kernel(compared: Compared, quantity: np.ndarray, length_m: float) -> Array:
-    """Squared-exponential correlation (p, p) over altitude within a quantity.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> sides = example_sides()
-        >>> names = np.array([entry.quantity for entry in sides.entries])
-        >>> smooth_kernel(sides, names, 1800.0)[0, [0, 11]]  # with itself, and with another quantity in the same band
-        array([1., 0.])
-    """
+    """Squared-exponential correlation (p, p) over altitude within a quantity."""
     levels = compared.state.altitude_m.numpy()
     altitude = np.array([levels[entry.band] if entry.band >= 0 else 0.0 for entry in compared.entries])
     apart = (altitude[:, None] - altitude) / length_m
@@ -157,13 +136,6 @@ def spread_of_speeds(compared: Compared, quantity: np.ndarray) -> Array:
     """Difference (p,) of the mean CAS, kt, that a wider spread of schedules makes at equal means of them.
 
     CAS is the lower of a schedule's CAS and of that of its Mach number: its mean is not that of the mean schedule.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> sides = example_sides()
-        >>> names = np.array([entry.quantity for entry in sides.entries])
-        >>> bool(abs(spread_of_speeds(sides, names)).max() < 1.0)  # both spread alike
-        True
     """
     if not compared.has_reference:
         return np.zeros(len(quantity))

@@ -125,13 +125,7 @@ RAISED_BY_CAUSES = ("noise_rate", "noise_altitude", "noise_groundspeed")
 
 
 def set_apart(compared: Compared) -> Tensor:
-    """Entries (p,) that are free in every set of effects.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> bool(set_apart(example_sides()).any())  # rates and speeds alone
-        False
-    """
+    """Entries (p,) that are free in every set of effects."""
     own = compared.y[~compared.real].numpy()
     alike = np.nanstd(own, 0) == 0.0 if compared.has_reference else np.zeros(len(compared.entries), dtype=bool)
     flags = [
@@ -148,12 +142,6 @@ def lacks(compared: Compared, assumed: Assumptions, *, raised: bool) -> list[Lac
         compared: Flights of both sides, with the entries of :func:`set_apart` alone.
         assumed: Constants.
         raised: Whether an effect is named that may raise short-scale noise as well.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> sides = example_sides()
-        >>> lacks(sides.only(torch.nonzero(set_apart(sides))[:, 0]), Assumptions(), raised=False)
-        []
     """
     if not compared.entries:
         return []

@@ -60,8 +60,8 @@ class ReferenceCoefficients:
         found: Tensor = vectors * values.clamp(min=0.0).sqrt()
         return found
 
-    def applied(self, state: FlightState, more: Tensor | None = None) -> FlightState:
-        """Flights of the reference aircraft, looked at with these coefficients (``more`` (4,): and so much more).
+    def applied(self, state: FlightState) -> FlightState:
+        """Flights of the reference aircraft, looked at with these coefficients.
 
         Example:
             >>> from descentflow.effects.example_flights import example_flights
@@ -69,7 +69,7 @@ class ReferenceCoefficients:
             >>> round(heavier.applied(example_flights()).mass_kg / example_flights().mass_kg, 3)
             1.105
         """
-        return scaled(state, self.ln_factors if more is None else self.ln_factors + more)
+        return scaled(state, self.ln_factors)
 
 
 def scaled(state: FlightState, ln_factors: Tensor) -> FlightState:

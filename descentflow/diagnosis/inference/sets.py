@@ -98,7 +98,7 @@ class SetFits:
         array([0.56])
     """
 
-    def __init__(self, known: Moments, candidates: Sequence[Candidate], assumed: Assumptions) -> None:
+    def __init__(self, known: Moments, candidates: Sequence[Candidate | Linearised], assumed: Assumptions) -> None:
         """Take the candidates.
 
         Args:
@@ -213,22 +213,7 @@ HEAVIEST = 20
 
 
 class Search:
-    """All sets of a catalogue's effects.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.candidates import MeanEffect
-        >>> from descentflow.diagnosis.inference.moments import moments
-        >>> from descentflow.diagnosis.inference.signatures import Signatures
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> from descentflow.effects import EFFECTS
-        >>> sides, assumed = example_sides(EFFECTS["temperature"], [10.0]), Assumptions()
-        >>> known = moments(sides, assumed)
-        >>> signatures = Signatures(sides, known, assumed)
-        >>> names = ("temperature", "mass", "wind_gradient")
-        >>> found = Search(known, [MeanEffect(EFFECTS[name], signatures, assumed) for name in names], assumed).sets()
-        >>> found[0].names, found[0].sizes["temperature"].round()
-        (('temperature',), array([10.]))
-    """
+    """All sets of a catalogue's effects."""
 
     def __init__(
         self,
@@ -253,7 +238,9 @@ class Search:
 
     def sets(self) -> list[SetFit]:
         """The sets that matter, at plausible sizes, heaviest first."""
-        fitted = {names: self.fits.fit(names, first=self._alone) for names in self._heaviest()}
+        fitted = {}
+        for names in self._heaviest():
+            fitted[names] = self.fits.fit(names, first=self._alone)
         self._grow(fitted)
         ordered = sorted(fitted.values(), key=lambda one: -one.log_weight)
         small = [one for one in ordered if len(one.names) <= 1]

@@ -66,20 +66,7 @@ class RateByCas:
 
 
 class Signatures:
-    """Signatures of effects in the real flights of a comparison, each computed once.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.moments import moments
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> from descentflow.effects import EFFECTS
-        >>> sides, assumed = example_sides(), Assumptions()
-        >>> found = Signatures(sides, moments(sides, assumed), assumed)
-        >>> warm = found.of(EFFECTS["temperature"], torch.tensor([10.0]))
-        >>> warm.shift.shape, warm.jacobian.shape
-        ((33,), (33, 1))
-        >>> bool(np.allclose(warm.shift, 10 * warm.jacobian[:, 0], atol=0.005))  # nearly linear
-        True
-    """
+    """Signatures of effects in the real flights of a comparison, each computed once."""
 
     def __init__(self, compared: Compared, known: Moments, assumed: Assumptions) -> None:
         """Take the real flights.
@@ -105,8 +92,17 @@ class Signatures:
         theta = theta.double()
         key = effect.name, tuple(theta.tolist())
         if key not in self._made:
-            shift = self._mean(effect, theta)
-            self._made[key] = Signature(shift, self._jacobian(effect, theta), self._misfit(effect, theta, shift))
+            shift: Array = (self._vectors(effect, theta, self.state) * self._weight).sum(0)
+            columns = []
+            for i, parameter in enumerate(effect.parameters):
+                step = torch.zeros_like(theta)
+                step[i] = STEP * parameter.scale
+                above, below = effect.clamp(theta + step), effect.clamp(theta - step)
+                width = float(above[i] - below[i])
+                apart = (self._vectors(effect, above, self.state) * self._weight).sum(0)
+                apart = apart - (self._vectors(effect, below, self.state) * self._weight).sum(0)
+                columns.append(apart / width if width > 0.0 else 0.0 * apart)
+            self._made[key] = Signature(shift, np.stack(columns, 1), self._misfit(effect, theta, shift))
         return self._made[key]
 
     def smooth_misfit(self, shift: Array, of_rate: float) -> Array:
@@ -115,35 +111,17 @@ class Signatures:
         return np.outer(share, share) * self.known.kernel
 
     def _misfit(self, effect: Effect, theta: Tensor, shift: Array) -> Array:
-        pairs = [(self._of_some(effect, theta, up), self._of_some(effect, theta, down)) for up, down in self._beside]
-        columns = [(above - below) / 2.0 for above, below in pairs]
-        follows = self._rate_by_cas
+        columns, follows = [], self._rate_by_cas
+        for up, down in self._beside:
+            columns.append(
+                (self._vectors(effect, theta, up).mean(0) - self._vectors(effect, theta, down).mean(0)) / 2.0
+            )
         if effect.rate_follows_cas:
             size = np.zeros((len(shift), follows.unsure.shape[1]))
             size[follows.rate] = shift[follows.cas][:, None] * follows.unsure
             columns += list(size.T)
         off = np.stack(columns, 1) if columns else np.zeros((len(shift), 0))
         return self.smooth_misfit(shift, effect.misfit_of_rate) + off @ off.T
-
-    def _jacobian(self, effect: Effect, theta: Tensor) -> Array:
-        columns = []
-        for i, parameter in enumerate(effect.parameters):
-            step = torch.zeros_like(theta)
-            step[i] = STEP * parameter.scale
-            above, below = effect.clamp(theta + step), effect.clamp(theta - step)
-            width = float(above[i] - below[i])
-            apart = self._mean(effect, above) - self._mean(effect, below)
-            columns.append(apart / width if width > 0.0 else 0.0 * apart)
-        return np.stack(columns, 1)
-
-    def _mean(self, effect: Effect, theta: Tensor) -> Array:
-        """Mean shift (p,) over the flights that show each entry."""
-        found: Array = (self._vectors(effect, theta, self.state) * self._weight).sum(0)
-        return found
-
-    def _of_some(self, effect: Effect, theta: Tensor, state: FlightState) -> Array:
-        found: Array = self._vectors(effect, theta, state).mean(0)
-        return found
 
     def _vectors(self, effect: Effect, theta: Tensor, state: FlightState) -> Array:
         found: Array = self.compared.vector(effect.shift(state, theta)).numpy()
@@ -156,14 +134,6 @@ def rate_by_cas(compared: Compared, known: Moments) -> RateByCas:
     Each band's least-squares gain :math:`g_k` has the variance :math:`v_k`; the gains are one Gaussian process of
     variance :math:`a = \overline{g^2 - v}` (moments) over altitude, so their posterior is
     :math:`G g` with :math:`G = A(A + \mathrm{diag}(v))^{-1}`, covariance :math:`A - GA`.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.moments import moments
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> sides = example_sides()
-        >>> found = rate_by_cas(sides, moments(sides, Assumptions()))
-        >>> len(found.rate), bool(abs(found.gain).max() < 0.002)  # its rates and speeds are independent
-        (11, True)
     """
     place = {(entry.quantity, entry.band): i for i, entry in enumerate(compared.entries)}
     pairs = [(i, place["cas", band]) for (name, band), i in place.items() if name == "rate" and ("cas", band) in place]

@@ -44,15 +44,6 @@ class Compared:
 
     Shapes: ``y`` (n, p) with NaN where not seen, simulator's flights first; ``real`` (n,) bool; ``scale`` (p,) spread
     between flights; ``airframe`` (n,).
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> from descentflow.effects import EFFECTS
-        >>> sides = example_sides(EFFECTS["temperature"], [10.0])
-        >>> sides.quantities(), len(sides.entries)
-        (('rate', 'cas', 'tas'), 33)
-        >>> sides.level_range(sides.entries[0])
-        (150.0, 170.0)
     """
 
     entries: tuple[Entry, ...]
@@ -118,24 +109,12 @@ class Compared:
         return tuple(dict.fromkeys(e.quantity for e in self.entries))
 
     def vector(self, shift: Mapping[str, Tensor]) -> Tensor:
-        """A shift of quantities, (n, K), (n,), (n, K, k) or (n, k), as vectors (n, p) or (n, p, k)."""
-        some = next(iter(shift.values()))
-        n = len(some)
-        parts: list[Tensor | None] = []
-        for e in self.entries:
-            value = shift.get(e.quantity)
-            if value is None:
-                parts.append(None)
-            else:
-                parts.append(value[:, e.band] if e.band >= 0 else value)
-        shape = next((p.shape for p in parts if p is not None), None)
-        if shape is None:
-            # Nothing of it is compared; what it would shift says how many columns it has.
-            is_band = next(iter(shift)) in BY_BAND
-            trailing = some.shape[2:] if is_band else some.shape[1:]
-            return torch.zeros(n, len(self.entries), *trailing, dtype=torch.float64)
-        zero = torch.zeros(shape, dtype=torch.float64)
-        return torch.stack([zero if p is None else p for p in parts], 1)
+        """A shift of quantities, (n, K) or (n,), as vectors (n, p); zero where it has none."""
+        found = torch.zeros(len(next(iter(shift.values()))), len(self.entries), dtype=torch.float64)
+        for i, e in enumerate(self.entries):
+            if e.quantity in shift:
+                found[:, i] = shift[e.quantity][:, e.band] if e.band >= 0 else shift[e.quantity]
+        return found
 
     def middles_fl(self) -> list[float]:
         """Flight levels in the middle of each band."""
@@ -169,46 +148,41 @@ def compare(
         >>> compare(flights.rows(first), flights.rows(~first), aircraft("A320")).quantities()[:4]
         ('rate', 'lag', 'cas', 'mismatch')
     """
-    both = real if reference is None else _joined(reference, real)
-    n_before = 0 if reference is None else len(reference)
+    both, n_before = (_joined(reference, real), len(reference)) if reference else (real, 0)
     state = state_of(both, aircraft, float(aircraft.mass_reference_kg), assumed)
     is_real = torch.arange(len(both)) >= n_before
     settled = both.physics["depth_m"] >= assumed.settled_m
     coefficients = ReferenceCoefficients.unknown(assumed)
-    if reference is not None:
+    if reference:
         own = state_of(reference, aircraft, state.mass_kg, assumed)
         seen = torch.where(settled[:n_before], reference.physics["log_rate"], torch.nan)
         coefficients = reference_coefficients(own, seen, reference.airframe, assumed)
     state = coefficients.applied(state)
     values = dict(both.values)
     expected = log_rate(state)
-    turning = both.physics.get("turning")
-    if turning is not None and bool(turning[is_real].isfinite().any()):
+    turning = both.physics.get("turning", torch.full_like(expected, torch.nan))
+    if bool(turning[is_real].isfinite().any()):
         state = replace(state, turned_more=turned_more(turning, is_real))
         expected = expected + by_own_turns(state, turning, is_real)
     values["rate"] = torch.where(settled, both.physics["log_rate"] - expected, torch.nan)
     values["lag"] = torch.where(settled, values["lag"], torch.nan)
     if state.rate_change_per_s is not None:
         state = replace(state, usual_rate_change_per_s=state.rate_change_per_s[is_real].nanmean(0).nan_to_num(0.0))
-    if reference is not None:
-        state = replace(
-            state,
-            beyond_polar=values["rate"][~is_real].nanmean(0).nan_to_num(0.0),
-            report_delay_s=report_delay_s(state.rows(torch.nonzero(~is_real)[:, 0]), values["lag"][~is_real])
-            if "lag" in values
-            else 0.0,
-        )
+    if reference:
+        beyond = values["rate"][~is_real].nanmean(0).nan_to_num(0.0)
+        delay = report_delay_s(state.rows(torch.nonzero(~is_real)[:, 0]), values["lag"][~is_real])
+        state = replace(state, beyond_polar=beyond, report_delay_s=delay)
     entries, columns = [], []
     # Where the simulator's flights measured nothing, flights of mean zero with the real spread are its claim.
     stand_in = torch.arange(n_before) % len(real)
     for name in (*BY_BAND, *OF_FLIGHT):
-        if name not in values or (reference is None and name not in CLAIMED_ZERO):
+        if name not in values or not (reference or name in CLAIMED_ZERO):
             continue
         table = values[name] if name in BY_BAND else values[name][:, None]
         for band in range(table.shape[1]):
             column = table[:, band]
             simulated = column[~is_real]
-            anchored = reference is not None and _enough(simulated)
+            anchored = bool(reference) and _enough(simulated)
             # What a few of the simulator's flights show is not enough to compare, and no claim of physics either.
             claimed = name in CLAIMED_ZERO and not bool(simulated.isfinite().any())
             if not _enough(column[is_real]) or not (anchored or claimed):

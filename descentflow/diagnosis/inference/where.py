@@ -45,15 +45,7 @@ class Cell:
 
 
 def cells(compared: Compared, transition_fl: float) -> list[Cell]:
-    """Cut the entries into cells.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> from descentflow.effects import EFFECTS
-        >>> sides = example_sides(EFFECTS["temperature"], [10.0])
-        >>> [(c.low_fl, c.high_fl, c.regime) for c in cells(sides, transition_fl=290.0) if c.quantity == "tas"][:2]
-        [(150.0, 210.0, 'below'), (210.0, 270.0, 'below')]
-    """
+    """Cut the entries into cells."""
     found: list[Cell] = []
     for quantity in compared.quantities():
         run: list[int] = []
@@ -91,16 +83,6 @@ def cell_scores(y: Tensor, labels: Labellings, chosen: Sequence[Cell]) -> Tensor
         y: (n, p) flights, NaN where an entry is not seen or a flight is left out.
         labels: Of the aircraft.
         chosen: Cells to score.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> from descentflow.diagnosis.inference.labellings import labellings_of
-        >>> from descentflow.effects import EFFECTS
-        >>> sides = example_sides(EFFECTS["temperature"], [10.0])
-        >>> of_tas = [cell for cell in cells(sides, transition_fl=290.0) if cell.quantity == "tas"]
-        >>> scores = cell_scores(sides.y, labellings_of(sides, 99, seed=0), of_tas)
-        >>> scores.shape, bool((scores.argmax(0) == 0).all())  # the true sides are further apart than any others
-        (torch.Size([100, 5]), True)
     """
     used, place = torch.unique(torch.cat([cell.at for cell in chosen]), return_inverse=True)
     statistic, places = squared_t(y[:, used], labels), torch.split(place, [len(cell.at) for cell in chosen])
@@ -175,38 +157,28 @@ class Slice:
     cells: list[Cell]
 
 
-def where(compared: Compared, transition_fl: float, seed: int) -> tuple[list[GapCell], Tensor]:
-    """Distances, noise floors and corrected p-values of every cell, largest share first; and entries (p,) that differ.
+def where(compared: Compared, transition_fl: float, seed: int) -> list[GapCell]:
+    """Distances, noise floors and corrected p-values of every cell, largest share first.
 
     Labels are permuted by whole aircraft. Slices: all flights, and the slower and faster half (by the flight's mean
     CAS) for the rate.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> from descentflow.effects import EFFECTS
-        >>> found, affected = where(example_sides(EFFECTS["temperature"], [10.0]), transition_fl=290.0, seed=0)
-        >>> found[0].quantity, bool(affected.any())
-        ('tas', True)
     """
     dealt = labellings_of(compared, PERMUTATIONS, seed)
     slices = _slices(compared, transition_fl)
     p_values = step_down(torch.cat([cell_scores(part.y, dealt, part.cells) for part in slices], 1)).tolist()
     measured = [row for part in slices for row in _measured(compared, part, dealt)]
     negligible = compared.negligible()
-    affected = torch.zeros(len(compared.entries), dtype=torch.bool)
     # The slices of the rate show more of the same: cells of all flights alone say what differs.
     counted = []
     for (row, cell, _), p_value in zip(measured, p_values, strict=True):
         large = row.distance - row.floor > MATTERS * float(negligible[cell.at].mean())
         counted.append(row.slice == ALL and p_value <= compared.assumed.false_cells and large)
-        if counted[-1]:
-            affected[cell.at] = True
     total = sum(excess for (_, _, excess), counts in zip(measured, counted, strict=True) if counts)
     rows = [
         replace(row, p_value=p_value, share=excess / total if counts else 0.0)
         for (row, _, excess), p_value, counts in zip(measured, p_values, counted, strict=True)
     ]
-    return sorted(rows, key=lambda row: (-row.share, row.p_value)), affected
+    return sorted(rows, key=lambda row: (-row.share, row.p_value))
 
 
 def _slices(compared: Compared, transition_fl: float) -> list[Slice]:

@@ -45,9 +45,8 @@ def cost_figure(costs: Sequence[Cost], name: str) -> Figure:
     for y, cost in enumerate(rows):
         ax.add_patch(Rectangle((-cost.floor, y - 0.36), 2 * cost.floor, 0.72, color=FLOOR))
         for value, colour, marker, up in ((cost.before, RED, "o", 0.15), (cost.after, BLUE, "s", -0.15)):
-            if value is not None:
-                ends = [value.estimate if end is None else end for end in (value.low, value.high)]
-                ax.plot(ends, [y + up] * 2, color=colour, linewidth=1.6)
+            if value:
+                ax.plot(value.ends or [value.estimate] * 2, [y + up] * 2, color=colour, linewidth=1.6)
                 face = colour if marker == "o" else "white"
                 ax.plot([value.estimate], [y + up], marker, color=colour, markersize=5, markerfacecolor=face)
     ax.set_yticks(range(len(rows)), [level_range(cost.low_fl, cost.high_fl) for cost in rows])

@@ -1,26 +1,24 @@
 """The answer of a diagnosis: printed, as JSON, as a page, and as a corrected simulator."""
 
 import json
-from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from descentflow.core.files import whole_file
 from descentflow.core.threads import one_thread
+from descentflow.diagnosis.findings.correction_found import CHECKPOINT, FLIGHTS, Corrections
 from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.findings.plain_values import NOT_WRITTEN, primitives
 from descentflow.diagnosis.findings.read_gap import SCHEMA_VERSION
-from descentflow.diagnosis.report.page import page, summary
+from descentflow.diagnosis.report.page import next_command, page, summary
 from descentflow.reporting.in_notebook import InNotebook
 
 if TYPE_CHECKING:
     import polars as pl
     from matplotlib.figure import Figure
 
-FLIGHTS = "corrected.parquet"
-"""Name of the flights with the causes in them."""
-FILES = ("gap.json", "gap.html", FLIGHTS, "corrected.ckpt")
+FILES = ("gap.json", "gap.html", FLIGHTS, CHECKPOINT)
 """Files that may be written."""
 KEYS = ("schema_version", *(one.name for one in fields(Findings) if one.name != "details"))
 """Keys of `gap.json` that readers may rely on; `details` holds the rest."""
@@ -31,9 +29,8 @@ class GapReport(Findings, InNotebook):
     """Report of a diagnosis, see :class:`~descentflow.diagnosis.findings.findings.Findings` for its parts.
 
     Attributes:
-        write_flights: Writes samples of a checkpoint with the causes in them, as prepared descents; else None.
-        write_corrected: Writes the simulator with the causes added; None where there is no checkpoint to correct.
-        is_written: Whether the diagnosis wrote it to a folder.
+        corrections: By file: writes the checkpoint with the causes in it, or prepared descents with them.
+        folder: Where the diagnosis wrote it; empty where it wrote nothing.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -48,10 +45,9 @@ class GapReport(Findings, InNotebook):
         ['gap.html', 'gap.json']
     """
 
-    write_corrected: Callable[[Path], None] | None = field(default=None, compare=False, metadata=NOT_WRITTEN)
-    write_flights: Callable[[Path], None] | None = field(default=None, compare=False, metadata=NOT_WRITTEN)
+    corrections: Corrections = field(default_factory=dict, compare=False, metadata=NOT_WRITTEN)
 
-    is_written: bool = field(default=False, compare=False, metadata=NOT_WRITTEN)
+    folder: str = field(default="", compare=False, metadata=NOT_WRITTEN)
 
     def notebook_figure(self) -> "Figure | None":
         """The first cost; nothing where none is known."""
@@ -61,7 +57,7 @@ class GapReport(Findings, InNotebook):
 
     def __str__(self) -> str:
         """The answer in a few lines."""
-        return summary(self, written=self.is_written)
+        return summary(self, next_command(self, self.folder or "gap"), written=bool(self.folder))
 
     __repr__ = __str__
 
@@ -87,9 +83,6 @@ class GapReport(Findings, InNotebook):
             temporary.write_text(json.dumps(self.as_dict(), indent=1, allow_nan=False))
         with whole_file(target / "gap.html") as temporary, one_thread():
             temporary.write_text(page(self, target), encoding="utf-8")
-        if self.write_corrected is not None and self.corrected_file:
-            with whole_file(target / self.corrected_file) as temporary:
-                self.write_corrected(temporary)
-        if self.write_flights is not None:
-            with whole_file(target / FLIGHTS) as temporary:
-                self.write_flights(temporary)
+        for name, write in self.corrections.items():
+            with whole_file(target / name) as temporary:
+                write(temporary)

@@ -35,7 +35,7 @@ LEVELS_DRAWN = 4
 """Quantities drawn against altitude: the rate, and those that differ most in standard errors."""
 
 
-def page(found: Findings, folder: str | Path | None = None) -> str:
+def page(found: Findings, folder: str | Path = "gap") -> str:
     """The whole page, figures inside.
 
     Args:
@@ -82,11 +82,11 @@ def page(found: Findings, folder: str | Path | None = None) -> str:
         inputs=inputs_table(found),
         by_level=by_level_table(found),
         numbers=specialist_tables(found),
-        settings=[] if made is None else [*made.versions.items(), *made.settings.items(), *made.real.settings.items()],
+        settings=[*made.versions.items(), *made.settings.items(), *made.real.settings.items()],
     )
 
 
-def summary(found: Findings, command: str | None = None, *, written: bool = True) -> str:
+def summary(found: Findings, command: str = "", *, written: bool = True) -> str:
     """The answer for a terminal.
 
     Args:
@@ -105,7 +105,7 @@ def summary(found: Findings, command: str | None = None, *, written: bool = True
           mass: mass x 0.9... (0.8... to 0.9...), FL150 to FL...
         ...
     """
-    command = next_command(found) if command is None else command
+    command = command or next_command(found)
     costs = _aligned(cost_table(found)) if found.costs else ""
     made = {"costs": costs, "command": command, "written": written}
     return rendered("diagnosis/report/gap.txt.j2", **_shared(found), **made).strip()
@@ -123,7 +123,7 @@ def simulator_name(found: Findings) -> str:
     name, made = found.details.simulator, found.provenance
     if name == "nominal":
         return f"nominal BADA of the {found.details.typecode}"
-    return "the simulator" if made is None or name == made.simulator.name else name
+    return "the simulator" if made.simulator.name in ("", name) else name
 
 
 def _brief(found: Findings) -> list[tuple[str, str]]:
@@ -143,7 +143,7 @@ def _brief(found: Findings) -> list[tuple[str, str]]:
     return rows
 
 
-def next_command(found: Findings, folder: str | Path | None = None, real: str = "", simulator: str = "") -> str:
+def next_command(found: Findings, folder: str | Path = "gap", real: str = "", simulator: str = "") -> str:
     """The command to type next; empty where nothing is left to do.
 
     Args:
@@ -159,9 +159,9 @@ def next_command(found: Findings, folder: str | Path | None = None, real: str = 
         'descentflow diagnose --real descents.parquet --simulator FLOWN_AGAIN --previous gap/gap.json --out gap-next'
     """
     made = found.provenance
-    if made is None or found.verdict == "none":
+    if not made.real.flights or found.verdict == "none":
         return ""
-    place = Path("gap" if folder is None else folder)
+    place = Path(folder)
     if found.corrected_file.endswith(".ckpt"):
         return f"descentflow sample {quote(str(place / found.corrected_file))} -n 1000 --out samples.parquet"
     again = f"descentflow diagnose --real {real or _typed(made.real)}"
@@ -196,10 +196,9 @@ def _typed(used: InputUsed) -> str:
 def _shared(found: Findings) -> dict[str, Any]:
     """Values and macros of both templates."""
     name, made, whole = simulator_name(found), found.provenance, whole_costs(found)
-    used = None if made is None else made.coefficients
+    used = made.coefficients
     counted = found.dropped.get("flights_compared")
-    types = found.details.typecode if used is None or not used.of_flights else listed(used.of_flights)
-    prints = [None, ""] if made is None else [made.real.fingerprint, made.simulator.fingerprint]
+    types = listed(used.of_flights) if used and used.of_flights else found.details.typecode
     return {
         "found": found,
         "name": name,
@@ -208,15 +207,15 @@ def _shared(found: Findings) -> dict[str, Any]:
         "whole_range": f"FL{whole[0].high_fl:.0f} down to FL{whole[0].low_fl:.0f}" if whole else "",
         "p": f"{found.p_value:.2g}",
         "significant": ASSUMED.false_gap,
-        "same": prints[0] is not None and prints[0] == prints[1],
+        "same": bool(made.real.fingerprint) and made.real.fingerprint == made.simulator.fingerprint,
         "known_flights": found.dropped.get(SEEN, 0),
         "standing": _standing(found),
-        "stand_in": str(used) if used is not None and used.stand_in else "",
+        "stand_in": str(used) if used and used.stand_in else "",
         "decide": _deciding(found),
         "repair": repair_command(found),
         "worth_a_look": found.flights_worth_a_look if found.verdict in ("unknown", "partial") else [],
         "limits": _limits(found),
-        "then_named": "" if found.previous is None else listed(list(map(found.details.label, found.previous.causes))),
+        "then_named": listed([found.details.label(one) for one in found.previous.causes]) if found.previous else "",
         "percent": percent,
         "number": trade_number,
         "levels": level_range,
@@ -247,18 +246,17 @@ def limit_text(limit: DetectionLimit) -> str:
         >>> limit_text(DetectionLimit("of_your_own", "drag", 1.07, "factor", "drag at high Mach numbers"))
         'drag at high Mach numbers x 1.07'
     """
-    if limit.size is None:
-        return "none that is possible"
-    known = EFFECTS[limit.effect].parameters if limit.effect in EFFECTS else ()
-    parameter = next((p for p in known if p.name == limit.parameter), None)
-    if parameter is None:
-        return f"{limit.label or limit.parameter.replace('_', ' ')} {trade_number(limit.size, limit.unit)}"
-    return told_text(parameter, Measured(parameter.told(limit.size)))
+    size = limit.size or 0.0
+    for parameter in EFFECTS[limit.effect].parameters if limit.effect in EFFECTS else ():
+        if parameter.name == limit.parameter:
+            shown = parameter.told(size)
+            # A third digit says nothing of a chance.
+            return told_text(parameter, Measured(shown if parameter.told_unit == "factor" else float(f"{shown:.2g}")))
+    return f"{limit.label or limit.parameter.replace('_', ' ')} {trade_number(size, limit.unit)}"
 
 
 def _limits(found: Findings) -> list[list[str]]:
-    known = [x for x in found.details.detection_limits if x.size is not None]
-    return [[found.details.label(x.effect), limit_text(x)] for x in known]
+    return [[found.details.label(x.effect), limit_text(x)] for x in found.details.detection_limits if x.size]
 
 
 def _deciding(found: Findings) -> list[tuple[str, str, str]]:
@@ -269,20 +267,15 @@ def _deciding(found: Findings) -> list[tuple[str, str, str]]:
     ]
     for channel in found.left_out_channels:
         names = [found.details.label(name) for name in channel.would_have_told_apart]
-        rows += (
-            [(f"{names[0]} from its likes" if len(names) == 1 else listed(names), [channel.channel], "")]
-            if names
-            else []
-        )
+        if names:
+            rows.append((f"{names[0]} from its likes" if len(names) == 1 else listed(names), [channel.channel], ""))
     return list(dict.fromkeys((names, listed(channels, "or"), why) for names, channels, why in rows))
 
 
 def _standing(found: Findings) -> float | None:
     """The largest difference that is left, in standard errors; None where it is of several bands."""
     left = found.remaining.largest
-    curve = found.details.curves.get(left.quantity)
-    if curve is None:
-        return None
+    curve = found.details.curves.get(left.quantity, Curve([], [], [], []))
     pairs = zip(curve.level_fl, curve.error, strict=True)
     errors = [error for fl, error in pairs if fl is None or left.level_low_fl <= fl <= left.level_high_fl]
     return abs(left.difference) / errors[0] if len(errors) == 1 and errors[0] > 0.0 else None

@@ -68,7 +68,8 @@ def cost_table(found: Findings, *, means: bool = False) -> list[list[str]]:
     for cost in shown_costs(found):
         row = [cost.label, *(trade_number(x, cost.unit) for x in (cost.simulator, cost.flights) if means)]
         row.append(between(cost.before, cost.unit))
-        row += [trade_number(cause.takes_away.get(cost.name, 0.0), cost.unit, signed=True) for cause in causes]
+        taken = [cause.takes_away.get(cost.name, 0.0) for cause in causes]
+        row += [trade_number(size, cost.unit, signed=True) if size else "-" for size in taken]
         row += ["-" if cost.after is None else between(cost.after, cost.unit)] if after else []
         rows.append([*row, trade_number(cost.floor, cost.unit)])
     return [[*head, "by chance"], *rows]
@@ -84,7 +85,7 @@ def inputs_table(found: Findings) -> list[list[str]]:
         ['name', 'descents.parquet', 'nominal A320']
     """
     made = found.provenance
-    if made is None:
+    if not made.real.flights:
         return []
     sides = (_side(made.real), _side(made.simulator))
     rows = [[name, *(side[name] for side in sides)] for name in sides[0]]
@@ -99,7 +100,7 @@ def _side(used: InputUsed) -> dict[str, str]:
         "files of rows": ", ".join(files) or "-",
         "kind": used.kind,
         "flights": f"{used.flights:,}" if used.flights else "-",
-        "aircraft": "-" if used.aircraft is None else f"{used.aircraft:,}",
+        "aircraft": f"{used.aircraft:,}" if used.aircraft else "-",
         "days": days or "-",
         "types": ", ".join(used.typecodes) or "-",
         "descentflow": used.version or "-",

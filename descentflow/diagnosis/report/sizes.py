@@ -42,10 +42,8 @@ def parameters(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> di
         if sd == 0.0 and not p.from_heterogeneity:
             # The data say nothing of it: a channel that is not there.
             continue
-        low: float | None = None
-        high: float | None = None
-        if sd > 0.0:
-            low, high = max(value - NINETY * sd, p.low), min(value + NINETY * sd, p.high)
+        half = NINETY * sd
+        low, high = (max(value - half, p.low), min(value + half, p.high)) if sd > 0.0 else (None, None)
         found[p.name] = ParameterEstimate(value, low, high, p.unit, p.text)
     return found
 
@@ -102,8 +100,8 @@ def share_of(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> Clos
     share, _ = effect.mixture(theta)
     if share >= 1.0:
         return None
-    at = next((i for i, p in enumerate(effect.parameters) if p.shown_as == "flights"), None)
-    sd = float(known_errors(effect, theta, error, flights)[at]) if at is not None else 0.0
+    known = zip(effect.parameters, known_errors(effect, theta, error, flights).tolist(), strict=True)
+    sd = next((sd for p, sd in known if p.shown_as == "flights"), 0.0)
     if sd == 0.0:
         return ClosedShare(share, None, None)
     return ClosedShare(share, max(share - NINETY * sd, 0.0), min(share + NINETY * sd, 1.0))
@@ -158,7 +156,7 @@ def _number(value: float, signed: bool) -> str:
 
 
 def _ends(value: Measured, shown: Callable[[float], str]) -> str:
-    return "" if value.low is None or value.high is None else f" ({shown(value.low)} to {shown(value.high)})"
+    return f" ({' to '.join(map(shown, value.ends))})" if value.ends else ""
 
 
 @dataclass(frozen=True)
@@ -184,34 +182,26 @@ def on_both_sides(compared: Compared, effect: Effect) -> BothSides:
     Args:
         compared: Flights of both sides; a nominal descent has none of any effect.
         effect: Of which it is asked.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> from descentflow.effects import EFFECTS
-        >>> sides = example_sides(EFFECTS["temperature"], [10.0])
-        >>> found = on_both_sides(sides, EFFECTS["temperature"])
-        >>> found.has_some, round(found.measured[0].flights), abs(found.measured[0].simulator) < 0.5
-        (False, 10, True)
     """
     if not compared.has_reference:
         return BothSides()
     found = [_of_side(compared, effect, side) for side in (compared.real, ~compared.real)]
-    if found[0] is None or found[1] is None:
-        return BothSides(effect.against is not None)
+    if not all(found):
+        return BothSides(bool(effect.against))
     rows, some = [], False
-    for p, flights, simulator in zip(effect.parameters, found[0], found[1], strict=True):
+    for p, flights, simulator in zip(effect.parameters, *found, strict=True):
         some |= abs(simulator) >= NONE * p.scale
         rows.append(OnBothSides(p.name, p.told_unit, p.told(flights), p.told(simulator)))
     return BothSides(some, rows)
 
 
-def _of_side(compared: Compared, effect: Effect, side: Tensor) -> list[float] | None:
+def _of_side(compared: Compared, effect: Effect, side: Tensor) -> list[float]:
     """Parameters that one side shows by itself."""
     index = torch.nonzero(side)[:, 0]
     banded = [name for name in compared.quantities() if QUANTITIES[name].by_band]
     shown = {name: compared.table(name, compared.y[index]) for name in banded}
     found = effect.measured(compared.state.rows(index), shown)
-    return None if found is None else found.tolist()
+    return [] if found is None else found.tolist()
 
 
 def told_of_both(effect: Effect, sizes: Sequence[TradeSize], both: BothSides) -> list[TradeSize]:
@@ -229,7 +219,7 @@ def told_of_both(effect: Effect, sizes: Sequence[TradeSize], both: BothSides) ->
         >>> told_of_both(EFFECTS["temperature"], [warmer], both)[0].text
         "+4.8 K (+4.4 to +5.2): ISA +9.9 K against the simulator's ISA +5.1 K"
     """
-    if not both.has_some or effect.against is None:
+    if not (both.has_some and effect.against):
         return list(sizes)
     measured = {row.parameter: row for row in both.measured}
     known = {p.name: p for p in effect.parameters}

@@ -100,10 +100,8 @@ def between(value: Measured, unit: str) -> str:
         '+25 s (+22 to +28)'
     """
     text = trade_number(value.estimate, unit, signed=True)
-    if value.low is None or value.high is None:
-        return text
-    low, high = (_rounded(x, _decimals(value.estimate, unit), True) for x in (value.low, value.high))
-    return f"{text} ({low} to {high})"
+    ends = [_rounded(end, _decimals(value.estimate, unit), True) for end in value.ends]
+    return f"{text} ({' to '.join(ends)})" if ends else text
 
 
 def level_range(low_fl: float, high_fl: float) -> str:

@@ -36,13 +36,6 @@ def remaining_of(compared: Compared, left: Tensor, gap: float, share_unexplained
         left: (n, p) the same once the causes are in the simulator, or off the flights.
         gap: Left above the noise floor, in spreads.
         share_unexplained: Of what effects and a free discrepancy explain together.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> from descentflow.effects import EFFECTS
-        >>> sides = example_sides(EFFECTS["temperature"], [10.0])
-        >>> remaining_of(sides, sides.y, 0.5, 0.0).largest.quantity
-        'tas'
     """
     mean = compared.difference(left)
     standing = (mean.abs() / compared.negligible()).nan_to_num(0.0)
@@ -61,13 +54,6 @@ def curves(compared: Compared, left: Tensor) -> dict[str, Curve]:
     Args:
         compared: Flights of both sides.
         left: (n, p) the same once the causes are in the simulator, or off the flights.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> sides = example_sides()
-        >>> curve = curves(sides, sides.y)["tas"]
-        >>> curve.before == curve.after, len(curve.level_fl)
-        (True, 11)
     """
     levels, found = compared.middles_fl(), {}
     before, after = compared.difference(compared.y), compared.difference(left)
@@ -91,16 +77,6 @@ def flights_worth_a_look(compared: Compared, left: Tensor, profile: list[LevelMe
 
     Returns:
         At most :data:`MOST_FLIGHTS`; none where flights have no identifiers or no quantity by level is compared.
-
-    Example:
-        >>> from dataclasses import replace
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> from descentflow.effects import EFFECTS
-        >>> sides = example_sides(EFFECTS["temperature"], [10.0])
-        >>> sides = replace(sides, names=tuple(f"flight-{i}" for i in range(80)))
-        >>> found = flights_worth_a_look(sides, sides.y, [])
-        >>> len(found), found[0].quantity, found[0].unit
-        (10, 'tas', '%')
     """
     real = left[compared.real]
     normal = left[~compared.real].nanmean(0).nan_to_num(0.0) if compared.has_reference else 0.0 * left[0]
@@ -150,12 +126,6 @@ def would_split(
         compared: Flights of both sides.
         catalogue: Effects by name.
         causes: That were named.
-
-    Example:
-        >>> from descentflow.diagnosis.inference.example_sides import example_sides
-        >>> from descentflow.effects import EFFECTS
-        >>> [row.channels for row in would_split(example_sides(), EFFECTS, [])]  # of an unknown cause
-        [['geoaltitude'], ['groundspeed'], ['Mach']]
     """
     there = set(compared.quantities())
     found = []
@@ -166,7 +136,7 @@ def would_split(
         if len(names) > 1 and missing:
             found.append(WouldSplit(names, missing, "they look alike in the channels given"))
         groups = dict.fromkeys(catalogue[name].scale_group for name in names)
-        found += [WouldSplit(list(group.members), [], group.why) for group in groups if group is not None]
+        found += [WouldSplit(list(group.members), [], group.why) for group in groups if group]
     if not causes:
         why = "it is not among the channels"
         found += [WouldSplit([UNKNOWN], [c], why) for c, quantity in SHOWS.items() if quantity not in there]

@@ -10,7 +10,7 @@ import torch
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.errors import DescentflowError
 from descentflow.diagnosis.correction.corrected_descents import corrected_descents
-from descentflow.diagnosis.correction.effects_in_flights import Correction
+from descentflow.diagnosis.correction.effects_in_flights import AddedEffects
 from descentflow.diagnosis.findings.correction_found import Previous
 from descentflow.effects import EFFECTS
 from descentflow.surveillance.cleaning.thresholds import Cleaning
@@ -70,8 +70,8 @@ def closing(rows: Path, fresh: Path, report: Path) -> dict[str, Any] | None:
 
 def _corrected(fresh: Descents, made: dict[str, Any]) -> Descents:
     theta = {name: torch.tensor(values, dtype=torch.float64) for name, values in made["effects"].items()}
-    correction = Correction(EFFECTS, theta, made["mass_kg"], Cleaning(), made["seed"])
-    return corrected_descents(fresh.frame, find_aircraft(made["typecode"]), correction, fresh.metadata)
+    correction = AddedEffects(EFFECTS, theta, made["mass_kg"], Cleaning(), made["seed"])
+    return corrected_descents(fresh, find_aircraft(made["typecode"]), correction)
 
 
 def _second_round(rows: Path, corrected: Descents, report: Path) -> Previous:

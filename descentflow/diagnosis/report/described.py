@@ -1,0 +1,86 @@
+"""Causes, sets and single effects of an explanation, as findings: sizes in units of the trade, and alternatives."""
+
+from collections.abc import Mapping
+
+from descentflow.diagnosis.findings.cause_found import Alternative, Cause, ClosedShare, Closure
+from descentflow.diagnosis.findings.findings import Discrepancy, SingleEffect
+from descentflow.diagnosis.findings.selection_found import Subset
+from descentflow.diagnosis.inference.explain import Explainer, Explanation
+from descentflow.diagnosis.report.sizes import on_both_sides, parameters, share_of, sizes_of, told_of_both
+from descentflow.effects import UNKNOWN
+
+SHOWN_SETS = 10
+"""Sets of effects that are written down."""
+
+
+def cause_of(
+    explainer: Explainer, found: Explanation, name: str, closed: ClosedShare, takes_away: Mapping[str, float]
+) -> Cause:
+    """A named effect with its sizes and alternatives.
+
+    Args:
+        explainer: Of the flights.
+        found: What it found.
+        name: Of the effect.
+        closed: Share of the gap that all causes close.
+        takes_away: By cost, what this one takes away of the difference.
+    """
+    effect, value, error = explainer.catalogue[name], found.theta[name], found.errors[name]
+    compared, fits, best = explainer.compared, explainer.search.fits, found.best
+    flights, both, group = int(compared.real.sum()), on_both_sides(compared, effect), found.named.groups[name]
+    alternatives = []
+    for member in group:
+        # In the cause's place, beside the others.
+        other, candidate = explainer.catalogue[member], fits.candidates[member]
+        fit = fits.fit(tuple(member if one == name else one for one in best.names), best.unknown, best.sizes)
+        known = (other, candidate.theta(fit.sizes[member]), candidate.theta_errors(fit.errors[member]), flights)
+        sizes = told_of_both(other, sizes_of(*known), on_both_sides(compared, other))
+        alternatives.append(Alternative(member, found.named.probability[member], sizes, share_of(*known)))
+    sizes_now = parameters(effect, value, error, flights)
+    first = next((size.estimate for size in sizes_now.values()), None)
+    weights = zip(found.named.weights.tolist(), found.sets, strict=True)
+    without = fits.fit(tuple(one for one in best.names if one != name), best.unknown, best.sizes)
+    return Cause(
+        effect=name,
+        group=list(group),
+        probability=found.named.probability[name],
+        parameters=sizes_now,
+        evidence_nats=best.log_weight - without.log_weight,
+        closure=Closure(closed),
+        label=effect.text,
+        text=effect.in_words(first, has_some=both.has_some),
+        inclusion=sum(weight for weight, one in weights if {name, *group} & set(one.names)),
+        share_of_flights=share_of(effect, value, error, flights),
+        sizes=told_of_both(effect, sizes_of(effect, value, error, flights), both),
+        on_both_sides=both.measured,
+        takes_away=dict(takes_away),
+        alternatives=alternatives,
+    )
+
+
+def discrepancy_of(explainer: Explainer, found: Explanation) -> Discrepancy:
+    """Evidence (nats) of an unknown cause beyond the named effects."""
+    fits, best = explainer.search.fits, found.best
+    alone = fits.fit(best.names, first=best.sizes)
+    beside = [one.log_weight for one in found.sets if one.names == best.names and one.has_unknown]
+    gained = max([one - alone.log_weight for one in beside], default=0.0)
+    return Discrepancy(alone.log_weight - fits.fit(()).log_weight, max(gained, 0.0), found.named.unknown)
+
+
+def singles_of(explainer: Explainer) -> list[SingleEffect]:
+    """Every effect alone, best first."""
+    fits = explainer.search.fits
+    null, rows = fits.fit(()).log_weight, []
+    for name, candidate in fits.candidates.items():
+        fit = fits.fit((name,))
+        theta = candidate.theta(fit.sizes[name]).tolist()
+        sizes = {p.name: v for p, v in zip(explainer.catalogue[name].parameters, theta, strict=True)}
+        refused = "" if candidate.plausible(fit.sizes[name]) else "it fits best with sizes that it cannot have"
+        rows.append(SingleEffect(name, fit.log_weight - null, sizes, refused))
+    return sorted(rows, key=lambda row: -row.gain_nats)
+
+
+def heaviest_sets(found: Explanation) -> list[Subset]:
+    """Sets of effects, heaviest first."""
+    pairs = list(zip(found.sets, found.named.weights.tolist(), strict=True))[:SHOWN_SETS]
+    return [Subset([*one.names, *[UNKNOWN] * one.has_unknown], weight) for one, weight in pairs]

@@ -98,7 +98,7 @@ def test_costs_and_what_each_cause_takes_away_come_first_and_then_what_to_change
             "mass: mass x 0.93 (0.91 to 0.95)",
             "What is left",
             "What the simulator lacks besides",
-            "noise of the vertical rate (x 3.00)",
+            "Noise of the vertical rate (x 3.00)",
             "What would decide",
             "TAS would separate temperature and mass.",
             "DLH4AB-3 (+41 s)",
@@ -202,7 +202,7 @@ def test_the_next_command_can_be_typed_where_its_reader_is() -> None:
     trained = replace(partial, corrected_file="corrected.ckpt")
     sampled = "descentflow sample gap/corrected.ckpt -n 1000 --out samples.parquet"
     assert next_command(trained, "gap") == sampled
-    assert sampled in page(trained, "gap")
+    assert sampled in words_of(page(trained, "gap"))
     assert next_command(of_verdict("unknown")).endswith("--catalogue MY_EFFECTS.py --out gap-next")
     assert next_command(of_verdict("none")) == ""
 

@@ -13,7 +13,15 @@ from descentflow.diagnosis.findings.cause_found import (
 )
 from descentflow.diagnosis.findings.correction_found import Previous, RecipeNumber, RecipeStep
 from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans, Measured
-from descentflow.diagnosis.findings.findings import Curve, Details, Discrepancy, Findings, SingleEffect
+from descentflow.diagnosis.findings.findings import (
+    Curve,
+    Details,
+    DetectionLimit,
+    Discrepancy,
+    Findings,
+    SingleEffect,
+    Subset,
+)
 from descentflow.diagnosis.findings.gap_found import (
     BelowRounding,
     GapCell,
@@ -30,7 +38,6 @@ from descentflow.diagnosis.findings.inputs_found import (
     LeftOutChannel,
     Provenance,
 )
-from descentflow.diagnosis.findings.selection_found import DetectionLimit, Subset
 from descentflow.effects import EFFECTS
 
 CLOSED = ClosedShare(0.84, 0.79, 0.88)

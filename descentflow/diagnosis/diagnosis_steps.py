@@ -9,11 +9,9 @@ import torch
 from torch import Tensor
 
 from descentflow.diagnosis.correction.corrected_descents import correction_made
-from descentflow.diagnosis.correction.corrected_sides import corrected_entries
 from descentflow.diagnosis.correction.costs import costs_of, profile_of
-from descentflow.diagnosis.correction.effects_in_flights import AddedEffects
+from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, corrected_entries
 from descentflow.diagnosis.correction.measured_gap import MeasuredGap
-from descentflow.diagnosis.correction.recipe import levels_compared, recipe_of
 from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.findings.cause_found import ClosedShare
 from descentflow.diagnosis.findings.costs_found import Cost
@@ -22,7 +20,14 @@ from descentflow.diagnosis.inference.explain import Explainer, detection_limits
 from descentflow.diagnosis.inference.naming import set_apart
 from descentflow.diagnosis.inference.where import PERMUTATIONS, where
 from descentflow.diagnosis.practical_size import below_rounding
-from descentflow.diagnosis.report.described import cause_of, discrepancy_of, heaviest_sets, singles_of
+from descentflow.diagnosis.report.described import (
+    cause_of,
+    discrepancy_of,
+    heaviest_sets,
+    levels_compared,
+    recipe_of,
+    singles_of,
+)
 from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.diagnosis.report.what_is_left import (
     curves,

@@ -11,8 +11,7 @@ from example_sides import example_sides
 from scipy import stats
 
 from descentflow.aircraft_types.registry import aircraft
-from descentflow.diagnosis.correction.corrected_sides import corrected_entries
-from descentflow.diagnosis.correction.effects_in_flights import AddedEffects
+from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, corrected_entries
 from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.diagnosis_steps import Diagnosis
 from descentflow.diagnosis.inference.assumptions import Assumptions

@@ -17,12 +17,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from descentflow.diagnosis.correction.recipe import recipe_of
 from descentflow.diagnosis.findings.cause_found import ClosedShare, ParameterEstimate, TradeSize
 from descentflow.diagnosis.findings.costs_found import Measured
 from descentflow.diagnosis.findings.findings import SEEN, Curve, Findings
 from descentflow.diagnosis.findings.inputs_found import Provenance
 from descentflow.diagnosis.findings.plain_values import percent
+from descentflow.diagnosis.report.described import recipe_of
 from descentflow.diagnosis.report.figures import cost_figure, level_figure
 from descentflow.diagnosis.report.page import next_command, page, summary
 from descentflow.diagnosis.report.sizes import BothSides, told_of_both

@@ -3,8 +3,8 @@
 import pytest
 import torch
 
-from descentflow.diagnosis.correction.recipe import recipe_of
 from descentflow.diagnosis.findings.cause_found import Cause, ClosedShare, Closure
+from descentflow.diagnosis.report.described import recipe_of
 from descentflow.diagnosis.report.sizes import sizes_of
 from descentflow.effects import EFFECTS
 

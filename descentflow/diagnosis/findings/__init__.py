@@ -2,8 +2,8 @@
 
 Read :mod:`~descentflow.diagnosis.findings.findings` (the whole), then its parts:
 :mod:`~descentflow.diagnosis.findings.gap_found` (where), :mod:`~descentflow.diagnosis.findings.costs_found` (what it
-costs), :mod:`~descentflow.diagnosis.findings.cause_found` and :mod:`~descentflow.diagnosis.findings.selection_found`
-(why), :mod:`~descentflow.diagnosis.findings.correction_found` (what to do) and
+costs), :mod:`~descentflow.diagnosis.findings.cause_found` (why),
+:mod:`~descentflow.diagnosis.findings.correction_found` (what to do) and
 :mod:`~descentflow.diagnosis.findings.inputs_found` (what went in).
 :mod:`~descentflow.diagnosis.findings.plain_values` makes the content of `gap.json` of them, and
 :mod:`~descentflow.diagnosis.findings.read_gap` makes them of it.

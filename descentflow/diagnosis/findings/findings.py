@@ -15,7 +15,6 @@ from descentflow.diagnosis.findings.gap_found import (
     WouldSplit,
 )
 from descentflow.diagnosis.findings.inputs_found import FlightWorthALook, LeftOutChannel, Provenance
-from descentflow.diagnosis.findings.selection_found import DetectionLimit, Subset
 
 SEEN = "flights_that_the_simulator_has_seen"
 """Among the counts: real flights that the simulator was trained or validated on, which are compared as the others are.
@@ -23,6 +22,42 @@ SEEN = "flights_that_the_simulator_has_seen"
 Verdict = Literal["none", "effect", "partial", "unknown"]
 """``none``: no gap, or none that matters; ``effect``: a gap with named causes; ``partial``: the named causes are real,
 and what they leave is still a gap, of no named cause; ``unknown``: a gap of no named cause."""
+
+
+@dataclass(frozen=True)
+class Subset:
+    """A set of effects and its weight among all sets that were fitted.
+
+    Example:
+        >>> Subset(["temperature", "mass"], weight=0.8).effects
+        ['temperature', 'mass']
+    """
+
+    effects: list[str]
+    weight: float
+
+
+@dataclass(frozen=True)
+class DetectionLimit:
+    """The smallest size of an effect that would be named in 80 of 100 cases, for these flights and channels.
+
+    Attributes:
+        effect: Its name in the catalogue.
+        parameter: Which of its parameters ``size`` is of.
+        size: In ``unit``; None where no physically possible size would be named.
+        unit: Of the size, as of the parameter.
+        label: What readers call the parameter.
+
+    Example:
+        >>> DetectionLimit("temperature", "deviation_k", 1.2, "K", "deviation from the standard atmosphere").size
+        1.2
+    """
+
+    effect: str
+    parameter: str
+    size: float | None
+    unit: str
+    label: str = ""
 
 
 @dataclass(frozen=True)

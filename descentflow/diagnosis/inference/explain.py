@@ -8,9 +8,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.findings.findings import Verdict
+from descentflow.diagnosis.findings.findings import DetectionLimit, Verdict
 from descentflow.diagnosis.findings.gap_found import Lack
-from descentflow.diagnosis.findings.selection_found import DetectionLimit
 from descentflow.diagnosis.inference.candidates import Candidate, MeanEffect
 from descentflow.diagnosis.inference.flight_effects import FlightShapes, differing
 from descentflow.diagnosis.inference.linear_gaussian import posterior

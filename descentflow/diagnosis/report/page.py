@@ -6,10 +6,9 @@ from shlex import quote
 from typing import Any
 
 from descentflow.diagnosis.findings.costs_found import Measured
-from descentflow.diagnosis.findings.findings import SEEN, Curve, Findings
+from descentflow.diagnosis.findings.findings import SEEN, Curve, DetectionLimit, Findings
 from descentflow.diagnosis.findings.inputs_found import InputUsed
 from descentflow.diagnosis.findings.plain_values import percent
-from descentflow.diagnosis.findings.selection_found import DetectionLimit
 from descentflow.diagnosis.inference.assumptions import ASSUMED
 from descentflow.diagnosis.report.page_tables import (
     by_level_table,

@@ -8,13 +8,13 @@ import polars as pl
 import pytest
 import torch
 from bada4_dummies import DUMMIES, dummies, printed_descents
+from descentflow.diagnosis.inference.example_sides import example_sides
 from scipy.stats import wasserstein_distance
 
 from descentflow.aircraft_types.registry import AnyAircraft, aircraft
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import FL_M, FT_M, KT_MPS
 from descentflow.diagnosis.correction.costs import costs_of
-from descentflow.diagnosis.inference.example_sides import example_sides
 from descentflow.effects import EFFECTS
 from descentflow.evaluation.evaluation_report import verdict
 from descentflow.evaluation.metrics.classifier import Detection

@@ -20,6 +20,7 @@ from source_toys import (
 )
 
 from descentflow.core.errors import DataError
+from descentflow.surveillance.formats.json_rows import numbers, table, texts
 
 
 @pytest.mark.parametrize("packing", ["plain", "gzip", "tar", "tar.gz"])
@@ -138,3 +139,16 @@ def test_scat_with_its_clearances(tmp_path: Path) -> None:
     assert found["cleared_flight_level"].to_list() == [350.0] * 20 + [190.0] * 20 + [40.0] * (20 + rest)
     assert found["cleared_mach"].to_list() == [None] * 20 + [0.77] * 20 + [None] * (20 + rest)
     assert found["cleared_speed_kt"].to_list() == [None] * 40 + [280.0] * 20 + [None] * rest
+
+
+def test_values_from_json_are_numbers_text_or_missing() -> None:
+    odd = [1, 2.5, "ground", None, True, 10**400, [1], {"a": 1}, "3", float("nan")]
+    assert numbers(odd).fill_nan(None).to_list() == [1.0, 2.5, None, None, 1.0, None, None, None, 3.0, None]
+    assert numbers([10**400, 1]).to_list() == [None, 1.0]
+    assert texts([" a ", "", None, 7, [1], "\ud800"]).to_list() == ["a", None, None, "7", None, "?"]
+    kinds = {"x": pl.Float64(), "s": pl.String(), "in": pl.Struct({"y": pl.Float64()})}
+    plain = table([{"x": 1, "s": "a", "in": {"y": 2}}, {}], kinds)
+    assert plain.rows() == [(1.0, "a", {"y": 2.0}), (None, None, None)]
+    hostile = table([{"x": [1], "s": "\ud800", "in": 3}, {"x": 2, "s": {}, "in": {"y": "far"}}], kinds)
+    assert hostile.select("x", "s", pl.col("in").struct.field("y")).rows() == [(None, "?", None), (2.0, None, None)]
+    assert table([], kinds).schema == pl.Schema(kinds)

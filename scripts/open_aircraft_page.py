@@ -39,7 +39,7 @@ def content(typecode: str) -> list[str]:
     picture = figure(open_aircraft_figure(typecode), f"Nominal descent of the {typecode}", dpi=110)
     off = element("p", element("b", "Known to be off."), " ", read.known_to_be_off)
     return [
-        f"{read.summary}.",
+        f"{read.summary}. Real flights: {read.judged_by}.",
         *related,
         picture,
         off,

@@ -59,6 +59,8 @@ class OpenType:
 
     typecode: str
     summary: str
+    judged_by: str
+    """Real flights by which it was fitted or looked at, or that there are none."""
     known_to_be_off: str
     """Numbers that a user must not trust, and by how much, as far as it is known."""
     relation: str | None
@@ -79,7 +81,7 @@ def open_aircraft(typecode: str) -> Bada3Aircraft:
         typecode: ICAO type designator, as in :func:`open_typecodes`, in any case.
 
     Returns:
-        The aircraft. Not EUROCONTROL's BADA: rates are uncertain by 10 to 20 %.
+        The aircraft. Not EUROCONTROL's BADA: rates of types that no flight judges are uncertain by 10 to 30 %.
 
     Raises:
         AircraftError: If the type is not among the open ones.
@@ -90,7 +92,7 @@ def open_aircraft(typecode: str) -> Bada3Aircraft:
     """
     read = open_type(typecode)
     values: dict[str, Any] = {c.name: c.value for c in read.coefficients}
-    source = f"descentflow open aircraft, not BADA: {read.summary}"
+    source = f"descentflow open aircraft, not BADA: {read.summary}; {read.judged_by}"
     return Bada3Aircraft(typecode=read.typecode, source=source, **values)
 
 
@@ -140,6 +142,7 @@ def _whole_type(typecode: str) -> OpenType:
     read = OpenType(
         typecode=typecode,
         summary=content["summary"],
+        judged_by=content["judged_by"],
         known_to_be_off=content["known_to_be_off"].strip(),
         relation=content.get("relation"),
         relation_stated=content.get("relation_stated", ""),

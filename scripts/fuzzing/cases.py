@@ -2,6 +2,7 @@
 
 import json
 import random
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -160,6 +161,14 @@ def _odd_entry(old: Any, rng: random.Random) -> Any:
 
 
 def _bada(rng: random.Random, good: Path, folder: Path) -> Case:
+    if rng.random() < 0.5:
+        shutil.copytree(good / "bada4", folder / "bada4")
+        name = rng.choice(("Dummy-TWIN", "Dummy-TBP"))
+        path = folder / "bada4" / rng.choice((f"{name}/{name}.xml", f"{name}/{name}.xml", "GPF.xml", "ACM_BADA4.xsd"))
+        if path.suffix == ".xml" and rng.random() < 0.5:
+            (folder / "bada4" / "ACM_BADA4.xsd").unlink()
+        path.write_bytes(damaged(path.read_bytes(), rng))
+        return Case("BADA 4 files", ["call", "aircraft", name, str(folder / "bada4")])
     for path in sorted((good / "bada").iterdir()):
         (folder / path.name).write_bytes(path.read_bytes())
     changed_file = rng.choice(("J2M___.OPF", "J2M___.OPF", "J2M___.APF", "BADA.GPF", "SYNONYM.NEW"))

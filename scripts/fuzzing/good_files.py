@@ -27,8 +27,8 @@ def make(folder: Path) -> None:
 
     Args:
         folder: It gets rows and descents, others in warm air, three checkpoints (plain, with a context, corrected),
-            ``gap.json``, settings, tables, the files of EUROCONTROL's dummy aircraft in ``bada/`` and a small file of
-            every source in ``sources/``.
+            ``gap.json``, settings, tables, EUROCONTROL's dummy aircraft in ``bada/`` and ``bada4/``, and a small file
+            of every source in ``sources/``.
     """
     if (folder / "whole").is_file():
         return
@@ -69,4 +69,6 @@ def _bada(folder: Path) -> None:
     """EUROCONTROL's dummy aircraft, which come with pyBADA (the extra `test`)."""
     found = importlib.util.find_spec("pyBADA")
     if found is not None and found.origin is not None:
-        shutil.copytree(Path(found.origin).parent / "aircraft" / "BADA3" / "DUMMY", folder)
+        kept = shutil.ignore_patterns("*.PT*", "*.ATF", "*.OPT", "Dummy-PST", "Dummy-TWIN-plus")
+        for family, own in (("BADA3", folder), ("BADA4", folder.with_name("bada4"))):
+            shutil.copytree(Path(found.origin).parent / "aircraft" / family / "DUMMY", own, ignore=kept)

@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 import torch
 from bada4_dummies import DUMMIES, dummies, printed_descents
-from descentflow.diagnosis.inference.example_sides import example_sides
+from example_sides import example_sides
 from scipy.stats import wasserstein_distance
 
 from descentflow.aircraft_types.registry import AnyAircraft, aircraft

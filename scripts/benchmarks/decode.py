@@ -76,7 +76,8 @@ def _bada4() -> None:
     folder = Path(str(spec.origin if spec else "")).parent / "aircraft" / "BADA4"
     types = {kind: aircraft(f"Dummy-{kind}", folder) for kind in ("TWIN", "TBP", "PST")}
     torch.set_num_threads(1)
-    print_row(["precision", "BADA 3 ms", *(f"BADA 4 {one.engine}" for one in types.values())])
+    print("BADA 4 over BADA 3, processor time of one thread in turns")
+    print_row(["precision", "BADA 3 ms", *(str(one.engine) for one in types.values())])
     for dtype in (torch.float64, torch.float32):
         arguments, best = profiles(dtype), dict.fromkeys(("BADA 3", *types), float("inf"))
         arrays = {kind: integrate(aircraft("A320"), *arguments) for kind in best}

@@ -59,7 +59,6 @@ def mixture(gated: bool = False) -> GaussianMixtureDensity:
     density.mixture = Mixture(torch.tensor([0.6, 0.4]).double(), locs, roots)
     if gated:
         density.entry_gate = EntryGate(torch.tensor([60]), torch.tensor([[0.8, 0.2], [0.3, 0.7]]).double())
-        density.residual_law = toys.residual_law(parts().decoder, 2)
     density.attach(parts())
     return density
 
@@ -107,8 +106,8 @@ def distance_nm(flown: Trajectories, level_fl: float) -> Tensor:
     return torch.from_numpy(place(flown).distance_m[:, index(level_fl)] / 1852.0)
 
 
-def p_values(one: Trajectories, other: Trajectories) -> dict[str, float]:
-    """Of two-sample Kolmogorov-Smirnov tests of what the descents have at some levels."""
+def comparisons(one: Trajectories, other: Trajectories) -> dict[str, tuple[float, float]]:
+    """Distance and p of two-sample Kolmogorov-Smirnov tests of what the descents have at some levels."""
     found = {}
     for name, of in {
         "time to the bottom": lambda t: t.time_s[:, 0],
@@ -119,5 +118,11 @@ def p_values(one: Trajectories, other: Trajectories) -> dict[str, float]:
         "entry": lambda t: t.entry.double(),
     }.items():
         first, second = of(one).round(decimals=6), of(other).round(decimals=6)
-        found[name] = float(ks_2samp(first.numpy(), second.numpy(), method="asymp").pvalue)
+        test = ks_2samp(first.numpy(), second.numpy(), method="asymp")
+        found[name] = float(test.statistic), float(test.pvalue)
     return found
+
+
+def p_values(one: Trajectories, other: Trajectories) -> dict[str, float]:
+    """The p of :func:`comparisons`."""
+    return {name: p for name, (_, p) in comparisons(one, other).items()}

@@ -41,7 +41,6 @@ def density(kind: str, parts: Representation, n_context: int = 0) -> Density:
         if not n_context:
             shares = torch.tensor([[0.6, 0.3, 0.1], [0.1, 0.4, 0.5]]).double()
             found.entry_gate = EntryGate(torch.tensor([170]), shares)
-            found.residual_law = toys.residual_law(parts.decoder, 3)
     else:
         torch.manual_seed(3)
         found = MaskedAffineFlowDensity(d, n_flows=2, n_context=n_context, whitened=kind == "whitened flow")
@@ -67,9 +66,9 @@ def weights_of(model: Density, noise_seed: int, n: int, component: Tensor | None
     return torch.randn(n, d, generator=first, dtype=torch.float64), model.draw(n, second)
 
 
-def table_of(parts: Representation, weights: Tensor, entry: Tensor, white: Tensor | None) -> dict[str, Tensor]:
+def table_of(parts: Representation, weights: Tensor, entry: Tensor, residual: Tensor | None) -> dict[str, Tensor]:
     """Time, CAS, rate, distance, ... (n, L) as the table of samples has them, NaN above the entry level."""
-    flown = parts.decoder(weights, entry, white=white)
+    flown = parts.decoder(weights, entry, residual=residual)
     table = to_frame(flown).sort("sample_id", "level_fl")
     shape = flown.time_s.shape
     found = {}

@@ -14,14 +14,12 @@ from torch.utils.data import DataLoader
 
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
-from descentflow.densities.residual_law import ResidualLaw
 from descentflow.physics.airspeed import cas_to_mach, mach_to_cas_mps
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.drag_scale import DragScale
 from descentflow.representation.evidence import Evidence, as_evidence
 from descentflow.representation.fit_representation import fit_representation
 from descentflow.representation.fpca.basis import FunctionalBasis
-from descentflow.representation.linear_curves import residual_profiles
 from descentflow.representation.plausibility import Plausibility
 from descentflow.representation.profiles import Profiles, infer_drag_n
 from descentflow.representation.representation import Representation, Split
@@ -131,16 +129,6 @@ class WeightsModule(LightningDataModule):
 
     def val_dataloader(self) -> DataLoader:
         return flight_batches(self.evidence("validation"), self.contexts("validation"), 4096)
-
-
-def residual_law(decoder: DescentDecoder, n_components: int) -> ResidualLaw:
-    """Residual of a decoder that is not standard normal: no two components or flights are alike."""
-    n_residual, generator = len(residual_profiles(decoder)), torch.Generator().manual_seed(7)
-    offset = 0.3 * torch.randn(n_components, n_residual, generator=generator).double()
-    slope = 0.2 * torch.randn(n_residual, decoder.dimension, generator=generator).double()
-    spread = torch.linspace(0.4, 1.2, n_components).double()[:, None].expand(-1, n_residual).contiguous()
-    scales = torch.tensor([[0.6], [1.5]]).double().expand(-1, n_residual).contiguous()
-    return ResidualLaw(offset, slope, spread, scales, torch.tensor([0.7, 0.3]).double())
 
 
 def fit(model: LatentModel, data: LightningDataModule, max_epochs: int, **settings: object) -> LatentModel:

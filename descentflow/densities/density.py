@@ -11,7 +11,6 @@ from descentflow.core.arguments import NotNegativeInt, checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.densities.importance import Estimate, estimate, propose, widened
 from descentflow.densities.mixture_parameters import Mixture, log_observed
-from descentflow.densities.residual_law import ResidualLaw
 from descentflow.densities.weight_draws import MixtureDraw, WeightDraw
 from descentflow.representation.evidence import Evidence
 from descentflow.representation.representation import Representation
@@ -63,8 +62,6 @@ class Density(nn.Module, ABC):
         super().__init__()
         self.dimension, self.n_context = dimension, n_context
         self._representation: Representation | None = None
-        self.residual_law: ResidualLaw | None = None
-        """Dependence of the residual on the weights; None where it is standard normal."""
         self.file: dict[str, str] = {}
         """Name and digest of the checkpoint that it was loaded from."""
         # In a tuple, for it is no part of this module: its parameters are not among these.
@@ -98,7 +95,7 @@ class Density(nn.Module, ABC):
                 expected="a density with `weight_draw`: a Gaussian, a mixture or a masked affine flow",
                 mend="fit one of those, or export samples (--to parquet)",
             )
-        return MixtureDraw(self.mixture, None, self.residual_law)
+        return MixtureDraw(self.mixture)
 
     def settings(self) -> dict[str, Any]:
         """Primitive arguments that, after the dimension, make the constructor give parameters of the same shapes."""
@@ -129,36 +126,6 @@ class Density(nn.Module, ABC):
         rows = self.rows_of_context(context, n)
         generator = torch.Generator(self.device).manual_seed(seed)
         return self.draw(n, generator) if rows is None else self.draw(n, generator, rows)
-
-    def residual(
-        self,
-        weights: Tensor,
-        white: Tensor,
-        seed: int,
-        context: Tensor | None = None,
-        components: Tensor | None = None,
-        of_scale: Tensor | None = None,
-    ) -> Tensor:
-        """Draw the residual of flights with these weights: standard normals, unless the density has a law of it.
-
-        Args:
-            weights: (n, d) standardised.
-            white: (n, r) standard normals.
-            seed: Of what else is drawn.
-            context: (n, c) where the density is conditioned on one.
-            components: (n,) of a mixture, where they are known.
-            of_scale: (n,) uniform numbers that say how far flights stray from their components; of the seed if absent.
-
-        Returns:
-            (n, r) residual numbers, as the decoder takes them beside the weights.
-
-        Example:
-            >>> from descentflow.densities.checkpoint import load_model
-            >>> white = torch.randn(3, 2)
-            >>> torch.equal(load_model("best.ckpt").residual(torch.zeros(3, 4), white, seed=0), white)  # a Gaussian
-            True
-        """
-        return white
 
     @property
     def mixture(self) -> Mixture | None:

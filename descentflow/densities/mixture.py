@@ -14,7 +14,6 @@ from torch.distributions import constraints
 from descentflow.densities.density import Density
 from descentflow.densities.entry_gate import EntryGate
 from descentflow.densities.mixture_parameters import Mixture, log_proportions, posteriors
-from descentflow.densities.residual_law import ResidualLaw, components_given
 from descentflow.densities.weight_draws import MixtureDraw, WeightDraw
 from descentflow.representation.evidence import Evidence
 
@@ -105,8 +104,6 @@ class GaussianMixtureDensity(Density):
         n_clusters: int = 1,
         n_context: int = 0,
         entry_gate: dict[str, Any] | None = None,
-        residual_law: dict[str, Any] | None = None,
-        clusters: object = None,
     ) -> None:
         """Equal components at the origin.
 
@@ -115,28 +112,22 @@ class GaussianMixtureDensity(Density):
             n_clusters: Number of mixture components, under the name that checkpoints and configs have for it.
             n_context: Numbers of context c.
             entry_gate: State of an :class:`~descentflow.densities.entry_gate.EntryGate`; none if absent.
-            residual_law: State of a :class:`~descentflow.densities.residual_law.ResidualLaw`; none if absent.
-            clusters: Ignored: earlier checkpoints kept by it how components were tied while fitting.
         """
         super().__init__(dimension, n_context)
-        self.residual_law = None if residual_law is None else ResidualLaw.from_state(residual_law)
         self.entry_gate = None if entry_gate is None else EntryGate.from_state(entry_gate)
-        if self.residual_law is not None:
-            self.residual_law.check(n_clusters, dimension)
         if self.entry_gate is not None:
             self.entry_gate.check(n_clusters)
         self.program = MixtureProgram(n_clusters, dimension, n_context)
 
     def weight_draw(self, dtype: torch.dtype) -> WeightDraw:
         """The mixture with its gate, in double precision whatever is asked for."""
-        return MixtureDraw(self.mixture, self.entry_gate, self.residual_law)
+        return MixtureDraw(self.mixture, self.entry_gate)
 
     def settings(self) -> dict[str, Any]:
-        """Number of mixture components; numbers of context, gate and residual law if there are any."""
+        """Number of mixture components; numbers of context and gate if there are any."""
         context = {"n_context": self.n_context} if self.n_context else {}
         gate = {} if self.entry_gate is None else {"entry_gate": self.entry_gate.to_state()}
-        law = {} if self.residual_law is None else {"residual_law": self.residual_law.to_state()}
-        return {"n_clusters": len(self.program.probs), **context, **gate, **law}
+        return {"n_clusters": len(self.program.probs), **context, **gate}
 
     @property
     def mixture(self) -> Mixture:
@@ -147,7 +138,7 @@ class GaussianMixtureDensity(Density):
     @mixture.setter
     @torch.no_grad()
     def mixture(self, mixture: Mixture) -> None:
-        self.entry_gate = self.residual_law = None  # of other components
+        self.entry_gate = None  # of other components
         # In the parameters that an optimizer holds, where shapes allow.
         if len(self.program.probs) != mixture.n_components:
             self.program = MixtureProgram(mixture.n_components, self.dimension, self.n_context).to(self.device)
@@ -196,25 +187,6 @@ class GaussianMixtureDensity(Density):
         white = torch.randn(len(components), self.dimension, 1, generator=generator, dtype=torch.float64)
         chosen = components.to(mixture.locs.device)
         return mixture.locs[chosen] + (mixture.scale_trils[chosen] @ white.to(mixture.locs))[..., 0]
-
-    @torch.no_grad()
-    def residual(
-        self,
-        weights: Tensor,
-        white: Tensor,
-        seed: int,
-        context: Tensor | None = None,
-        components: Tensor | None = None,
-        of_scale: Tensor | None = None,
-    ) -> Tensor:
-        """As every density, by the law of each flight's component; where unknown, of one that its weights suggest."""
-        if self.residual_law is None:
-            return white
-        uniform = torch.rand(2, len(weights), generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
-        if components is None:
-            components = components_given(self.mixture, weights, _double(context), uniform[0].to(weights.device))
-        scales = self.residual_law.drawn_scales((uniform[1] if of_scale is None else of_scale).to(weights.device))
-        return self.residual_law.of(weights, white, components.to(weights.device), scales)
 
     def negative_elbo(self, evidence: Evidence, context: Tensor | None = None) -> Tensor:
         """Loss of stochastic variational inference for some flights, the component summed out: their NLL."""

@@ -1,37 +1,23 @@
 """Maps from standard normals, and uniform numbers for mixtures, to weights of a density: modules for export."""
 
-import torch
 from torch import Tensor, nn
 
 from descentflow.densities.entry_gate import EntryGate
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.residual_law import ResidualLaw
 
 
 class WeightDraw(nn.Module):
     """Map from standard normals, and uniform numbers where it picks, to weights; called as :class:`MixtureDraw` is.
 
     Example:
-        >>> normals = torch.zeros(1, 2)
-        >>> WeightDraw().residual(torch.zeros(1, 1), normals, torch.tensor([0])) is normals
-        True
+        >>> WeightDraw().redraw
+        'noise, with the same entry_fl'
     """
 
     picks = False
     """True if a uniform number picks each flight's component."""
     redraw = "noise, with the same entry_fl"
     """Parts of a draw that are drawn again where it is not accepted."""
-
-    def residual(
-        self,
-        weights: Tensor,
-        noise: Tensor,
-        entry: Tensor,
-        uniform: Tensor | None = None,
-        context: Tensor | None = None,
-    ) -> Tensor:
-        """Residual numbers (n, r) of standard normals (n, r): these, where they do not go with the weights."""
-        return noise
 
 
 class MixtureDraw(WeightDraw):
@@ -52,19 +38,11 @@ class MixtureDraw(WeightDraw):
     slopes: Tensor | None
     gate: Tensor | None
     edges: Tensor | None
-    residual_offset: Tensor | None
-    residual_slope: Tensor | None
-    residual_spread: Tensor | None
 
-    def __init__(
-        self, mixture: Mixture, entry_gate: EntryGate | None = None, residual_law: ResidualLaw | None = None
-    ) -> None:
-        """Copy a mixture, its gate and its residual law."""
+    def __init__(self, mixture: Mixture, entry_gate: EntryGate | None = None) -> None:
+        """Copy a mixture and its gate."""
         super().__init__()
         shares = mixture.probs[None] if entry_gate is None else entry_gate.shares
-        if residual_law is not None:  # of one scale, of which there are more components
-            shares = (shares[:, :, None] * residual_law.scale_probs.to(shares)).flatten(1)
-            mixture, residual_law = residual_law.by_scale(mixture)
         self.n_components = mixture.n_components
         self.picks = mixture.n_components > 1
         # Absent and not empty where there is none: empty tensors cannot be saved with a program.
@@ -77,9 +55,6 @@ class MixtureDraw(WeightDraw):
             "log_probs": mixture.probs.log(),
             "slopes": mixture.slopes,
             "gate": mixture.gate,
-            "residual_offset": None if residual_law is None else residual_law.offset,
-            "residual_slope": None if residual_law is None else residual_law.slope,
-            "residual_spread": None if residual_law is None else residual_law.spread,
         }
         for name, value in kept.items():
             self.register_buffer(name, None if value is None else _constant(value))
@@ -112,22 +87,6 @@ class MixtureDraw(WeightDraw):
             at = None if context is None or self.slopes is None else self.slopes[chosen] @ context.double()[:, :, None]
             shift = None if at is None else at[:, :, 0]
         return weights if shift is None else weights + shift
-
-    def residual(
-        self,
-        weights: Tensor,
-        noise: Tensor,
-        entry: Tensor,
-        uniform: Tensor | None = None,
-        context: Tensor | None = None,
-    ) -> Tensor:
-        """Residual numbers (n, r), float64, of weights that the same numbers gave and standard normals (n, r)."""
-        white = noise.double()
-        if self.residual_offset is None or self.residual_slope is None or self.residual_spread is None:
-            return white
-        law = ResidualLaw.of_one_scale(self.residual_offset, self.residual_slope, self.residual_spread)
-        chosen = torch.zeros_like(entry) if uniform is None else self.component(entry, uniform, context)
-        return law.of(weights, white, chosen)
 
 
 def _constant(value: Tensor) -> Tensor:

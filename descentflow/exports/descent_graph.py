@@ -63,7 +63,7 @@ class DescentGraph(nn.Module):
         >>> from descentflow.densities.checkpoint import load_model
         >>> model = load_model("best.ckpt")
         >>> graph = DescentGraph(model.representation, "float32")
-        >>> out = graph(model.sample(3, seed=0).float(), torch.full((3,), 330.0), torch.zeros(3, graph.n_residual))
+        >>> out = graph(model.sample(3, seed=0).float(), torch.full((3,), 330.0))
         >>> out["time_s"].dtype, out["accepted"].shape, bool(out["time_s"][:, -1].isnan().all())  # above FL330
         (torch.float32, torch.Size([3]), True)
     """
@@ -87,31 +87,27 @@ class DescentGraph(nn.Module):
         self.grid = self.decoder.grid(self.decoder.levels_fl)
         self.plausibility = Plausibility.from_state(representation.plausibility.to_state())
 
-    @property
-    def n_residual(self) -> int:
-        """Standard normals r that a descent takes for what lies beyond the components; may be zero."""
-        return self.decoder.n_white
-
     def entry(self, entry_fl: Tensor) -> Tensor:
         """Indices (n,) of the levels nearest to flight levels (n,)."""
         return (entry_fl.double()[:, None] - self.decoder.levels_fl).abs().argmin(1)
 
-    def forward(self, weights: Tensor, entry_fl: Tensor, residual_noise: Tensor | None = None) -> dict[str, Tensor]:
-        """Fly weights (n, d) from flight levels (n,), with residual numbers (n, r) for what lies beyond the components.
+    def forward(self, weights: Tensor, entry_fl: Tensor, neighbour: Tensor | None = None) -> dict[str, Tensor]:
+        """Fly weights (n, d) from flight levels (n,).
 
-        These are standard normals over all flights; :class:`SamplerGraph` makes them go with the weights.
+        Uniform numbers (n,) pick the training flight whose residual each takes; without, components fly alone.
 
         Returns:
             ``level_fl`` (L,) ascending; :data:`PROFILES` (n, L), NaN above the entry level; ``accepted`` (n,);
             ``broken`` (n, rules) which of :data:`ALL_RULES` each breaks.
         """
         with ExactConstants():
-            return self._outputs(self._flown(weights, self.entry(entry_fl), residual_noise), entry_fl)
+            return self._outputs(self._flown(weights, self.entry(entry_fl), neighbour), entry_fl)
 
-    def _flown(self, weights: Tensor, entry: Tensor, residual_noise: Tensor | None) -> Trajectories:
+    def _flown(self, weights: Tensor, entry: Tensor, neighbour: Tensor | None) -> Trajectories:
         """Descents in float64, in one expression: a program has no chunks."""
-        white = None if residual_noise is None else residual_noise.double()
-        drag_n, cas_mps = self.decoder.curves(weights.double(), white)
+        weights = weights.double()
+        residual = None if neighbour is None else self.decoder.residuals.draw(weights, entry, neighbour)
+        drag_n, cas_mps = self.decoder.curves(weights, residual)
         time_s, mach, tas_mps, rate_mps = fly(self.grid, drag_n, cas_mps, entry)
         return Trajectories(self.decoder.levels_fl, entry, time_s, cas_mps, mach, tas_mps, rate_mps, drag_n)
 
@@ -144,7 +140,7 @@ class SamplerGraph(nn.Module):
         >>> sampler = SamplerGraph(load_model("best.ckpt"))
         >>> inputs = sampler.example_inputs(100)
         >>> {name: tuple(value.shape) for name, value in inputs.items()}
-        {'noise': (100, 4), 'entry_fl': (100,), 'residual_noise': (100, ...)}
+        {'noise': (100, 4), 'entry_fl': (100,), 'neighbour': (100,)}
         >>> bool(sampler(**inputs)["accepted"].float().mean() > 0.5)
         True
     """
@@ -164,7 +160,7 @@ class SamplerGraph(nn.Module):
         self,
         noise: Tensor,
         entry_fl: Tensor,
-        residual_noise: Tensor | None = None,
+        neighbour: Tensor | None = None,
         uniform: Tensor | None = None,
         context: Tensor | None = None,
     ) -> dict[str, Tensor]:
@@ -173,7 +169,7 @@ class SamplerGraph(nn.Module):
         Args:
             noise: (n, d) standard normals.
             entry_fl: (n,) flight levels where they start.
-            residual_noise: (n, r) standard normals for what lies beyond the components.
+            neighbour: (n,) uniform numbers in [0, 1) that pick the training flight whose residual each takes.
             uniform: (n,) uniform numbers in [0, 1) that pick components of a mixture.
             context: (n, c) encoded contexts of a conditional density.
 
@@ -183,9 +179,7 @@ class SamplerGraph(nn.Module):
         with ExactConstants():
             entry = self.descents.entry(entry_fl)
             weights = self.draw(noise, entry, uniform, context)
-            if residual_noise is not None:
-                residual_noise = self.draw.residual(weights, residual_noise, entry, uniform, context)
-        found: dict[str, Tensor] = self.descents(weights, entry_fl, residual_noise)
+        found: dict[str, Tensor] = self.descents(weights, entry_fl, neighbour)
         return {**found, "weights": weights.to(self.descents.dtype)}
 
     def example_inputs(self, n: int, seed: int = 0) -> dict[str, Tensor]:
@@ -197,8 +191,8 @@ class SamplerGraph(nn.Module):
             return torch.randn(n, width, generator=generator, dtype=torch.float64).to(dtype)
 
         inputs = {"noise": normal(self.dimension), "entry_fl": levels_fl[bounds.draw_entry(n, generator)].to(dtype)}
-        if self.descents.n_residual:
-            inputs["residual_noise"] = normal(self.descents.n_residual)
+        if self.descents.decoder.residuals.n_numbers:
+            inputs["neighbour"] = torch.rand(n, generator=generator, dtype=torch.float64).to(dtype)
         if self.draw.picks:
             inputs["uniform"] = torch.rand(n, generator=generator, dtype=torch.float64).to(dtype)
         if self.n_context:

@@ -1,8 +1,6 @@
 """Description of an exported sampler for its user: inputs, outputs, units, bounds, and the draw of entry levels."""
 
-from collections.abc import Mapping
 from dataclasses import asdict
-from types import MappingProxyType
 from typing import Any
 
 from torch import Tensor
@@ -19,16 +17,11 @@ INPUTS = {
     "noise": "independent standard normals, from which the weights are made",
     "weights": "standardised weights of drag, then of CAS",
     "entry_fl": "flight level where the descent starts; the nearest level of the grid is taken",
-    "residual_noise": "independent standard normals, for what lies beyond the components; zeros for none",
+    "neighbour": "a uniform number in [0, 1), which picks the training flight whose residual is taken",
     "uniform": "a uniform number in [0, 1), which picks the component of the mixture",
     "context": "the numbers that stand for the flight's context, see `context`",
 }
 """Meaning of each input."""
-OF_DECODER = {
-    **INPUTS,
-    "residual_noise": "what lies beyond the components, of unit variance over all flights; zeros for none",
-}
-"""The same of the decoder alone, which does not know what goes with the weights."""
 BOUNDS = {
     "drag_n": ("drag_low", "drag_high"),
     "cas_mps": ("cas_low", "cas_high"),
@@ -67,7 +60,7 @@ def describe(density: Density, sampler: SamplerGraph, precision: Precision) -> d
         "levels_fl": _numbers(levels_fl),
         "inputs": {
             "sampler": _inputs(sampler.example_inputs(1), precision),
-            "decoder": _inputs(decoder_inputs(sampler, 1), precision, OF_DECODER),
+            "decoder": _inputs(decoder_inputs(sampler, 1), precision),
         },
         "outputs": _outputs(sampler, precision),
         "rules": list(ALL_RULES),
@@ -91,18 +84,16 @@ def decoder_inputs(sampler: SamplerGraph, n: int) -> dict[str, Tensor]:
     Example:
         >>> from descentflow.densities.checkpoint import load_model
         >>> list(decoder_inputs(SamplerGraph(load_model("best.ckpt")), 3))
-        ['weights', 'entry_fl', 'residual_noise']
+        ['weights', 'entry_fl', 'neighbour']
     """
     inputs = sampler.example_inputs(n)
     weights = sampler(**inputs)["weights"].detach()
-    return {"weights": weights, **{name: inputs[name] for name in ("entry_fl", "residual_noise") if name in inputs}}
+    return {"weights": weights, **{name: inputs[name] for name in ("entry_fl", "neighbour") if name in inputs}}
 
 
-def _inputs(
-    example: dict[str, Tensor], precision: Precision, meanings: Mapping[str, str] = MappingProxyType(INPUTS)
-) -> dict[str, Any]:
+def _inputs(example: dict[str, Tensor], precision: Precision) -> dict[str, Any]:
     return {
-        name: {"shape": ["n", *value.shape[1:]], "type": precision, "meaning": meanings[name]}
+        name: {"shape": ["n", *value.shape[1:]], "type": precision, "meaning": INPUTS[name]}
         for name, value in example.items()
     }
 

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from descentflow.air.level_air import LevelAir
-from descentflow.core.counter_random import DrawNumbers, seed_for_index
+from descentflow.core.counter_random import DrawNumbers
 from descentflow.core.errors import SamplingError
 from descentflow.generation.samples import RejectionReport, Samples
 from descentflow.physics.performance_model import PerformanceModel
@@ -28,7 +28,7 @@ MAX_TRIES = 16
 
 
 class Sampler(Protocol):
-    """Whatever draws standardised weights repeatably; a density also has an ``entry_gate`` and a ``residual``.
+    """Whatever draws standardised weights repeatably; a density may also have an ``entry_gate``.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
@@ -167,7 +167,7 @@ class _Wanted:
             self.entry = entry[self.air_row]
         else:
             self.entry = entry[torch.randint(len(entry), (n,), generator=self.generator)]
-        self.component, self.of_scale = torch.zeros(n, dtype=torch.long), torch.zeros(n, dtype=torch.float64)
+        self.component = torch.zeros(n, dtype=torch.long)
 
     def airs(self, samples: Tensor) -> LevelAir | None:
         """Airs of samples; None in standard air, or where it depends on the place."""
@@ -183,35 +183,34 @@ class _Wanted:
             drawn: Draws that all had.
         """
         samples, decoder = now.repeat(times), self.parts.decoder
-        component, of_scale = self._components(now, times, tries)
+        component = self._components(now, times, tries)
         context = None if self.context is None else self.context[samples % len(self.context)]
         weights = self._weights(component, context, len(samples))
-        white = torch.randn(len(samples), decoder.n_white, generator=self.generator, dtype=torch.float64).to(weights)
-        if hasattr(self.model, "residual"):
-            white = self.model.residual(weights, white, seed_for_index(self.seed, drawn), context, component, of_scale)
         entry = self.entry[samples].to(weights.device)
-        flown = self.parts.fly(weights, entry, white=white, draws=DrawNumbers(self.seed, drawn))
+        uniform = torch.rand(len(samples), generator=self.generator, dtype=torch.float64)
+        residual = decoder.residuals.draw(weights, entry, uniform)
+        flown = self.parts.fly(weights, entry, residual=residual, draws=DrawNumbers(self.seed, drawn))
         if isinstance(self.air, LevelAir):
             flown = flown_in(decoder.aircraft, flown, self.air.rows(self.air_row[samples]))
         elif self.air is not None:
             flown = self.air.fly(decoder.aircraft, flown)
         return weights, flown
 
-    def _components(self, now: Tensor, times: int, tries: int) -> tuple[Tensor | None, Tensor | None]:
-        """The mixture component of each draw and how far it strays from it, where entry levels have their own shares.
+    def _components(self, now: Tensor, times: int, tries: int) -> Tensor | None:
+        """The mixture component of each draw, where entry levels have their own shares.
 
         A sample has the same for its first draws, then others for every few.
         """
         if self.gate is None:
-            return None, None
+            return None
         if 0 < tries < MAX_TRIES:
-            return self.component[now].repeat(times), self.of_scale[now].repeat(times)
+            return self.component[now].repeat(times)
         others = now.repeat(-(-times // MAX_TRIES))
         component = self.gate.draw(self.entry[others], self.generator)
-        of_scale = torch.rand(len(others), generator=self.generator, dtype=torch.float64)
-        self.component[now], self.of_scale[now] = component[: len(now)], of_scale[: len(now)]
+        self.component[now] = component[: len(now)]
         which = (torch.arange(times) // MAX_TRIES)[:, None] * len(now) + torch.arange(len(now))
-        return component[which.flatten()], of_scale[which.flatten()]
+        chosen: Tensor = component[which.flatten()]
+        return chosen
 
     def _weights(self, component: Tensor | None, context: Tensor | None, n: int) -> Tensor:
         seed = int(torch.randint(2**31, (), generator=self.generator))

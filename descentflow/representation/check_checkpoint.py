@@ -43,13 +43,20 @@ OF_A_CONTEXT_COLUMN: dict[str, tuple[type, ...]] = {
 }
 """The same of a column of its context; the last two may be absent."""
 OF_SCALE = ("thrust_n", "force_n", "cas_mps", "growth_per_mps")
-DICTIONARIES = ("decoder.aircraft", "decoder.drag_scale", "decoder.drag_basis", "decoder.cas_basis")
+DICTIONARIES = (
+    "decoder.aircraft",
+    "decoder.drag_scale",
+    "decoder.drag_basis",
+    "decoder.cas_basis",
+    "decoder.residuals",
+)
 TENSORS = (
     "decoder.levels_fl",
     "decoder.weight_mean",
     "decoder.weight_scale",
     *(f"{DICTIONARIES[1]}.{name}" for name in OF_SCALE),
-    *(f"{basis}.{name}" for basis in DICTIONARIES[2:] for name in ("mean", "components")),
+    *(f"{basis}.{name}" for basis in DICTIONARIES[2:4] for name in ("mean", "components")),
+    *(f"{DICTIONARIES[4]}.{name}" for name in ("drag", "speed", "weights", "numbers", "entry")),
 )
 """Tensors of the scale of drag; places of the representation that are dictionaries, and tensors."""
 MAY_BE_ABSENT = ("reference", "context", "cleaning", "air", "seen_flights", "low", "high")
@@ -92,7 +99,7 @@ def check_section(section: dict[str, Any], state_dict: Any) -> None:
         _check_types(column, OF_A_CONTEXT_COLUMN, "context column")
         _check_known(column, OF_A_CONTEXT_COLUMN, "a context column")
     bounds = tuple(f"plausibility.{name}" for name in representation["plausibility"])
-    _check_scale(representation["decoder"])
+    _check_version(representation["decoder"])
     for places, kind, name in ((DICTIONARIES, dict, "dictionary"), ((*TENSORS, *bounds), Tensor, "tensor")):
         for place in places:
             found = _at(representation, place)
@@ -124,16 +131,21 @@ def check_flies(decoder: DescentDecoder, plausibility: Plausibility) -> None:
         raise _wrong("decoder.levels_fl does not rise", f"flight levels from 0 to {HIGHEST_FL}, each above the last")
     if not bool((decoder.weight_scale > 0).all()):
         raise _wrong("decoder.weight_scale is not positive", "standard deviations of the training flights' weights")
-    if decoder.residual.dim() != 2 or decoder.residual.shape[1] != len(levels):
-        raise _wrong("decoder.residual is not on the grid", f"(number of parts, {len(levels)}) drag in N")
+    residuals = decoder.residuals
+    if not all(curves.dim() == 2 and curves.shape[1] == len(levels) for curves in (residuals.drag, residuals.speed)):
+        raise _wrong("decoder.residuals is not on the grid", f"curves on {len(levels)} levels")
+    of_flights = len(residuals.weights), decoder.dimension, residuals.n_numbers
+    known = tuple(one.shape for one in (residuals.entry, residuals.weights, residuals.numbers))
+    if known != (of_flights[:1], of_flights[:2], of_flights[::2]):
+        raise _wrong("decoder.residuals has other flights", "weights and residual numbers of the same flights")
+    if residuals.n_numbers and not of_flights[0]:
+        raise _wrong("decoder.residuals has curves without a flight", "training flights")
     scale = decoder.drag_scale
     of_grid = all(getattr(scale, name).shape == levels.shape for name in OF_SCALE)
     if not of_grid or not bool((scale.force_n > 0).all()) or not scale.unit_n > 0:
         raise _wrong(
             "decoder.drag_scale is not of this grid", f"{len(levels)} thrusts, positive forces, CAS and slopes"
         )
-    if decoder.speed_residual.dim() != 2 or decoder.speed_residual.shape[1] != len(levels):
-        raise _wrong("decoder.speed_residual is not on the grid", f"(number of parts, {len(levels)}) CAS in m/s")
     if plausibility.entry_counts.shape != levels.shape:
         raise _wrong("plausibility.entry_counts is not on the grid", f"{len(levels)} numbers of flights")
     mean = torch.zeros(1, decoder.dimension, dtype=torch.float64)
@@ -156,11 +168,11 @@ def _check_types(section: Any, kinds: dict[str, tuple[type, ...]], name: str) ->
             raise _wrong(f"{part} of the {name} is of type {type(section[part]).__name__}", expected)
 
 
-def _check_scale(decoder: Any) -> None:
-    """Refuse drag on the scale of earlier versions, whose samples step in their rate where the type's speeds change."""
-    scale = decoder.get("drag_scale") if isinstance(decoder, dict) else None
-    if not isinstance(scale, dict) or "unit_n" not in scale:
-        raise _wrong("a model of an earlier version, on another scale of drag", "decoder.drag_scale with a unit_n")
+def _check_version(decoder: Any) -> None:
+    """Refuse a decoder of earlier versions: on another scale of drag, or without its flights' residuals."""
+    parts = decoder if isinstance(decoder, dict) else {}
+    if "unit_n" not in (parts.get("drag_scale") or {}) or "residuals" not in parts:
+        raise _wrong("a model of an earlier version", "decoder.drag_scale with a unit_n, and decoder.residuals")
 
 
 def _check_known(section: dict[str, Any], kinds: dict[str, tuple[type, ...]], name: str) -> None:

@@ -5,7 +5,6 @@ from typing import Any
 
 import torch
 from jsonargparse.typing import OpenUnitInterval, PositiveFloat
-from torch import Tensor
 
 from descentflow.core.arguments import checked_settings
 from descentflow.core.errors import DataError
@@ -15,11 +14,11 @@ from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.drag_scale import DragScale, DragScaleName, fit_drag_scale
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.gappy import GappyFPCA, Method
-from descentflow.representation.fpca.roughness import SPREAD_WEIGHT, smoother
 from descentflow.representation.linear_curves import Gaps
 from descentflow.representation.plausibility import MARGIN, Bounds, Plausibility
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation, Split
+from descentflow.representation.residuals import fit_residuals
 
 CAS_SHARE = 0.95
 """Share of the variance of CAS that components explain, for operators' speeds lie apart by little."""
@@ -38,8 +37,8 @@ class RepresentationSettings:
             paper (section 2.4).
         bounds: What samples are held to: ``expected``, extremes as of 3,000 training flights or more, and changes from
             level to level; or ``paper``, extremes as observed.
-        residual: Whether samples have the drag and the speed beyond the components, with their own variance; never with
-            ``iterative``, which does not know it.
+        residual: Whether samples have the drag and the speed of training flights beyond the components; never with
+            ``iterative``, which does not know them.
         drag_scale: Scale on which drag is linear in the weights: ``log``, the logarithm of drag minus idle thrust, so
             that all weights descend; or ``newton``, as in the paper.
         gaps: What densities are fitted to and scored by: ``marginal``, the likelihood of the levels that a flight
@@ -97,7 +96,7 @@ def fit_representation(
     bases = _fitted_bases(train, shares, settings.fpca, scale)
     decoder = standardised_decoder(train, aircraft, bases, scale, mass_kg)
     if settings.residual and settings.fpca == "ppca":
-        decoder.keep_residual(residual_drag(decoder, train), residual_speed(decoder, train))
+        decoder.residuals = fit_residuals(decoder, train)
     plausibility = Plausibility.from_profiles(train, settings.margin, settings.bounds, scale)
     return Representation(decoder, plausibility, split, provenance or {})
 
@@ -154,63 +153,3 @@ def _fitted_bases(
         for values, share in zip(found.values, explained_variance, strict=True)
     )
     return drag, cas
-
-
-def residual_drag(decoder: DescentDecoder, train: Profiles) -> Tensor:
-    """Curves of drag (r, L), N on its scale, each of which samples have times a standard normal of its own.
-
-    They are the directions of the probabilistic PCA beyond the kept components, which are smooth, made as large at each
-    level as what flights show less their kept components. Where few flights show a level, as at the top, the model's
-    are half as large again.
-
-    Args:
-        decoder: With the components kept, of a probabilistic PCA.
-        train: Training flights on its grid.
-
-    Example:
-        >>> from descentflow.representation.encode_flights import encode_flights
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> import polars as pl
-        >>> known = load_representation("best.ckpt")
-        >>> train = encode_flights(pl.read_parquet("descents.parquet"), known)["train"].profiles
-        >>> curves = residual_drag(known.decoder, train)
-        >>> spread = curves.square().sum(0).sqrt()
-        >>> bool((spread < train.drag_n[:, 0].std()).all())  # less than of the flights
-        True
-    """
-    kept, *_ = decoder.profiles(decoder.encode(train))
-    shown = decoder.drag_scale.observed(train).values[0]
-    return _as_large_as_left(decoder.drag_basis, shown - kept, train.mask)
-
-
-def residual_speed(decoder: DescentDecoder, train: Profiles) -> Tensor:
-    """Deviations of the CAS (s, L) in m/s, as :func:`residual_drag` has those of drag.
-
-    Args:
-        decoder: With the components kept, of a probabilistic PCA.
-        train: Training flights on its grid.
-
-    Example:
-        >>> from descentflow.representation.encode_flights import encode_flights
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> import polars as pl
-        >>> known = load_representation("best.ckpt")
-        >>> train = encode_flights(pl.read_parquet("descents.parquet"), known)["train"].profiles
-        >>> residual_speed(known.decoder, train).shape[1] == train.cas_mps.shape[1]
-        True
-    """
-    _, kept = decoder.curves(decoder.encode(train))
-    return _as_large_as_left(decoder.cas_basis, train.cas_mps - kept, train.mask)
-
-
-def _as_large_as_left(basis: FunctionalBasis, left: Tensor, mask: Tensor) -> Tensor:
-    """Directions that a basis leaves out, as large as ``left`` (n, L) of what flights show.
-
-    They carry the noise of the probabilistic PCA as well, for it is how flights vary from one stretch of levels to the
-    next. So they are made larger by it at the most; smaller as flights show.
-    """
-    curves, count = basis.left_out().T, mask.sum(0).to(left)
-    model = curves.square().sum(0)
-    shown = torch.where(mask, left, 0.0).square().sum(0) / count
-    ratio = (torch.minimum(shown, model + basis.noise_variance) / model.clamp(min=1e-18)).sqrt()
-    return (curves * (smoother(count, SPREAD_WEIGHT) @ ratio).clamp(min=0.0)).contiguous()

@@ -203,19 +203,6 @@ def evidence_of(decoder: DescentDecoder, flights: Profiles, gaps: Gaps = "margin
     return Evidence.of_information(*found.marginal(curves.n_weights), found.group)
 
 
-def residual_profiles(decoder: DescentDecoder) -> Tensor:
-    """Profile (R,) that each residual number of :func:`linear_curves` is of, in the order of the decoder's bases.
-
-    Example:
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> decoder = load_representation("best.ckpt").decoder
-        >>> int((residual_profiles(decoder) == 0).sum()) == len(decoder.residual)  # of drag
-        True
-    """
-    counts = torch.tensor([basis.left_out().shape[1] for basis in decoder.bases.values()])
-    return torch.arange(len(counts)).repeat_interleave(counts)
-
-
 def _blocks(parts: list[Tensor]) -> Tensor:
     """Block-diagonal matrix."""
     blocks: Tensor = torch.block_diag(*parts)  # type: ignore[no-untyped-call]

@@ -114,7 +114,7 @@ class Representation(nn.Module):
         weights: Tensor,
         entry: Tensor | None = None,
         *,
-        white: Tensor | None = None,
+        residual: Tensor | None = None,
         draws: DrawNumbers = FIRST_DRAWS,
         out: Trajectories | None = None,
     ) -> Trajectories:
@@ -123,7 +123,7 @@ class Representation(nn.Module):
         Args:
             weights: (n, d) standardised weights.
             entry: (n,) index of the entry level; the top of the grid if absent.
-            white: (n, r + s) standard normals for what lies beyond the components, see the decoder.
+            residual: (n, r + s) residual numbers, see the decoder.
             draws: Seed and numbers of these draws, which determine the flights that a partial effect changes.
             out: Descents of the same shape whose arrays may take the result.
 
@@ -133,7 +133,7 @@ class Representation(nn.Module):
             >>> len(model.representation.fly(model.sample(4, seed=0)))
             4
         """
-        flown: Trajectories = self.decoder(weights, entry, out=out, white=white)
+        flown: Trajectories = self.decoder(weights, entry, out=out, residual=residual)
         return flown if self.correction is None else self.correction.apply(self.decoder.aircraft, flown, draws)
 
     def to_state(self) -> dict[str, Any]:

@@ -21,8 +21,6 @@ pytest.importorskip("onnxscript", reason="onnxscript is in the extra onnx of des
 pytestmark = pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::DeprecationWarning")
 
 N = 60
-N_SCALES = 2
-"""Of the toy mixture's residual law."""
 OUTPUTS = ["level_fl", *PROFILES, "accepted", "broken", "weights"]
 KINDS = ("gaussian", "mixture", "whitened flow")
 OURS = {"float64": 1e-9, "float32": 1e-4}
@@ -42,18 +40,14 @@ def by_onnx(program: ExportedProgram, inputs: dict[str, Tensor]) -> dict[str, Te
 def ours(model: Density, sampler: SamplerGraph, inputs: dict[str, Tensor]) -> tuple[dict[str, Tensor], Tensor]:
     """Inputs with noise of a seed, and our table and weights of the same numbers."""
     entry = sampler.descents.entry(inputs["entry_fl"])
-    component, residual_noise = None, inputs["residual_noise"].double()
+    component = None
     if sampler.draw.picks:
         assert isinstance(sampler.draw, MixtureDraw)
-        of_both = sampler.draw.component(entry, inputs["uniform"])
-        component, scale = of_both // N_SCALES, of_both % N_SCALES
+        component = sampler.draw.component(entry, inputs["uniform"])
     noise, weights = weights_of(model, 5, len(entry), component)
     inputs["noise"] = noise.to(inputs["noise"])
-    if model.residual_law is None:
-        white = model.residual(weights, residual_noise, 0, components=component)
-    else:
-        white = model.residual_law.of(weights, residual_noise, component, scale)
-    return table_of(PARTS, weights, entry, white), weights
+    residual = PARTS.decoder.residuals.draw(weights, entry, inputs["neighbour"])
+    return table_of(PARTS, weights, entry, residual), weights
 
 
 def compare(kind: str, precision: Precision) -> None:
@@ -69,7 +63,8 @@ def compare(kind: str, precision: Precision) -> None:
     found = by_onnx(program, inputs)
     torch.testing.assert_close(found["weights"].double(), weights, rtol=0, atol=1e-12 if double else 2e-6)
     good = found["accepted"]
-    assert 0.2 < float(good.double().mean()) < 1, "draws of both kinds are compared"
+    assert float(good.double().mean()) > 0.2
+    assert kind == "gaussian" or not bool(good.all()), "draws of both kinds are compared"
     for name in PROFILES:
         # Drag is tens of thousands of N, rates are thousands of ft/min.
         within = {"drag_n": 100, "vertical_rate": 10}.get(name, 1) * OURS[precision]

@@ -283,14 +283,6 @@ def test_checkpoints_from_before_contexts_still_load(density: Density, settings:
     assert not any("slope" in key or "correlation" in key for key in content["state_dict"])
 
 
-def test_clusters_of_earlier_mixtures_are_passed_over(tmp_path: Path) -> None:
-    model, path = saved("mixture", tmp_path)
-    content = torch.load(path, weights_only=True)
-    content["descentflow"]["settings"]["clusters"] = {"n_speed": 3, "n_drag": 1, "n_drag_weights": 2}
-    torch.save(content, path)
-    assert torch.equal(load_model(path).sample(5, seed=1), model.sample(5, seed=1))
-
-
 def test_a_density_in_memory_becomes_a_checkpoint(tmp_path: Path) -> None:
     model, _ = saved("mixture", tmp_path)
     torch.save(content_of(model.density), tmp_path / "copy.ckpt")

@@ -126,7 +126,8 @@ def test_all_weights_descend() -> None:
     decoder = parts(toys.flights(200)).decoder
     generator = torch.Generator().manual_seed(0)
     weights = 6 * torch.randn(500, decoder.dimension, generator=generator).double()
-    flown = decoder(weights, white=6 * torch.randn(500, decoder.n_white, generator=generator).double())
+    residual = 6 * torch.randn(500, decoder.residuals.n_numbers, generator=generator).double()
+    flown = decoder(weights, residual=residual)
     assert bool((flown.rate_mps < 0).all())
     in_newtons = parts(toys.flights(200), drag_scale="newton").decoder
     assert bool((in_newtons(weights[:, : in_newtons.dimension]).rate_mps > 0).any())
@@ -148,9 +149,11 @@ def test_a_gaussian_has_the_quantiles_of_skewed_flights_on_the_scale_alone(scale
     known = parts(train, drag_scale=scale, explained_variance=0.99)
     density, weights = GaussianDensity(known.decoder.dimension), known.decoder.encode(train)
     density.loc.data, density.scale_tril.data = weights.mean(0), torch.linalg.cholesky(torch.cov(weights.T))
-    white = torch.randn(20_000, known.decoder.n_white, generator=torch.Generator().manual_seed(3)).double()
+    residuals, generator = known.decoder.residuals, torch.Generator().manual_seed(3)
     with torch.no_grad():
-        drawn = known.decoder(density.sample(20_000, seed=0), white=white).drag_n
+        w, uniform = density.sample(20_000, seed=0), torch.rand(20_000, generator=generator)
+        entry = torch.full((20_000,), len(train.levels_fl) - 1)
+        drawn = known.decoder(w, entry, residual=residuals.draw(w, entry, uniform)).drag_n
     p = [ks_2samp(drawn[:, i].numpy(), test.drag_n[:, i].numpy()).pvalue for i in range(10, 210, 40)]
     assert (float(min(p)) > 1e-4) == (scale == "log"), p
 

@@ -1,12 +1,15 @@
 """Samples whose component depends on where they enter, and that have the drag and CAS that components leave out."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import torch
 import toys
 from scipy.stats import binomtest, chisquare
 
+from descentflow.core.errors import CheckpointError
+from descentflow.densities.checkpoint import load_model
 from descentflow.densities.entry_gate import EntryGate, learn_gate
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
@@ -14,11 +17,12 @@ from descentflow.generation.rejection import MAX_TRIES, sample_descents
 from descentflow.representation.fit_representation import (
     RepresentationSettings,
     fit_representation,
-    residual_drag,
-    residual_speed,
 )
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation, Split
+from descentflow.representation.residuals import fit_residuals
+from descentflow.training.fit import fit
+from descentflow.training.models.gaussian_model import Gaussian
 
 PARTS = toys.representation(400)
 D = PARTS.decoder.dimension
@@ -118,7 +122,7 @@ def test_samples_have_the_spread_that_components_leave_out(name: str) -> None:
     parts, flights = with_residual()
     decoder = parts.decoder
     of_drag, of_cas = decoder.weight_scale.split([basis.n_components for basis in decoder.bases.values()])
-    residual, scale = (decoder.residual, of_drag) if name == "drag" else (decoder.speed_residual, of_cas)
+    residual, scale = (decoder.residuals.drag, of_drag) if name == "drag" else (decoder.residuals.speed, of_cas)
     drag, cas = decoder.drag_scale.observed(flights).values
     spread = (drag if name == "drag" else cas).std(0)
     assert len(residual) >= 1
@@ -126,37 +130,38 @@ def test_samples_have_the_spread_that_components_leave_out(name: str) -> None:
     total = (kept.square().sum(1) + residual.square().sum(0)).sqrt()
     assert float((total / spread - 1).abs().mean()) < 0.03
     assert float((kept.square().sum(1).sqrt() / spread).mean()) < 0.95
-    white = torch.randn(4000, decoder.n_white, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
-    flown = decoder(torch.zeros(4000, decoder.dimension, dtype=torch.float64), white=white)
+    n, generator = decoder.residuals.n_numbers, torch.Generator().manual_seed(1)
+    white = torch.randn(4000, n, generator=generator, dtype=torch.float64)
+    flown = decoder(torch.zeros(4000, decoder.dimension, dtype=torch.float64), residual=white)
     found = (decoder.drag_scale.scaled(flown.drag_n, flown.cas_mps) if name == "drag" else flown.cas_mps).std(0)
     torch.testing.assert_close(found, residual.square().sum(0).sqrt(), rtol=0.06, atol=1.0 if name == "drag" else 0.01)
 
 
-def test_the_residual_travels_with_the_decoder_and_old_checkpoints_have_none() -> None:
-    parts, _ = with_residual()
-    state = parts.to_state()
-    again = Representation.from_state(state)
-    assert torch.equal(again.decoder.residual, parts.decoder.residual)
-    assert torch.equal(again.decoder.speed_residual, parts.decoder.speed_residual)
-    older = {**state, "decoder": {k: v for k, v in state["decoder"].items() if "residual" not in k}}
-    assert Representation.from_state(older).decoder.n_white == 0
+def test_old_checkpoints_without_flights_residuals_are_refused(tmp_path: Path) -> None:
+    model = fit(toys.write_descents_file(tmp_path / "descents.parquet", 100), Gaussian(), final=False)
+    model.save(tmp_path / "best.ckpt")
+    content = torch.load(tmp_path / "best.ckpt", weights_only=True)
+    del content["descentflow"]["representation"]["decoder"]["residuals"]
+    torch.save(content, tmp_path / "old.ckpt")
+    with pytest.raises(CheckpointError, match=r"a model of an earlier version.*fit again"):
+        load_model(tmp_path / "old.ckpt")
 
 
 def test_the_residual_is_an_option() -> None:
     flights = toys.flights(200)
     split = Split(flights.flight_ids, (), ())
     bare = fit_representation(flights, toys.AIRCRAFT, split, RepresentationSettings(residual=False)).decoder
-    assert bare.n_white == 0
+    assert bare.residuals.n_numbers == 0
+    assert bare.residuals.draw(torch.zeros(3, bare.dimension), torch.zeros(3), torch.zeros(3)).shape == (3, 0)
     whole = fit_representation(flights, toys.AIRCRAFT, split).decoder
-    assert torch.equal(residual_drag(bare, flights), whole.residual)
-    assert torch.equal(residual_speed(bare, flights), whole.speed_residual)
+    assert torch.equal(fit_residuals(bare, flights).drag, whole.residuals.drag)
 
 
 def test_the_residual_is_no_wider_than_what_flights_show() -> None:
     """A model of ten times the spread, as it may where few flights show a level."""
     parts, _ = with_residual()
     flights = toys.flights(600, gappy=False)
-    before = residual_drag(parts.decoder, flights).square().sum(0).sqrt()
+    before = fit_residuals(parts.decoder, flights).drag.square().sum(0).sqrt()
     parts.decoder.drag_basis.loadings.mul_(10)
-    after = residual_drag(parts.decoder, flights).square().sum(0).sqrt()
+    after = fit_residuals(parts.decoder, flights).drag.square().sum(0).sqrt()
     assert float((after / before.clamp(min=1.0)).max()) < 2

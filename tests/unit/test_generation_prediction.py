@@ -13,7 +13,6 @@ from descentflow.core.errors import ConfigError, DataError, SamplingError
 from descentflow.densities.density import Density
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.residual_law import ResidualLaw
 from descentflow.generation.prediction.posterior import Prior, log_density, posterior_of, prior_of
 from descentflow.generation.prediction.predictor import DescentPredictor
 from descentflow.generation.prediction.summary import (
@@ -29,6 +28,7 @@ from descentflow.representation.drag_scale import Observed
 from descentflow.representation.encode_flights import EncodedFlights
 from descentflow.representation.linear_curves import KEPT_NOISE, LinearCurves, linear_curves
 from descentflow.representation.profiles import Profiles
+from descentflow.representation.residuals import ResidualLine
 
 
 def normal(*shape: int, seed: int = 0) -> Tensor:
@@ -58,27 +58,27 @@ def two_components() -> Mixture:
     return Mixture(torch.tensor([0.3, 0.7], dtype=torch.float64), torch.stack([normal(3), -normal(3)]), factors)
 
 
-def law_of_two(known: bool) -> ResidualLaw:
-    plain = ResidualLaw.standard(2, 2, 3)
-    return replace(plain, offset=normal(2, 2, seed=4), slope=normal(2, 3, seed=5)) if known else plain
+def residual_line(known: bool) -> ResidualLine:
+    plain = ResidualLine.standard(2, 3)
+    return ResidualLine(normal(2, seed=4), normal(2, 3, seed=5), 0.5 + plain.spread) if known else plain
 
 
 @pytest.mark.parametrize("known", [False, True])
 def test_each_component_and_its_probability_are_those_of_the_joint_gaussian(known: bool) -> None:
     """Condition the joint of (u, observed) by blocks, component by component: another route to the same posterior."""
-    curves, mixture, law = linear(), two_components(), law_of_two(known)
+    curves, mixture, line = linear(), two_components(), residual_line(known)
     mask = torch.tensor([True, False, True, True, False, False])
     seen = torch.cat([mask, mask])
     drag, cas = normal(6, seed=2), normal(6, seed=3)
-    prior = Prior(mixture, None, residual_law=law if known else None)
+    prior = Prior(mixture, None, residual=line if known else None)
     found = posterior_of(prior, *seen_of(curves, drag, cas, mask))
     rows, observed = curves.loadings[seen], torch.cat([drag, cas])[seen]
     log_probs = []
     for k in range(2):
-        mean = torch.cat([mixture.locs[k], law.offset[k] + law.slope @ mixture.locs[k]])
+        mean = torch.cat([mixture.locs[k], line.offset + line.slope @ mixture.locs[k]])
         own = mixture.scale_trils[k] @ mixture.scale_trils[k].T
-        across = law.slope @ own
-        rest = across @ law.slope.T + torch.diag(law.spread[k] ** 2)
+        across = line.slope @ own
+        rest = across @ line.slope.T + torch.diag(line.spread**2)
         covariance = torch.cat([torch.cat([own, across.T], 1), torch.cat([across, rest], 1)])
         marginal = rows @ covariance @ rows.T + noise_left(curves)[seen][:, seen]
         gain = covariance @ rows.T @ torch.linalg.inv(marginal)
@@ -123,6 +123,8 @@ class Opaque(Density):
 
 def test_importance_resampling_meets_the_closed_form() -> None:
     opaque, curves = Opaque(3), linear()
+    for one in (opaque, opaque.hidden):
+        one.attach(toys.representation_of(3))
     evidence = seen_of(curves, normal(6, seed=2), normal(6, seed=3), torch.arange(6) < 4)
     exact = posterior_of(prior_of(opaque.hidden), *evidence)
     weighted = posterior_of(prior_of(opaque), *evidence)
@@ -136,6 +138,8 @@ def test_importance_resampling_meets_the_closed_form() -> None:
 
 def test_a_density_that_excludes_the_flight_says_so() -> None:
     opaque, curves = Opaque(3), linear()
+    for one in (opaque, opaque.hidden):
+        one.attach(toys.representation_of(3))
     far = seen_of(curves, 1e3 + normal(6), 1e3 + normal(6), torch.ones(6, dtype=torch.bool))
     posterior = posterior_of(prior_of(opaque), *far)
     with pytest.raises(SamplingError, match="effective"):

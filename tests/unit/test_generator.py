@@ -27,6 +27,7 @@ from descentflow.densities.gaussian import GaussianDensity
 from descentflow.generation.prediction.predictor import DescentPredictor
 from descentflow.representation.context import ContextEncoder
 from descentflow.representation.representation import Representation
+from descentflow.representation.residuals import Residuals
 
 ASKED: list[dict[str, object]] = [
     {},
@@ -181,7 +182,9 @@ def test_a_time_needs_a_level_of_entry() -> None:
 def test_two_values_that_one_component_of_speed_cannot_both_have() -> None:
     """Without deviations of speed, as many values as components of CAS are free; one more is what they imply."""
     density, parts = toy.mixture(True), Representation.from_state(toy.state())
-    parts.decoder.keep_residual(parts.decoder.residual)
+    held = parts.decoder.residuals
+    of_drag = held.numbers[:, : len(held.drag)]
+    parts.decoder.residuals = Residuals(held.drag, held.speed[:0], held.weights, of_drag, held.entry)
     density.attach(parts)
     one, levels = df.Generator(density, seed=5), (275, 300, 330, 345)
     n_cas = parts.decoder.cas_basis.n_components

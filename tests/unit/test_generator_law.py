@@ -1,13 +1,15 @@
 """Descents that meet constraints have the law of unconditional samples that happen to meet them.
 
 Every comparison is a two-sample Kolmogorov-Smirnov test of six quantities with p > 1e-4 each: one right sampler in some
-2,000 fails one. A value is compared with samples within a band so narrow that the law hardly changes across it.
+2,000 fails one. Where as many speeds are asked as the model has weights of speed, or a band is as narrow as residuals
+are, the residuals of neighbours are no exact law of those that meet it: the distance must then be below 0.1. A value is
+compared with samples within a band so narrow that the law hardly changes across it.
 """
 
 import generator_toys as toy
 import pytest
 import torch
-from generator_toys import cas_kt, cut, distance_nm, index, p_values, samples
+from generator_toys import cas_kt, comparisons, cut, distance_nm, index, p_values, samples
 
 import descentflow as df
 from descentflow.representation.decoder.trajectories import Trajectories, concatenate
@@ -15,10 +17,12 @@ from descentflow.representation.decoder.trajectories import Trajectories, concat
 N = 1500
 
 
-def compare(asked: dict[str, object], brute: Trajectories, *, gated: bool = False, n: int = N) -> df.Generator:
+def compare(
+    asked: dict[str, object], brute: Trajectories, *, gated: bool = False, n: int = N, within: float = 0.0
+) -> df.Generator:
     found = df.Generator(toy.mixture(gated), seed=3).next_batch(n, **asked)
-    worst = p_values(found.trajectories, brute)
-    assert min(worst.values()) > toy.RARE, worst
+    compared = comparisons(found.trajectories, brute)
+    assert all(distance < within or p > toy.RARE for distance, p in compared.values()), compared
     return found
 
 
@@ -48,7 +52,9 @@ def test_two_speeds_and_one_side_open() -> None:
         return (cas_kt(t, 280) < 300) & (t.mach[:, index(350)] > 0.765) & (t.mach[:, index(350)] < 0.78)
 
     found = compare(
-        {"entry_fl": 350, "cas_kt": {280: (None, 300)}, "mach": (0.765, 0.78)}, cut(samples(False, 350), meets)
+        {"entry_fl": 350, "cas_kt": {280: (None, 300)}, "mach": (0.765, 0.78)},
+        cut(samples(False, 350), meets),
+        within=0.1,
     )
     assert found.proposals > 1
     assert float(found.effective.min()) >= 8
@@ -59,7 +65,7 @@ def test_a_mach_number_at_whatever_level_the_descent_begins() -> None:
         own = t.mach.gather(1, t.entry[:, None])[:, 0]
         return (own > 0.77) & (own < 0.775)
 
-    compare({"mach": (0.77, 0.775)}, cut(samples(False, None), meets))
+    compare({"mach": (0.77, 0.775)}, cut(samples(False, None), meets), within=0.1)
 
 
 @pytest.mark.parametrize("entry_fl", [320, 350, None])

@@ -59,18 +59,15 @@ def fitted(
         return looks.found[0], [load_model(path) for path in files]
 
 
-def test_each_epoch_of_a_mixture_has_its_gate_and_residual_law(descents: Path, tmp_path: Path) -> None:
+def test_each_epoch_of_a_mixture_has_its_gate(descents: Path, tmp_path: Path) -> None:
     model = GaussianMixture(n_clusters=2, tolerance=1e-12)
     before, kept = fitted(model, DescentDataModule(descents), tmp_path, "val/nll")
     assert isinstance(before, GaussianMixtureDensity)
     assert before.entry_gate is None
-    assert before.residual_law is None
-    spreads = set()
+    shares = set()
     for mixture in kept:
         assert isinstance(mixture, GaussianMixtureDensity)
         assert mixture.entry_gate is not None
-        assert mixture.residual_law is not None
-        assert mixture.residual_law.offset.shape[0] == 2
-        spreads.add(float(mixture.residual_law.spread.sum()))
-    assert len(spreads) > 1, "each epoch its own"
+        shares.add(float(mixture.entry_gate.shares[0, 0]))
+    assert len(shares) > 1, "each epoch its own"
     assert torch.equal(model.density.mixture.locs, kept[-1].mixture.locs), "the model stays at its last epoch"

@@ -62,7 +62,7 @@ def test_components_are_as_frequent_as_the_gate_says() -> None:
     assert isinstance(draw, MixtureDraw)
     uniform = torch.rand(4000, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
     for entry, shares in zip((170, 171), model.entry_gate.shares, strict=True):  # type: ignore[union-attr, attr-defined]
-        found = draw.component(torch.full((4000,), entry), uniform) // 2  # each has two scales
+        found = draw.component(torch.full((4000,), entry), uniform)
         counts = torch.bincount(found, minlength=3)
         assert chisquare(counts.numpy(), (4000 * shares / shares.sum()).numpy()).pvalue > 1e-4
 
@@ -71,7 +71,7 @@ def test_without_noise_beyond_the_components_they_fly_alone() -> None:
     model = density("gaussian", PARTS)
     sampler = SamplerGraph(model)
     inputs = sampler.example_inputs(N)
-    del inputs["residual_noise"]
+    del inputs["neighbour"]
     entry = sampler.descents.entry(inputs["entry_fl"])
     noise, weights = weights_of(model, 1, N)
     found, expected = sampler(**{**inputs, "noise": noise}), table_of(PARTS, weights, entry, None)
@@ -117,7 +117,7 @@ def test_the_description_tells_shapes_units_bounds_and_how_to_draw_again() -> No
         "type": "float32",
         "meaning": "independent standard normals, from which the weights are made",
     }
-    assert list(about["inputs"]["decoder"]) == ["weights", "entry_fl", "residual_noise"]
+    assert list(about["inputs"]["decoder"]) == ["weights", "entry_fl", "neighbour"]
     assert about["outputs"]["vertical_rate"]["unit"] == "ft/min"
     assert about["rules"][-1] == OFF_GRID
     low, high = about["bounds"]["drag_n"]

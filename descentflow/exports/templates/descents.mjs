@@ -100,7 +100,7 @@ export class Descents {
       requests.flatMap((request) => Array.from({ length: width }, (_, k) => value(request, k)));
     const values = {
       noise: () => this.random.normal(),
-      residual_noise: () => this.random.normal(),
+      neighbour: () => this.random.uniform(),
       entry_fl: (request) => request.entry_fl,
       uniform: (request) => request.uniform,
       context: (request, k) => request.context[k],

@@ -20,6 +20,7 @@ from descentflow.generation.conditional.speed_conditions import (
     Conditions,
     Rows,
     conditions,
+    gain,
     log_total,
 )
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
@@ -74,7 +75,7 @@ class FreeTarget:
         if request.entry is not None:
             shares = (np.arange(len(shares)) == request.entry).astype(np.float64)
         self.up_to = shares.cumsum()
-        self.width = 2 + self.decoder.dimension + self.decoder.n_white
+        self.width = 3 + self.decoder.dimension
 
     @torch.no_grad()
     def propose(self, uniform: Array) -> Proposed:
@@ -82,18 +83,19 @@ class FreeTarget:
         d, density = self.density.dimension, self.density
         index = np.searchsorted(self.up_to, uniform[:, 0] * self.up_to[-1], side="right")
         entry = torch.from_numpy(np.minimum(index, len(self.up_to) - 1))
-        white = torch.from_numpy(ndtri(uniform[:, 2:]))
+        white = torch.from_numpy(ndtri(uniform[:, 2 : 2 + d]))
         if isinstance(density, TransformedDensity):
             rows = None if self.context is None else self.context.expand(len(uniform), -1)
-            weights = density.of_white(white[:, :d].contiguous(), rows).double()
+            weights = density.of_white(white, rows).double()
         else:
             # Of any other density a number can be drawn by a seed alone.
             seeds = (uniform[:, 1] * 2**53).astype(np.int64).tolist()
             weights = torch.cat([density.sample(1, seed, self.context) for seed in seeds]).double()
-        return Proposed(torch.cat([weights, white[:, d:]], 1), entry, np.zeros(len(uniform)))
+        residual = self.decoder.residuals.draw(weights, entry, torch.from_numpy(uniform[:, 2 + d]))
+        return Proposed(torch.cat([weights, residual], 1), entry, np.zeros(len(uniform)))
 
     def fly(self, u: Tensor, entry: Tensor) -> Trajectories:
-        """Descents of weights and standard normals (n, D)."""
+        """Descents of weights and residual numbers (n, D)."""
         d = self.decoder.dimension
         return self.decoder.fly(self.decoder.profiles(u[:, :d], u[:, d:]), entry)
 
@@ -120,7 +122,8 @@ class ConditionedTarget:
         """Hold what was conditioned."""
         self.latent, self.entry, self.speeds = latent, entry, speeds
         self.point, self.decoder = point, decoder
-        self.width = 2 + latent.means.shape[1] + speeds.rows.n_rows
+        self.width = 3 + latent.means.shape[1] + speeds.rows.n_rows
+        self.held_gain = gain(latent.weights_alone, speeds.rows)
         shares = speeds.log_probs if point is None else point.log_probs
         self.up_to = np.exp(shares - log_total(shares)).cumsum()
         equal = speeds.in_closed_form and point is None
@@ -130,10 +133,13 @@ class ConditionedTarget:
     def propose(self, uniform: Array) -> Proposed:
         """One proposal for each row."""
         cell = np.minimum(np.searchsorted(self.up_to, uniform[:, 0], side="right"), len(self.up_to) - 1)
-        size = self.latent.means.shape[1]
-        u = (self.latent.roots[cell] @ ndtri(uniform[:, 2 : 2 + size])[:, :, None])[:, :, 0]
-        u, log_weight = self.speeds.meet(cell, u, uniform[:, 2 + size :])
-        entry = torch.from_numpy(self.entry[cell])
+        end, entry = 2 + self.latent.means.shape[1], torch.from_numpy(self.entry[cell])
+        u = (self.latent.roots[cell] @ ndtri(uniform[:, 2:end])[:, :, None])[:, :, 0]
+        u, log_weight = self.speeds.meet(cell, u, uniform[:, end:-1])
+        # With another residual the weights meet the same speeds.
+        own = self.latent.with_residuals(cell, entry, u, uniform[:, -1])
+        off = self.speeds.rows.matrix[cell] @ (u - own)[:, :, None]
+        u = own + (self.held_gain[cell] @ off)[:, :, 0]
         if self.point is None:
             whole = torch.from_numpy(u + self.latent.means[cell])
         else:
@@ -178,7 +184,7 @@ def conditioned_target(request: Request, latent: LatentDensity, density: Density
     component, entry = np.tile(np.arange(n), len(entries)), np.repeat(entries, n)
     own = np.tile(latent.log_probs, len(entries))
     if request.flown is None and (gate := _gate(density)) is not None:
-        own = _log_gated(density, gate, entries).ravel()
+        own = _log_gated(gate, entries).ravel()
     shares = own if request.entry is not None else own + log_entries[entry]
     # Values before bands.
     asked = tuple(sorted(request.speeds, key=lambda speed: speed.low < speed.high))
@@ -227,13 +233,10 @@ def _gate(density: Density) -> EntryGate | None:
     return None if density.mixture is None or density.n_context else getattr(density, "entry_gate", None)
 
 
-def _log_gated(density: Density, gate: EntryGate, entries: np.ndarray) -> Array:
-    """Log shares (E, K) of the components at levels of entry, each of which strays at one scale."""
-    shares, law = gate.of(torch.from_numpy(entries)), density.residual_law
-    if law is not None:
-        shares = (shares[:, :, None] * law.scale_probs / law.scale_probs.sum()).flatten(1)
+def _log_gated(gate: EntryGate, entries: np.ndarray) -> Array:
+    """Log shares (E, K) of the components at levels of entry."""
     with np.errstate(divide="ignore"):
-        found: Array = np.log(shares.numpy())
+        found: Array = np.log(gate.of(torch.from_numpy(entries)).numpy())
     return found
 
 

@@ -1,6 +1,6 @@
 """A density as Gaussians over latent numbers u, of which profiles are linear: before and after a part was flown.
 
-Before, u holds the weights and the standard normals of what samples have beyond the components. After, it holds what
+Before, u holds the weights and the residual numbers of samples. After, it holds what
 :class:`~descentflow.generation.prediction.predictor.DescentPredictor` conditions: weights and the residual components
 of each profile.
 """
@@ -14,13 +14,15 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from descentflow.densities.density import Density
-from descentflow.densities.residual_law import ResidualLaw
 from descentflow.generation.prediction.posterior import Prior, log_density, posterior_of, prior_of
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.linear_curves import LinearCurves, linear_curves
 from descentflow.representation.profiles import Profiles
+from descentflow.representation.residuals import ResidualLine, Residuals
 
 Array = NDArray[np.float64]
+HELD_SHARE = 1e-3
+"""Of the variance of residual numbers, by which they give where weights alone cannot meet what is asked."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,7 @@ class LatentDensity:
         means: (K, D).
         roots: (K, D, D) whose products with their transposes are the covariances.
         curves: Drag on the decoder's scale and CAS (m/s) as functions of u, whose first numbers are the weights.
+        residuals: What residual numbers are drawn of, given the weights; None where they are Gaussian.
         prior: What proposes and what it stands for, where the density is no mixture; None where it is.
 
     Example:
@@ -47,6 +50,7 @@ class LatentDensity:
     means: Array
     roots: Array
     curves: LinearCurves
+    residuals: Residuals | None = None
     prior: Prior | None = None
 
     @cached_property
@@ -54,6 +58,22 @@ class LatentDensity:
         """Offset (L,) and loadings (D, L) of CAS."""
         offset, loadings = (_numbers(values.chunk(2)[1]) for values in (self.curves.offset, self.curves.loadings))
         return offset, loadings.T
+
+    def with_residuals(self, cell: np.ndarray, entry: Tensor, u: Array, uniform: Array) -> Array:
+        """Draws (n, D) less the means of their Gaussians, with the residual numbers of flights near their weights."""
+        if self.residuals is None:
+            return u
+        d, means = self.curves.n_weights, self.means[cell]
+        weights = torch.from_numpy(means[:, :d] + u[:, :d])
+        numbers = self.residuals.draw(weights, entry, torch.from_numpy(uniform)).numpy()
+        return np.concatenate([u[:, :d], numbers - means[:, d:]], 1)
+
+    @property
+    def weights_alone(self) -> Array:
+        """Roots (K, D, D) of the covariances with next to nothing of what the residual numbers vary by themselves."""
+        scale = np.ones(self.means.shape[1])
+        scale[self.curves.n_weights :] = HELD_SHARE**0.5
+        return self.roots * scale
 
     def log_ratio(self, u: Tensor) -> Array:
         """Log of the density over what proposes (n,), at (n, D); zero where both are the same."""
@@ -79,18 +99,17 @@ def latent_density(density: Density, context: Tensor | None, seed: int = 0) -> L
         >>> decoder, latent = model.representation.decoder, latent_density(model, None)
         >>> d = decoder.dimension
         >>> root = model.mixture.scale_trils[0].detach().numpy()  # of the weights
-        >>> bool((latent.roots[0, :d, :d] == root).all()), latent.means.shape[1] == d + decoder.n_white
+        >>> bool((latent.roots[0, :d, :d] == root).all()), latent.means.shape[1] == d + decoder.residuals.n_numbers
         (True, True)
     """
     decoder, prior = density.representation.decoder, prior_of(density, seed, context)
-    d, n_white, mixture = decoder.dimension, decoder.n_white, prior.mixture
-    known = prior.residual_law or ResidualLaw.standard(mixture.n_components, n_white, d)
-    law = known.first(n_white)
+    mixture, line = prior.mixture, prior.residual or ResidualLine.standard(0, decoder.dimension)
     return LatentDensity(
         _numbers(mixture.probs.log()),
-        _numbers(law.joint_means(mixture.locs)),
-        _numbers(law.joint_roots(mixture.scale_trils)),
+        _numbers(line.joint_means(mixture.locs)),
+        _numbers(line.joint_roots(mixture.scale_trils)),
         _sample_curves(decoder),
+        decoder.residuals,
         None if prior.exact is None else prior,
     )
 
@@ -128,13 +147,13 @@ def latent_density_after(
         # Precision L L': the transposed inverse of L is a root of the covariance.
         _numbers(torch.linalg.inv(posterior.precision_trils).mT),
         curves,
-        None if prior.exact is None else prior,
+        prior=None if prior.exact is None else prior,
     )
 
 
 def _sample_curves(decoder: DescentDecoder) -> LinearCurves:
-    """Profiles of the weights and of the standard normals that samples have beside them, without noise."""
-    d, size = decoder.dimension, decoder.dimension + decoder.n_white
+    """Profiles of the weights and residual numbers of samples, without noise."""
+    d, size = decoder.dimension, decoder.dimension + decoder.residuals.n_numbers
     rows = torch.cat([torch.zeros(1, size), torch.eye(size)]).to(decoder.weight_mean)
     values = torch.cat(decoder.profiles(rows[:, :d], rows[:, d:]), 1)
     return LinearCurves(values[0], (values[1:] - values[0]).T, torch.zeros_like(values[0]), d)

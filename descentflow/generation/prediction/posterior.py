@@ -9,7 +9,7 @@ from descentflow.core.errors import SamplingError
 from descentflow.densities.density import Density
 from descentflow.densities.em import fit_mixture
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.residual_law import ResidualLaw
+from descentflow.representation.residuals import ResidualLine
 
 PROPOSAL_DRAWS, PROPOSAL_COMPONENTS, WIDER = 4000, 4, 1.3
 """Draws of a flow to which the proposal is fitted, its mixture components, and the factor that widens them (tails)."""
@@ -32,8 +32,8 @@ class Prior:
     """None where the mixture is the density itself."""
     context: Tensor | None = None
     """Context of the exact density, (1, c)."""
-    residual_law: ResidualLaw | None = None
-    """Of the residual components given the weights, of one scale; standard normals where it is None."""
+    residual: ResidualLine | None = None
+    """Of the residual numbers given the weights; standard normals where it is None."""
 
     def log_prob(self, weights: Tensor) -> Tensor:
         """Log density (n,) of the exact density at weights (n, d)."""
@@ -55,17 +55,15 @@ def prior_of(density: Density, seed: int = 0, context: Tensor | None = None) -> 
         >>> prior_of(load_model("best.ckpt")).exact is None  # a Gaussian stands for itself
         True
     """
-    mixture = density.mixture_at(context)
+    mixture, residuals = density.mixture_at(context), density.representation.decoder.residuals
+    line = residuals.line if residuals.n_numbers else None
     if mixture is not None:
         plain = Mixture(*(v.detach() for v in (mixture.probs, mixture.locs, mixture.scale_trils)))
-        if density.residual_law is None:
-            return Prior(plain, None)
-        by_scale, law = density.residual_law.by_scale(plain)
-        return Prior(by_scale, None, residual_law=law)
+        return Prior(plain, None, residual=line)
     draws = density.sample(PROPOSAL_DRAWS, seed, context)
     draws = draws[draws.isfinite().all(1)]
     fitted, _ = fit_mixture(draws, PROPOSAL_COMPONENTS, seed=seed, n_restarts=2)
-    return Prior(Mixture(fitted.probs, fitted.locs, WIDER * fitted.scale_trils), density, context)
+    return Prior(Mixture(fitted.probs, fitted.locs, WIDER * fitted.scale_trils), density, context, line)
 
 
 @dataclass(frozen=True)
@@ -135,7 +133,7 @@ def posterior_of(prior: Prior, precision: Tensor, shift: Tensor) -> Posterior:
     """Condition a prior on evidence.
 
     Args:
-        prior: Over the d weights, with the law of the residual components.
+        prior: Over the d weights, with the law of the residual numbers.
         precision: (D, D) information of the observed levels, see
             :meth:`~descentflow.representation.linear_curves.LinearCurves.information`.
         shift: (D,).
@@ -151,9 +149,9 @@ def posterior_of(prior: Prior, precision: Tensor, shift: Tensor) -> Posterior:
         tensor([[1., 0.]], dtype=torch.float64)
     """
     mixture = prior.mixture
-    n_components, n_weights = mixture.locs.shape
-    law = prior.residual_law or ResidualLaw.standard(n_components, len(shift) - n_weights, n_weights)
-    prior_precision, location = law.joint_precisions(mixture.scale_trils), law.joint_means(mixture.locs)
+    n_weights = mixture.locs.shape[1]
+    line = prior.residual or ResidualLine.standard(len(shift) - n_weights, n_weights)
+    prior_precision, location = line.joint_precisions(mixture.scale_trils), line.joint_means(mixture.locs)
     pulled = (prior_precision @ location[:, :, None])[:, :, 0]
     factor = torch.linalg.cholesky(prior_precision + precision)
     mean = torch.cholesky_solve((pulled + shift)[:, :, None], factor)[:, :, 0]
@@ -161,7 +159,6 @@ def posterior_of(prior: Prior, precision: Tensor, shift: Tensor) -> Posterior:
     log_probs = (
         mixture.probs.log()
         - mixture.scale_trils.diagonal(dim1=-2, dim2=-1).log().sum(-1)
-        - law.spread.log().sum(-1)
         - factor.diagonal(dim1=-2, dim2=-1).log().sum(-1)
         - 0.5 * (location * pulled).sum(-1)
         + 0.5 * (mean * (pulled + shift)).sum(-1)

@@ -14,6 +14,7 @@ from descentflow.representation.decoder.trajectories import Trajectories, integr
 from descentflow.representation.drag_scale import DragScale
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.profiles import Profiles
+from descentflow.representation.residuals import Residuals
 
 
 class DescentDecoder(nn.Module):
@@ -39,8 +40,7 @@ class DescentDecoder(nn.Module):
     weight_scale: Tensor
     drag_basis: FunctionalBasis
     cas_basis: FunctionalBasis
-    residual: Tensor
-    speed_residual: Tensor
+    residuals: Residuals
 
     def __init__(
         self,
@@ -52,8 +52,7 @@ class DescentDecoder(nn.Module):
         weight_mean: Tensor,
         weight_scale: Tensor,
         mass_kg: float | None = None,
-        residual: Tensor | None = None,
-        speed_residual: Tensor | None = None,
+        residuals: Residuals | None = None,
     ) -> None:
         """Build from fitted parts.
 
@@ -66,18 +65,16 @@ class DescentDecoder(nn.Module):
             weight_mean: (d,) mean of the training flights' weights.
             weight_scale: (d,) their standard deviation.
             mass_kg: Mass that inferred the drag and flies it; the reference mass if absent.
-            residual: (r, L) drag that samples have beyond the components, each row times a standard normal of its own
-                (:func:`descentflow.representation.fit_representation.residual_drag`); none if absent.
-            speed_residual: (s, L) deviations of the CAS (m/s) that samples have, likewise.
+            residuals: What samples have beyond the components; nothing if absent.
         """
         super().__init__()
         self.aircraft = aircraft if mass_kg is None else aircraft.at_mass(mass_kg)
         self.drag_basis, self.cas_basis = drag_basis, cas_basis
         self.register_buffer("levels_fl", levels_fl.to(torch.float64), persistent=False)
-        self.keep_residual(levels_fl.new_zeros(0, len(levels_fl)) if residual is None else residual, speed_residual)
         self.register_buffer("weight_mean", weight_mean.to(torch.float64), persistent=False)
         self.register_buffer("weight_scale", weight_scale.to(torch.float64), persistent=False)
         self.drag_scale = drag_scale
+        self.residuals = Residuals.none(len(levels_fl), self.dimension) if residuals is None else residuals
         self._grids: dict[tuple[torch.dtype, torch.device], tuple[PerformanceModel, FlightGrid]] = {}
         self.grid(self.levels_fl)
 
@@ -114,20 +111,9 @@ class DescentDecoder(nn.Module):
         return ", ".join(f"{basis.n_components} of {name}" for name, basis in self.bases.items())
 
     @property
-    def n_white(self) -> int:
-        """Standard normals that a sample takes beyond its weights: of drag, then of the deviations of speed."""
-        return len(self.residual) + len(self.speed_residual)
-
-    @property
     def transition_fl(self) -> float:
         """Flight level where nominal BADA hands over from Mach to CAS; infinite where the type has no Mach leg."""
         return float(self.aircraft.transition_altitude_m()) / FL_M
-
-    def keep_residual(self, residual: Tensor, speed_residual: Tensor | None = None) -> None:
-        """Fly samples with drag (r, L) and deviations of speed (s, L) beyond the components, see the class."""
-        speed = residual.new_zeros(0, len(self.levels_fl)) if speed_residual is None else speed_residual
-        self.register_buffer("residual", residual.to(torch.float64), persistent=False)
-        self.register_buffer("speed_residual", speed.to(torch.float64), persistent=False)
 
     def encode(self, profiles: Profiles) -> Tensor:
         """Standardised weights (n, d) of observed profiles on this decoder's grid, gaps allowed."""
@@ -137,29 +123,26 @@ class DescentDecoder(nn.Module):
         standardised: Tensor = (raw - self.weight_mean) / self.weight_scale
         return standardised
 
-    def curves(self, weights: Tensor, white: Tensor | None = None) -> tuple[Tensor, Tensor]:
+    def curves(self, weights: Tensor, residual: Tensor | None = None) -> tuple[Tensor, Tensor]:
         """Drag (n, L) in N and CAS (n, L) in m/s of standardised weights (n, d) (paper, equation 4).
 
         Args:
             weights: (n, d).
-            white: (n, r + s) standard normals for what lies beyond the components, see :attr:`n_white`.
+            residual: (n, r + s) residual numbers, see :class:`~descentflow.representation.residuals.Residuals`.
         """
-        return self.flown(*self.profiles(weights, white))
+        return self.flown(*self.profiles(weights, residual))
 
-    def profiles(self, weights: Tensor, white: Tensor | None = None) -> tuple[Tensor, Tensor]:
-        """Profiles (n, L) in the order of :attr:`bases`, linear in weights (n, d) and ``white`` (n, r + s).
+    def profiles(self, weights: Tensor, residual: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """Profiles (n, L) in the order of :attr:`bases`, linear in weights (n, d) and residual numbers (n, r + s).
 
         Drag is on the scale on which it is linear, see :meth:`flown`.
         """
         raw = weights * self.weight_scale.to(weights) + self.weight_mean.to(weights)
         n_drag = self.drag_basis.n_components
         drag, cas = self.drag_basis.decode(raw[:, :n_drag]), self.cas_basis.decode(raw[:, n_drag:])
-        if white is not None:
-            of_drag, of_speed = torch.split(white.to(weights), [len(self.residual), len(self.speed_residual)], 1)
-            if len(self.residual):
-                drag = drag + of_drag @ self.residual.to(weights)
-            if len(self.speed_residual):
-                cas = cas + of_speed @ self.speed_residual.to(weights)
+        if residual is not None:
+            of_drag, of_speed = self.residuals.curves(residual.to(weights))
+            drag, cas = drag + of_drag, cas + of_speed
         return drag, cas
 
     def flown(self, drag_on_scale: Tensor, cas_mps: Tensor) -> tuple[Tensor, Tensor]:
@@ -183,7 +166,7 @@ class DescentDecoder(nn.Module):
         wind_mps: Tensor | None = None,
         exact_energy_share: bool = False,
         out: Trajectories | None = None,
-        white: Tensor | None = None,
+        residual: Tensor | None = None,
     ) -> Trajectories:
         """Fly weights (n, d) from their entry levels, in the weights' precision.
 
@@ -197,10 +180,9 @@ class DescentDecoder(nn.Module):
             exact_energy_share: Use the energy share factor of the CAS profile itself instead of BADA's; see
                 :func:`descentflow.representation.decoder.trajectories.integrate`.
             out: Descents of the same shape whose arrays may take the result.
-            white: (n, r + s) standard normals for what lies beyond the components, see :attr:`n_white`; without them
-                the components fly alone.
+            residual: (n, r + s) residual numbers; without them the components fly alone.
         """
-        drag_n, cas_mps = self.curves(weights, white)
+        drag_n, cas_mps = self.curves(weights, residual)
         if entry is None:
             entry = torch.full((len(weights),), len(self.levels_fl) - 1, device=weights.device)
         own = aircraft is None and mass_kg is None and not isinstance(deviation_k, Tensor) and deviation_k == 0.0
@@ -224,7 +206,7 @@ class DescentDecoder(nn.Module):
 
     def to_state(self) -> dict[str, Any]:
         """Tensors and primitives from which :meth:`from_state` rebuilds the decoder."""
-        state = {
+        return {
             "aircraft": self.aircraft.to_state(),
             "levels_fl": self.levels_fl.cpu(),
             "drag_basis": self.drag_basis.to_state(),
@@ -232,12 +214,8 @@ class DescentDecoder(nn.Module):
             "drag_scale": self.drag_scale.to_state(),
             "weight_mean": self.weight_mean.cpu(),
             "weight_scale": self.weight_scale.cpu(),
+            "residuals": self.residuals.to_state(),
         }
-        if len(self.residual):
-            state["residual"] = self.residual.cpu()
-        if len(self.speed_residual):
-            state["speed_residual"] = self.speed_residual.cpu()
-        return state
 
     @classmethod
     def from_state(cls, state: dict[str, Any]) -> "DescentDecoder":
@@ -250,6 +228,5 @@ class DescentDecoder(nn.Module):
             DragScale.from_state(state["drag_scale"]),
             state["weight_mean"],
             state["weight_scale"],
-            residual=state.get("residual"),
-            speed_residual=state.get("speed_residual"),
+            residuals=Residuals.from_state(state["residuals"]),
         )

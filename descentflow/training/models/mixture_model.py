@@ -17,11 +17,9 @@ from descentflow.core.progress import stage
 from descentflow.densities.checkpoint import UNFINISHED, section_of
 from descentflow.densities.component_search import FLIGHTS_PER_PARAMETER, Criterion, select_mixture
 from descentflow.densities.em import best_start, fit_mixture, steps_of
-from descentflow.densities.em_steps import Steps, evenly
+from descentflow.densities.em_steps import Steps
 from descentflow.densities.entry_gate import learn_gate
-from descentflow.densities.learn_residual_law import MOST_FLIGHTS, learn_residual_law
 from descentflow.densities.mixture import GaussianMixtureDensity
-from descentflow.representation.linear_curves import linear_curves, residual_profiles
 from descentflow.representation.read_checkpoint import SECTION, read_checkpoint
 from descentflow.training.datamodule import data_of
 from descentflow.training.models.latent_model import Batch, LatentModel, training_flights
@@ -181,33 +179,18 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
 
     @torch.no_grad()
     def _learn_with_components_held(self) -> None:
-        """Learn what lies beyond the components of drag and speed, and, without a context, the gate of entry levels."""
+        """Learn the gate of entry levels, where weights are not known and there is no context."""
         flights, context = training_flights(self)
         density, mixture, data = self.density, self.density.mixture, data_of(self.trainer)
-        density.entry_gate = density.residual_law = None
-        if flights.known:
+        density.entry_gate = None
+        if flights.known or not self.by_entry or context is not None:
             return
         steps = self._steps if self._steps is not None else steps_of(flights, context)
-        joint = steps.log_joint(mixture).to(mixture.probs)
-        if self.by_entry and context is None:
-            joint = joint - mixture.probs.log()
-            entry = data.profiles("train").entry_level
-            density.entry_gate = learn_gate(entry, joint, mixture.probs)
-            joint = joint + density.entry_gate.of(entry).to(joint).log()
-        if not self.representation.decoder.n_white:
-            return
-        some = evenly(len(flights), MOST_FLIGHTS)
-        decoder, shown = data.representation.decoder, data.profiles("train").subset(some)
-        density.residual_law = learn_residual_law(
-            linear_curves(decoder).information(decoder.drag_scale.observed(shown)),
-            residual_profiles(decoder),
-            mixture.cpu(),
-            joint[some].softmax(1).cpu(),
-            None if context is None else context.cpu()[some],
-        )
+        joint = steps.log_joint(mixture).to(mixture.probs) - mixture.probs.log()
+        density.entry_gate = learn_gate(data.profiles("train").entry_level, joint, mixture.probs)
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """As every model, and whether gate and residual law are still to be learnt."""
+        """As every model, and whether the gate is still to be learnt."""
         super().on_save_checkpoint(checkpoint)
         checkpoint[UNFINISHED] = self._unfinished
 
@@ -219,7 +202,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         """
         self._unfinished = True
         # Of a checkpoint from which training goes on: learnt again when it ends.
-        self.density.entry_gate = self.density.residual_law = None
+        self.density.entry_gate = None
         if not self._restored:
             self._initialise()
         if self.training_method == "svi":

@@ -1,0 +1,89 @@
+"""What samples have beyond the components: neighbours by SciPy, the line by closed forms, numbers given gaps."""
+
+import numpy as np
+import torch
+import toys
+from scipy.spatial import cKDTree
+from scipy.stats import kstest
+from torch import Tensor
+
+from descentflow.densities.gaussian import GaussianDensity
+from descentflow.generation.rejection import sample_descents
+from descentflow.representation.residuals import NEIGHBOURS, ResidualLine, Residuals, fit_residuals
+
+D, R, M = 3, 4, 200
+TRILS = torch.tensor([[[1.0, 0, 0], [0.5, 0.8, 0], [0.1, 0, 1]], [[0.6, 0, 0], [-0.2, 1.1, 0], [0, 0.3, 1]]]).double()
+
+
+def normal(*shape: int, seed: int = 0) -> Tensor:
+    return torch.randn(shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+
+
+def residuals(entry: Tensor) -> Residuals:
+    """M flights, each with numbers of its own: its position in the first."""
+    numbers = normal(M, R, seed=1)
+    numbers[:, 0] = torch.arange(M)
+    return Residuals(normal(2, 10), normal(2, 10), normal(M, D), numbers, entry)
+
+
+def test_numbers_are_those_of_the_nearest_flights_as_scipy_finds_them() -> None:
+    held, weights = residuals(torch.zeros(M)), normal(3000, D, seed=2)
+    uniform = torch.rand(3000, generator=torch.Generator().manual_seed(3), dtype=torch.float64)
+    found = held.draw(weights, torch.zeros(3000), uniform)
+    _, near = cKDTree(held.weights.numpy()).query(weights.numpy(), NEIGHBOURS)
+    rank = (near == found[:, :1].numpy()).argmax(1)
+    np.testing.assert_array_equal(near[np.arange(3000), rank], found[:, 0].numpy())
+    np.testing.assert_array_equal(rank, (uniform * NEIGHBOURS).long().numpy())
+    assert torch.equal(held.draw(weights[7:8], torch.zeros(1), uniform[7:8]), found[7:8]), "alone as among others"
+
+
+def test_neighbours_show_the_levels_that_a_sample_flies() -> None:
+    entry = torch.where(torch.arange(M) % 2 == 0, 100, 20)
+    found = residuals(entry).draw(normal(500, D, seed=2), torch.full((500,), 100), torch.rand(500))
+    assert bool((found[:, 0] % 2 == 0).all())
+    low = residuals(entry).draw(normal(500, D, seed=2), torch.full((500,), 20), torch.rand(500))
+    assert 100 < int((low[:, 0] % 2 == 0).sum()) < 400
+
+
+def test_joint_precisions_are_inverse_to_the_roots_covariances() -> None:
+    line = ResidualLine(normal(R), normal(R, D), 0.3 + torch.rand(R).double())
+    roots = line.joint_roots(TRILS)
+    both = roots @ roots.mT @ line.joint_precisions(TRILS)
+    torch.testing.assert_close(both, torch.eye(D + R).double().expand(2, -1, -1), rtol=0, atol=1e-12)
+
+
+def test_a_known_line_is_found_again() -> None:
+    """Of 20,000 flights a slope is known to 0.7 % of the spread; five standard errors, of R (D + 2) numbers."""
+    line, weights = (
+        ResidualLine(normal(R), normal(R, D), torch.tensor([0.3, 0.5, 1.0, 2.0]).double()),
+        normal(20_000, D),
+    )
+    numbers = line.offset + weights @ line.slope.T + line.spread * normal(20_000, R, seed=1)
+    found = ResidualLine.fitted(weights, numbers)
+    for mine, known in zip(vars(found).values(), vars(line).values(), strict=True):
+        assert float((mine - known).abs().max()) < 5 * 2.0 / 20_000**0.5
+
+
+def test_numbers_of_training_flights_are_standard_normal_where_they_show_nothing() -> None:
+    """Flights drawn of the decoder with standard normal numbers, half of them without their upper half.
+
+    Kolmogorov-Smirnov of all numbers together; one right estimate in 10,000 fails.
+    """
+    decoder = toys.representation(400).decoder
+    flights = toys.flights(400, gappy=False)
+    flights.mask[::2, flights.mask.shape[1] // 4 :] = False
+    numbers = fit_residuals(decoder, flights).numbers
+    # Those of flights that hardly show anything are their prior's, whatever the flights are.
+    assert kstest(numbers[::2, -1].numpy(), "norm").pvalue > 1e-4
+
+
+def test_a_sample_has_the_residual_of_a_training_flight() -> None:
+    parts = toys.representation(300)
+    model = GaussianDensity(parts.decoder.dimension)
+    model.attach(parts)
+    found, held = sample_descents(model, parts, 500, 0), parts.decoder.residuals
+    _, cas = parts.decoder.profiles(found.weights)
+    left, speed = found.trajectories.cas_mps[:, 0] - cas[:, 0], held.curves(held.numbers)[1][:, 0]
+    off = (left[:, None] - speed).abs()
+    assert float(off.amin(1).max()) < 1e-9
+    assert len(off.argmin(1).unique()) > 100

@@ -5,6 +5,7 @@ from typing import Any
 
 import torch
 from jsonargparse.typing import OpenUnitInterval, PositiveFloat
+from torch import Tensor
 
 from descentflow.core.arguments import checked_settings
 from descentflow.core.errors import DataError
@@ -14,14 +15,19 @@ from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.drag_scale import DragScale, DragScaleName, fit_drag_scale
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.gappy import GappyFPCA, Method
+from descentflow.representation.fpca.mask_groups import group_masks
+from descentflow.representation.fpca.ppca import posterior
+from descentflow.representation.fpca.roughness import SPREAD_WEIGHT, smoother
 from descentflow.representation.linear_curves import Gaps
 from descentflow.representation.plausibility import MARGIN, Bounds, Plausibility
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation, Split
-from descentflow.representation.residuals import fit_residuals
+from descentflow.representation.residuals import Residuals
 
 CAS_SHARE = 0.95
 """Share of the variance of CAS that components explain, for operators' speeds lie apart by little."""
+MOST_FLIGHTS = 500
+"""Training flights whose residuals are kept, evenly taken: with three times as many samples are as near."""
 
 
 @checked_settings
@@ -153,3 +159,60 @@ def _fitted_bases(
         for values, share in zip(found.values, explained_variance, strict=True)
     )
     return drag, cas
+
+
+def fit_residuals(decoder: DescentDecoder, train: Profiles, seed: int = 0) -> Residuals:
+    """The residual of training flights, by a decoder whose components are those of a probabilistic PCA.
+
+    The curves are the directions of the probabilistic PCA beyond the kept components, made as large at each level as
+    what flights show less their kept components. Where few flights show a level, as at the top, the model's are half as
+    large again. The numbers of a flight are drawn given the levels that it shows, so that where it shows none they vary
+    as those of all flights.
+
+    Args:
+        decoder: With the components kept.
+        train: Training flights on its grid.
+        seed: Of the draws.
+
+    Example:
+        >>> from descentflow.representation.encode_flights import encode_flights
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> import polars as pl
+        >>> known = load_representation("best.ckpt")
+        >>> train = encode_flights(pl.read_parquet("descents.parquet"), known)["train"].profiles
+        >>> found = fit_residuals(known.decoder, train)
+        >>> bool((found.drag.square().sum(0).sqrt() < train.drag_n[:, 0].std()).all())  # less than of the flights
+        True
+    """
+    weights = decoder.encode(train)
+    shown, generator = decoder.drag_scale.observed(train), torch.Generator().manual_seed(seed)
+    some = torch.arange(0, len(train), -(-len(train) // MOST_FLIGHTS))
+    curves, numbers = [], []
+    for basis, values, kept in zip(decoder.bases.values(), shown.values, decoder.profiles(weights), strict=True):
+        left = torch.where(shown.mask, values - kept, 0.0)
+        curves.append(_as_large_as_left(basis, left, shown.mask))
+        numbers.append(_drawn_numbers(curves[-1], basis.noise_variance, left[some], shown.mask[some], generator))
+    drag, speed = curves
+    return Residuals(drag, speed, weights[some], torch.cat(numbers, 1), train.entry_level[some])
+
+
+def _as_large_as_left(basis: FunctionalBasis, left: Tensor, mask: Tensor) -> Tensor:
+    """Directions that a basis leaves out, as large as ``left`` (n, L) of what flights show.
+
+    They carry the noise of the probabilistic PCA as well, for it is how flights vary from one stretch of levels to the
+    next. So they are made larger by it at the most; smaller as flights show.
+    """
+    curves, count = basis.left_out().T, mask.sum(0).to(left)
+    model = curves.square().sum(0)
+    shown = left.square().sum(0) / count
+    ratio = (torch.minimum(shown, model + basis.noise_variance) / model.clamp(min=1e-18)).sqrt()
+    return (curves * (smoother(count, SPREAD_WEIGHT) @ ratio).clamp(min=0.0)).contiguous()
+
+
+def _drawn_numbers(curves: Tensor, noise: Tensor, left: Tensor, mask: Tensor, generator: torch.Generator) -> Tensor:
+    """Numbers (n, r) of curves (r, L), standard normal a priori, drawn given what flights show (n, L)."""
+    groups = group_masks(mask)
+    means, covariances, _ = posterior(left, groups, curves.T.contiguous(), noise)
+    white = torch.randn(means.shape, generator=generator, dtype=means.dtype)
+    roots = torch.linalg.cholesky(covariances)
+    return means + torch.einsum("nij,nj->ni", roots[groups.group], white)

@@ -1,4 +1,4 @@
-r"""What flights have beyond their components: curves of it, and how much of each curve training flights have.
+r"""Residual of the components: its curves, and how much of each training flights have.
 
 Components leave out what every flight does in its own way: it holds a speed or a rate, then changes it. Gaussian
 numbers of the curves drift instead, and a classifier recognises them. So a sample takes the residual numbers of a
@@ -11,24 +11,13 @@ are $r \mid w \sim N(a + B w, \operatorname{diag} s^2)$, by least squares over t
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 
-from descentflow.representation.fpca.basis import FunctionalBasis
-from descentflow.representation.fpca.mask_groups import group_masks
-from descentflow.representation.fpca.ppca import posterior
-from descentflow.representation.fpca.roughness import SPREAD_WEIGHT, smoother
-from descentflow.representation.profiles import Profiles
-
-if TYPE_CHECKING:
-    from descentflow.representation.decoder.descent_decoder import DescentDecoder
-
 NEIGHBOURS = 5
 """Training flights of which a sample takes one's residual: with more, weights and residual go together less."""
-MOST_FLIGHTS = 500
-"""Training flights that are kept, evenly taken: samples of three times as many are told from flights no less."""
 SHORT_LEVELS = 5.0
 """Levels by which a neighbour may enter below a sample, for as much distance as a standard deviation of a weight: what
 it has above its entry it does not show."""
@@ -174,60 +163,3 @@ class Residuals(nn.Module):
     def from_state(cls, state: dict[str, Any]) -> "Residuals":
         """Rebuild from :meth:`to_state`."""
         return cls(**state)
-
-
-def fit_residuals(decoder: "DescentDecoder", train: Profiles, seed: int = 0) -> Residuals:
-    """The residual of training flights, by a decoder whose components are those of a probabilistic PCA.
-
-    The curves are the directions of the probabilistic PCA beyond the kept components, made as large at each level as
-    what flights show less their kept components. Where few flights show a level, as at the top, the model's are half as
-    large again. The numbers of a flight are drawn given the levels that it shows, so that where it shows none they vary
-    as those of all flights.
-
-    Args:
-        decoder: With the components kept.
-        train: Training flights on its grid.
-        seed: Of the draws.
-
-    Example:
-        >>> from descentflow.representation.encode_flights import encode_flights
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> import polars as pl
-        >>> known = load_representation("best.ckpt")
-        >>> train = encode_flights(pl.read_parquet("descents.parquet"), known)["train"].profiles
-        >>> found = fit_residuals(known.decoder, train)
-        >>> bool((found.drag.square().sum(0).sqrt() < train.drag_n[:, 0].std()).all())  # less than of the flights
-        True
-    """
-    weights = decoder.encode(train)
-    shown, generator = decoder.drag_scale.observed(train), torch.Generator().manual_seed(seed)
-    some = torch.arange(0, len(train), -(-len(train) // MOST_FLIGHTS))
-    curves, numbers = [], []
-    for basis, values, kept in zip(decoder.bases.values(), shown.values, decoder.profiles(weights), strict=True):
-        left = torch.where(shown.mask, values - kept, 0.0)
-        curves.append(_as_large_as_left(basis, left, shown.mask))
-        numbers.append(_drawn_numbers(curves[-1], basis.noise_variance, left[some], shown.mask[some], generator))
-    drag, speed = curves
-    return Residuals(drag, speed, weights[some], torch.cat(numbers, 1), train.entry_level[some])
-
-
-def _as_large_as_left(basis: FunctionalBasis, left: Tensor, mask: Tensor) -> Tensor:
-    """Directions that a basis leaves out, as large as ``left`` (n, L) of what flights show.
-
-    They carry the noise of the probabilistic PCA as well, for it is how flights vary from one stretch of levels to the
-    next. So they are made larger by it at the most; smaller as flights show.
-    """
-    curves, count = basis.left_out().T, mask.sum(0).to(left)
-    model = curves.square().sum(0)
-    shown = left.square().sum(0) / count
-    ratio = (torch.minimum(shown, model + basis.noise_variance) / model.clamp(min=1e-18)).sqrt()
-    return (curves * (smoother(count, SPREAD_WEIGHT) @ ratio).clamp(min=0.0)).contiguous()
-
-
-def _drawn_numbers(curves: Tensor, noise: Tensor, left: Tensor, mask: Tensor, generator: torch.Generator) -> Tensor:
-    """Numbers (n, r) of curves (r, L), standard normal a priori, drawn given what flights show (n, L)."""
-    groups = group_masks(mask)
-    means, covariances, _ = posterior(left, groups, curves.T.contiguous(), noise)
-    white = torch.randn(means.shape, generator=generator, dtype=means.dtype)
-    roots = torch.linalg.cholesky(covariances)
-    return means + torch.einsum("nij,nj->ni", roots[groups.group], white)

@@ -17,10 +17,10 @@ from descentflow.generation.rejection import MAX_TRIES, sample_descents
 from descentflow.representation.fit_representation import (
     RepresentationSettings,
     fit_representation,
+    fit_residuals,
 )
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation, Split
-from descentflow.representation.residuals import fit_residuals
 from descentflow.training.fit import fit
 from descentflow.training.models.gaussian_model import Gaussian
 

@@ -1,4 +1,4 @@
-"""What samples have beyond the components: neighbours by SciPy, the line by closed forms, numbers given gaps."""
+"""Residual of the components: neighbours by SciPy, the line by closed forms, numbers given gaps."""
 
 import numpy as np
 import torch
@@ -9,7 +9,8 @@ from torch import Tensor
 
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.generation.rejection import sample_descents
-from descentflow.representation.residuals import NEIGHBOURS, ResidualLine, Residuals, fit_residuals
+from descentflow.representation.fit_representation import fit_residuals
+from descentflow.representation.residuals import NEIGHBOURS, ResidualLine, Residuals
 
 D, R, M = 3, 4, 200
 TRILS = torch.tensor([[[1.0, 0, 0], [0.5, 0.8, 0], [0.1, 0, 1]], [[0.6, 0, 0], [-0.2, 1.1, 0], [0, 0.3, 1]]]).double()

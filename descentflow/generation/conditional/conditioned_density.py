@@ -62,7 +62,7 @@ class FreeTarget:
         >>> model = load_model("best.ckpt")
         >>> target = FreeTarget(model, Request(entry=180))
         >>> proposed = target.propose(np.full((1, target.width), 0.5))
-        >>> proposed.entry, proposed.u.shape[1] == target.width - 2
+        >>> proposed.entry, proposed.u.shape[1] == model.dimension + target.decoder.residuals.n_numbers
         (tensor([180]), True)
     """
 

@@ -122,7 +122,8 @@ def held_out(types: Sequence[TypeFlights], finish: Finish) -> HeldOut:
     own_rate = np.exp(mine.log_rate) / FPM_MPS
     own_seconds = np.nansum(mine.evidence.state.width_m / np.exp(mine.log_rate), axis=1)
     own_cas = np.where(np.isfinite(own_rate), mine.evidence.state.cas_mps.numpy() / KT_MPS, np.nan)
-    late = [100.0 * (value / own_seconds - 1.0) for value in (seconds_before, seconds)]
+    whole = own_seconds > 0
+    late = [100.0 * (value[whole] / own_seconds[whole] - 1.0) for value in (seconds_before, seconds)]
     levels = []
     for band in range(own_rate.shape[1] - 1, -1, -1):
         shown = np.isfinite(own_rate[:, band])
@@ -139,7 +140,7 @@ def held_out(types: Sequence[TypeFlights], finish: Finish) -> HeldOut:
     return HeldOut(
         len(mine.evidence),
         len(names),
-        _error(mine.tails, late[0], late[1]),
+        _error(mine.tails[whole], late[0], late[1]),
         absolute,
         tuple(levels),
         (float(score[0]), float(score[1])),
@@ -150,7 +151,7 @@ def _flown(flights: TypeFlights, aircraft: PerformanceModel) -> tuple[Array, Arr
     """Seconds (n,) over each flight's bands, rate (n, K) at its own speed, ft/min, and scheduled CAS (n, K), kt."""
     evidence = flights.evidence
     rate = np.exp(evidence.expected(aircraft).numpy())
-    seconds = np.where(evidence.seen.numpy(), evidence.state.width_m / rate, 0.0).sum(1)
+    seconds = np.where(np.isfinite(flights.log_rate), evidence.state.width_m / rate, 0.0).sum(1)
     cas = (aircraft.descent_cas_mps(evidence.state.altitude_m) / KT_MPS).to(torch.float64).numpy()
     return seconds, rate / FPM_MPS, np.broadcast_to(cas, rate.shape)
 

@@ -7,7 +7,7 @@ Flight f of the aircraft a of the type t shows in its bands
 with the coefficients :math:`\theta_t`, what the equations miss in every flight of a type alike :math:`b_t` (smooth in
 altitude), a random effect of the aircraft :math:`u_a` and one of the flight (crew) :math:`v_f`, the mass :math:`w_f`
 along its own derivative :math:`m_f`, an error :math:`s_f` that is smooth in altitude, and white noise. All are normal.
-The types share a prior, with weights c that are learnt (partial pooling),
+The size of :math:`b` is given. The types share a prior, with weights c that are learnt (partial pooling),
 
 .. math:: \mathrm{cov}(\theta_t, \theta_u) = \lambda^2 \Big(\sum_g c_g [t, u \text{ in one group } g]\Big) P .
 
@@ -63,7 +63,8 @@ class Sizes:
     smooth: float = 0.06
     white: float = 0.03
     equation: float = 0.02
-    """Of what the equations miss in every flight of a type alike."""
+    """Of what the equations miss in every flight of a type alike. It is not learnt: a type shows one such misfit, which
+    would take all that a wrong file is off by."""
     scale: float = 1.0
     """Lambda, of the types' prior."""
     weights: tuple[float, ...] = ()
@@ -256,7 +257,7 @@ def fit(flights: Flights, first: Sizes = Sizes()) -> Posterior:
     """
     groups = len(flights.groups)
     # How wrong files are shows where there are several.
-    names = ("aircraft", "flight", "mass", "smooth", "white", "equation", *(("scale",) if groups else ()))
+    names = ("aircraft", "flight", "mass", "smooth", "white", *(("scale",) if groups else ()))
     usual = np.log([getattr(first, name) for name in names])
 
     def sizes_at(point: Array) -> Sizes:

@@ -24,7 +24,7 @@ LABELS = {
 COUNTS = {
     "flights_without_air": "{:.0f} flights did not measure their air: they have the others' mean, or standard air.",
     "powered_bands": "{:.0f} bands of 2,000 ft are shallower than any glide at idle (30 to 1): left out.",
-    "share_with_speed_brake": "{:.0%} of the flights have brakes out somewhere: taken out of their rates.",
+    "share_with_speed_brake": "{:.0%} of the flights have brakes out somewhere: bands where many do are left out.",
     "share_with_geometric_path": "{:.0%} of the flights hold a path somewhere: taken out of their rates.",
 }
 FILES = {

@@ -15,6 +15,9 @@ from descentflow.repairs.unusual_flights import unusual_shifts
 
 ROUNDS = 3
 """Gauss-Newton steps: ln rate is close to linear in these parameters."""
+LARGE_SHIFT = 0.03
+"""Of mean ln rate in a band by brakes, from which the band is left out: what is missed of them would pass for drag.
+Where brakes are out in most bands, what is found of them is taken out instead."""
 LEAST_IDLE = -3.0
 """Idle thrust relative to the file's, minus one: below, engines would brake more than they idle."""
 
@@ -26,7 +29,7 @@ class TypeFlights:
     Attributes:
         aircraft: Coefficients before.
         evidence: Its flights.
-        shifts: (n, K) of ln rate by brakes and held paths of single flights.
+        shifts: (n, K) of ln rate by brakes and held paths of single flights; NaN in bands left out for them.
         unusual: Share of the flights with each of these.
 
     Example:
@@ -81,6 +84,9 @@ def type_flights(frame: pl.DataFrame, aircraft: PerformanceModel, around: pl.Dat
     """
     evidence = flight_evidence(frame, aircraft, around)
     shifts, shares = unusual_shifts(evidence, aircraft)
+    crowded = shifts.mean(0) > LARGE_SHIFT
+    if crowded.any() and crowded.sum() <= len(crowded) / 2:
+        shifts[:, crowded] = np.nan
     return TypeFlights(aircraft, evidence, shifts, shares)
 
 

@@ -11,7 +11,7 @@ LAYERS = {
     "Physics and aircraft": ("physics", "aircraft_types"),
     "Data": ("surveillance", "measurements", "air"),
     "Model": ("representation", "densities", "training", "positions", "generation", "evaluation", "exports"),
-    "Diagnosis": ("effects", "diagnosis"),
+    "Diagnosis": ("effects", "diagnosis", "repairs"),
     "Worlds": ("simulation",),
     "Command line": ("cli",),
 }

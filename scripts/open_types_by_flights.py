@@ -16,7 +16,6 @@ import polars as pl
 import torch
 
 import descentflow as df
-from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.errors import DataError
 from descentflow.core.units import FT_M, KT_MPS
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
@@ -24,7 +23,7 @@ from descentflow.physics.energy import descent_rate_mps, energy_share_factor
 from descentflow.repairs.mixed_model import WIDE, Posterior, before_flights, predictive_log_density
 from descentflow.repairs.type_fit import TypeFlights, codes_of, fit_types, linearised, repaired, type_flights
 from descentflow.surveillance.formats.aircraft_json import embedded_rows, embedded_types
-from studies.aircraft.real_runs import Run, nominal_error, own_speed_error, runs_of, table
+from studies.aircraft.real_runs import Run, before, nominal_error, own_speed_error, runs_of, table
 
 TYPES = ("A319", "A320", "A321", "A20N", "A21N", "B737", "B738", "AT76")
 BOTTOM_FL = 60
@@ -47,14 +46,14 @@ def main() -> None:
 def judge(places: Mapping[str, pl.DataFrame], checks: Mapping[str, pl.DataFrame], codes: Sequence[str]) -> None:
     """Print errors before and after, and the estimates."""
     for engine in ("jet", "turboprop"):
-        mine = [code for code in codes if open_aircraft(code).engine == engine]
+        mine = [code for code in codes if before(code).engine == engine]
         parts, names = _measured(places, mine)
         if not parts:
             continue
         whole = fit_types(parts)
         runs = [run for name, frame in places.items() for run in runs_of(frame, name) if run.typecode in mine]
-        before = [own_speed_error(run, open_aircraft(run.typecode)) for run in runs]
-        schedule = [nominal_error(run, open_aircraft(run.typecode)) for run in runs]
+        before = [own_speed_error(run, before(run.typecode)) for run in runs]
+        schedule = [nominal_error(run, before(run.typecode)) for run in runs]
         after, gains = _left_out(parts, names, runs)
         for code, values in gains.items():
             print(f"{code}: {sum(values):+.1f} nats over {len(values)} aircraft, by the fit of the others")
@@ -68,10 +67,10 @@ def judge(places: Mapping[str, pl.DataFrame], checks: Mapping[str, pl.DataFrame]
             print(f"{name}, {len(size)} runs: median {middle:.1f} %, mean {mean:.1f} % absolute")
         other = [run for name, frame in checks.items() for run in runs_of(frame, name) if run.typecode in mine]
         if other:
-            final = {code: repaired(open_aircraft(code), whole.mean[k]) for k, code in enumerate(codes_of(parts))}
+            final = {code: repaired(before(code), whole.mean[k]) for k, code in enumerate(codes_of(parts))}
             other = [run for run in other if run.typecode in final]
             checked = {
-                "before": [own_speed_error(run, open_aircraft(run.typecode)) for run in other],
+                "before": [own_speed_error(run, before(run.typecode)) for run in other],
                 "after": [own_speed_error(run, final[run.typecode]) for run in other],
             }
             print("places that were not fitted")
@@ -92,7 +91,7 @@ def _measured(places: Mapping[str, pl.DataFrame], codes: Sequence[str]) -> tuple
             if some.is_empty():
                 continue
             try:
-                part = type_flights(some, open_aircraft(code), frame)
+                part = type_flights(some, before(code), frame)
             except DataError:
                 continue
             owner = dict(some.select("flight_id", "icao24").unique().iter_rows())
@@ -124,7 +123,7 @@ def _left_out(
     errors = []
     for run in runs:
         theta = found[run.icao24].get(run.typecode, np.zeros(3)) if run.icao24 in found else np.zeros(3)
-        errors.append(own_speed_error(run, repaired(open_aircraft(run.typecode), theta)))
+        errors.append(own_speed_error(run, repaired(before(run.typecode), theta)))
     return errors, gains
 
 
@@ -141,10 +140,10 @@ def _estimates(parts: Sequence[TypeFlights], found: Posterior) -> None:
         mean, covariance = found.of(k)
         spread = WIDE * np.sqrt(covariance.diagonal())
         flights = sum(len(part.evidence) for part in parts if part.aircraft.typecode == code)
-        after = repaired(open_aircraft(code), mean)
+        after = repaired(before(code), mean)
         print(f"{code}: {flights} flights")
         for name, place in {"cd0_cr": 0, "cd2_cr": 1, "ct_des_low": 2, "ct_des_high": 2}.items():
-            value = float(getattr(open_aircraft(code), name))
+            value = float(getattr(before(code), name))
             ends = mean[place] - spread[place], mean[place] + spread[place]
             low, high = (value * (np.exp(end) if place < 2 else 1 + end) for end in ends)
             print(f"  {name}: {value:.4g} -> {float(getattr(after, name)):.4g}  [{low:.4g}, {high:.4g}]")
@@ -158,7 +157,7 @@ def _manual(parts: Sequence[TypeFlights], found: Posterior) -> None:
     for k, code in enumerate(codes_of(parts)):
         if code not in MANUAL_TYPES:
             continue
-        for name, kind in (("before", open_aircraft(code)), ("after", repaired(open_aircraft(code), found.mean[k]))):
+        for name, kind in (("before", before(code)), ("after", repaired(before(code), found.mean[k]))):
             drag, idle = kind.drag_n(tas, altitude, 0.0, MANUAL_KG), kind.idle_thrust_n(altitude, tas)
             rate = -descent_rate_mps(kind, drag, idle, tas, share, altitude, mass_kg=MANUAL_KG)
             seconds = float(torch.trapezoid(1 / rate, altitude))

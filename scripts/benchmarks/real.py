@@ -5,7 +5,6 @@ import importlib
 import time
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,15 +13,14 @@ import numpy as np
 import torch
 
 import descentflow as df
-from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
-from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_type
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import FL_M, FT_M, KT_MPS
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 from descentflow.physics.atmosphere import isa_fraction, temperature_k
 from descentflow.physics.energy import energy_share_factor_exact
 from descentflow.surveillance.formats.aircraft_json import embedded_rows, embedded_types
-from studies.aircraft.real_runs import Run, nominal_error, own_speed_error, runs_of, table
+from studies.aircraft.real_runs import Run, before, nominal_error, own_speed_error, runs_of, table
 
 TYPES = ("A319", "A320", "A321", "A20N", "A21N", "B737", "B738", "AT76")
 SLOWEST_MPS = 0.5
@@ -65,24 +63,6 @@ def run(args: argparse.Namespace) -> None:
         print(f"{name}: {len(known)} runs, error {middle}, {seconds:.4f} s a run", flush=True)
     for row in [["place", "type", "runs", *errors], *table(runs, errors)]:
         print("  ".join(f"{cell:<20}" for cell in row))
-
-
-@cache
-def before(typecode: str) -> Bada3Aircraft:
-    """An open type as it was before flights were used."""
-    read, now = open_type(typecode), open_aircraft(typecode)
-    old: dict[str, Any] = {
-        entry.name.removesuffix("_before"): float(entry.value)  # type: ignore[arg-type]  # facts of coefficients are numbers
-        for entry in read.facts
-        if entry.name.endswith("_before")
-    }
-    fitted = {entry.name for entry in read.coefficients if entry.confidence == "fitted"}
-    old = {name: value for name, value in old.items() if name in fitted}
-    if "ct_des_high" in fitted:
-        scale = float(now.ct_des_low) / float(now.ct_des_high)
-        high = old.setdefault("ct_des_high", float(open_aircraft("A320").ct_des_high))
-        old["ct_des_low"] = scale * high
-    return replace(now, **old)
 
 
 def openap_own_speeds(one: Run) -> float:

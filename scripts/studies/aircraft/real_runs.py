@@ -4,8 +4,10 @@ A run is a stretch of at least 4,000 ft of one free descent without a gap. Its e
 over the flight's own, minus one.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -13,6 +15,8 @@ import torch
 from torch import Tensor
 
 from descentflow.air.measured_air import measured_airs
+from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_type
 from descentflow.core.errors import DataError
 from descentflow.core.units import FL_M, KT_MPS
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
@@ -51,6 +55,28 @@ class Run:
     tailwind_mps: Tensor
     seconds: float
     rows: pl.DataFrame
+
+
+@cache
+def before(typecode: str) -> Bada3Aircraft:
+    """An open type as it was before flights were used, by the facts of its file.
+
+    Example:
+        >>> before("A20N").cd0_cr, before("A20N").ct_des_low, before("A320") == open_aircraft("A320")
+        (0.01568, 0.03, True)
+    """
+    read, now = open_type(typecode), open_aircraft(typecode)
+    old: dict[str, Any] = {
+        entry.name.removesuffix("_before"): float(entry.value)  # type: ignore[arg-type]  # facts of coefficients are numbers
+        for entry in read.facts
+        if entry.name.endswith("_before")
+    }
+    fitted = {entry.name for entry in read.coefficients if entry.confidence == "fitted"}
+    old = {name: value for name, value in old.items() if name in fitted}
+    if "ct_des_high" in fitted:
+        high = old.setdefault("ct_des_high", float(open_aircraft("A320").ct_des_high))
+        old["ct_des_low"] = round(high * float(now.ct_des_low) / float(now.ct_des_high), 4)
+    return replace(now, **old)
 
 
 def runs_of(frame: pl.DataFrame, source: str) -> list[Run]:
@@ -149,6 +175,3 @@ def table(runs: Sequence[Run], errors: dict[str, Sequence[float]]) -> list[list[
             )
         found.append(row)
     return found
-
-
-ErrorOf = Callable[[Run], float]

@@ -7,6 +7,7 @@ PARTS = {
     "decode": "the decoder beside power, memory and pyBADA",
     "fit": "fits beside scikit-learn, scikit-fda and zuko",
     "score": "scores level by level beside scipy",
+    "fidelity": "samples against held-out flights, beside generators without physics",
     "sample": "draws of the three densities beside scikit-learn, zuko and the paper's times; latency of df.Generator",
     "diagnose": "one diagnosis over the number of flights",
     "simulate": "flights of the simulated world over their number",

@@ -1,0 +1,71 @@
+"""Generators without physics, of the same flights: a mixture on principal components, and a smoothed bootstrap."""
+
+import warnings
+
+import numpy as np
+from sklearn.decomposition import PCA
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.experimental import enable_iterative_imputer  # noqa: F401 (makes the import below possible)
+from sklearn.impute import IterativeImputer
+from sklearn.mixture import GaussianMixture
+
+from benchmarks.fidelity_vectors import Array, Vectors
+
+EXPLAINED = 0.99
+"""Share of variance that components keep; the rest is that of a flight."""
+MOST_COMPONENTS = 10
+FLIGHTS_EACH = 5
+"""Flights for each component of a mixture, at least."""
+
+
+class Components:
+    """Principal components of standardised vectors, whose gaps are drawn given what flights show."""
+
+    def __init__(self, train: Vectors, seed: int) -> None:
+        """Complete the flights, and take components."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ConvergenceWarning)
+            filled = IterativeImputer(sample_posterior=True, max_iter=5, n_nearest_features=10, random_state=seed)
+            whole = np.asarray(filled.fit_transform(train.whole))
+        self.train, self.mean, self.spread = train, whole.mean(0), np.maximum(whole.std(0), 1e-9)
+        standard = (whole - self.mean) / self.spread
+        self.pca = PCA(EXPLAINED, svd_solver="full").fit(standard)
+        self.weights = self.pca.transform(standard)
+        self.left = standard - self.pca.inverse_transform(self.weights)
+
+    def vectors(self, weights: Array, left: Array, entry_fl: Array) -> Vectors:
+        """Descents of weights and of what components leave out, up to their entry levels."""
+        whole = (self.pca.inverse_transform(weights) + left) * self.spread + self.mean
+        cas, log_s = np.split(whole, [len(self.train.edges_fl)], axis=1)
+        above = self.train.edges_fl > entry_fl[:, None]
+        return Vectors(
+            self.train.edges_fl, np.where(above, np.nan, cas), np.where(above[:, 1:], np.nan, log_s), entry_fl
+        )
+
+
+def smoothed_bootstrap(train: Vectors, n: int, seed: int) -> Vectors:
+    """Flights drawn again, with weights moved by a kernel that keeps their variance (Silverman and Young 1987)."""
+    parts, rng = Components(train, seed), np.random.default_rng(seed)
+    m, d = parts.weights.shape
+    width = m ** (-1 / (d + 4))
+    chosen = rng.integers(0, m, n)
+    noise = rng.normal(size=(n, d)) * parts.weights.std(0)
+    moved = np.sqrt(1 - width**2) * parts.weights[chosen] + width * noise
+    return parts.vectors(moved, parts.left[chosen], train.entry_fl[chosen])
+
+
+def mixture_on_components(train: Vectors, n: int, seed: int) -> Vectors:
+    """A mixture over weights and entry level, of as many Gaussians as the Bayesian criterion chooses."""
+    parts, rng = Components(train, seed), np.random.default_rng(seed)
+    entry = train.entry_fl + rng.uniform(-0.5, 0.5, len(train))
+    scale = np.append(parts.weights.std(0), max(entry.std(), 1e-3))
+    joint = np.column_stack([parts.weights, entry - entry.mean()]) / scale
+    numbers = range(1, max(min(MOST_COMPONENTS, len(joint) // FLIGHTS_EACH), 1) + 1)
+    fits = [GaussianMixture(k, reg_covar=1e-2, n_init=2, random_state=seed).fit(joint) for k in numbers]
+    drawn = min(fits, key=lambda one: one.bic(joint)).sample(n)[0] * scale
+    left = parts.left[rng.integers(0, len(joint), n)]
+    lowest, highest = train.edges_fl[0] + 11, train.edges_fl[-1] + 9
+    return parts.vectors(drawn[:, :-1], left, np.clip(np.round(drawn[:, -1] + entry.mean()), lowest, highest))
+
+
+RIVALS = {"mixture on PCA": mixture_on_components, "smoothed bootstrap": smoothed_bootstrap}

@@ -1,0 +1,53 @@
+"""Vectors of the fidelity benchmark: SciPy's energy distance, and a classifier that separates what differs."""
+
+import numpy as np
+import torch
+import toys
+from scipy.spatial.distance import cdist
+
+from benchmarks.fidelity_rivals import RIVALS
+from benchmarks.fidelity_vectors import Vectors, auc, coarse, energy_distance, reported, vectors_of, with_gaps_of
+
+
+def flights(n: int, seed: int) -> Vectors:
+    shown = toys.flights(n, seed, gappy=False)
+    return vectors_of(shown.levels_fl, shown.time_s, shown.cas_mps, shown.mask)
+
+
+def test_energy_distance_is_that_of_scipys_distances() -> None:
+    one, other = flights(40, 1), flights(60, 2)
+    spread = np.ones(one.whole.shape[1])
+    scale = one.whole.shape[1] ** 0.5
+
+    def mean(first: np.ndarray, second: np.ndarray) -> float:
+        found = cdist(first, second) / scale
+        return float(found[found > 0].mean())
+
+    expected = 2 * mean(one.whole, other.whole) - mean(one.whole, one.whole) - mean(other.whole, other.whole)
+    assert abs(energy_distance(one, other, spread) - expected) < 1e-6
+
+
+def test_times_of_bins_are_those_between_their_edges() -> None:
+    shown = toys.flights(3, 5)
+    found = vectors_of(shown.levels_fl, shown.time_s, shown.cas_mps, shown.mask)
+    whole = np.isfinite(found.log_s[0]).sum()
+    seconds = (shown.time_s[0, 0] - shown.time_s[0, 10 * whole]).item()
+    assert abs(np.exp(found.log_s[0, :whole]).sum() - seconds) < 1e-9
+    assert coarse(found).log_s.shape[1] == found.log_s.shape[1] // 3
+
+
+def test_the_classifier_separates_what_differs_alone() -> None:
+    """An AUC of 100 pairs a repeat is known to 0.04; five repeats share the flights."""
+    one, same = flights(200, 1), flights(200, 2)
+    faster = Vectors(same.edges_fl, same.cas_kt + 40, same.log_s, same.entry_fl)
+    assert 0.35 < auc(one, same, np.random.default_rng(1), size=100) < 0.65
+    assert auc(one, faster, np.random.default_rng(1), size=100) > 0.9
+
+
+def test_rivals_are_near_the_flights_that_they_learnt_from() -> None:
+    shown = toys.flights(150, 3)
+    train = vectors_of(shown.levels_fl, shown.time_s, shown.cas_mps, shown.mask)
+    for rival in RIVALS.values():
+        drawn = with_gaps_of(rival(train, 400, 0), train, np.random.default_rng(2))
+        assert abs(np.nanmean(drawn.cas_kt) - np.nanmean(train.cas_kt)) < 3
+        assert torch.tensor(reported(drawn, np.random.default_rng(3)).cas_kt).nan_to_num().frac().abs().max() == 0

@@ -169,6 +169,8 @@ class Effect(ABC):
     mass are off by half and more of their few percent; brakes, drag and wind, which have a smaller share, by 5 to 11 %.
     """
 
+    of_coefficients: ClassVar[bool] = False
+    """True for a change of the type's coefficients, which `descentflow repair` estimates."""
     is_air: ClassVar[bool] = False
     """True if it is the temperature of the air, which a decoder takes for standard."""
 

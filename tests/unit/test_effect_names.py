@@ -11,8 +11,8 @@ from descentflow.effects import EFFECTS, Effect, Parameter, checked_catalogue
 
 PACKAGE = Path(descentflow.__file__).parent
 MAY_NAME = ("effects", "simulation")
-COLUMNS = {"temperature"}
-"""Names that are also names of a column of rows, which `surveillance` speaks of."""
+ALSO = {"surveillance": {"temperature"}, "aircraft_types": {"idle_thrust"}, "repairs": {"mass"}}
+"""Package -> names that are also names of a column of rows, a coefficient or a part of a variance."""
 
 
 def strings(path: Path) -> list[str]:
@@ -25,7 +25,7 @@ def test_nothing_else_names_an_effect() -> None:
     strays = []
     for path in sorted(PACKAGE.rglob("*.py")):
         place = path.relative_to(PACKAGE)
-        names = set(EFFECTS) - (COLUMNS if place.parts[0] == "surveillance" else set())
+        names = set(EFFECTS) - ALSO.get(place.parts[0], set())
         if place.parts[0] not in MAY_NAME:
             strays += [f"{place}: {text}" for text in strings(path) if text in names]
     assert strays == []

@@ -26,7 +26,7 @@ def test_plausible_draws_beyond_the_number_asked_for_are_told() -> None:
     model = gaussian()
     narrow = model.representation.plausibility
     narrow.drag_high.copy_(narrow.drag_low + 0.6 * (narrow.drag_high - narrow.drag_low))
-    report = df.sample(model, 50).report
+    report = df.sample(model, 500).report
     assert report.accepted + report.rejected + report.surplus == report.drawn
     assert report.surplus > 0
     assert f"plausible, {report.surplus} of them more than asked for; broken:" in str(report)

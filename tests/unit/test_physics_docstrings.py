@@ -14,8 +14,8 @@ from descentflow.physics import airspeed, atmosphere, energy, idle_state, level_
 
 EQUATIONS = (airspeed, atmosphere, energy, idle_state, level_table, nominal_descent)
 """Modules in which every public function computes something of the manual."""
-OTHERS = {"performance_model"}
-"""The protocol, which no manual lays down."""
+OTHERS = {"performance_model", "fuel"}
+"""The protocol, and the law of fuel by thrust that both manuals' coefficients fill."""
 NOT_EQUATIONS = {"slope_per_m", "is_below", "is_above"}
 """Differencing and comparison."""
 METHODS = sorted(set(dir(Bada3Aircraft)) - set(dir(Coefficients)))

@@ -28,8 +28,6 @@ COSTS_DRAWN = ("time", "time_at_speed", "ground_distance", "air_distance", "rate
 """Costs that are drawn by level."""
 BRIEF = ("time", "ground_distance", "air_distance", "rate")
 """Costs at the top of the page."""
-REPAIRED = frozenset(("drag_polar", "mass", "idle_thrust"))
-"""Effects that are a type's coefficients."""
 LEVELS_DRAWN = 4
 """Quantities drawn against altitude: the rate, and those that differ most in standard errors."""
 
@@ -181,7 +179,8 @@ def repair_command(found: Findings) -> str:
         'descentflow repair descents.parquet --aircraft A320 --out A320.toml'
     """
     made = found.provenance
-    if made is None or found.corrected_file.endswith(".ckpt") or not REPAIRED & {one.effect for one in found.causes}:
+    of_coefficients = any(one.effect in EFFECTS and EFFECTS[one.effect].of_coefficients for one in found.causes)
+    if made is None or found.corrected_file.endswith(".ckpt") or not of_coefficients:
         return ""
     code = found.details.typecode
     return f"descentflow repair {_typed(made.real)} --aircraft {quote(code)} --out {quote(code)}.toml"

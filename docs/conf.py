@@ -38,8 +38,8 @@ nitpicky = True
 default_role = "code"
 # Names of other libraries are not looked up: the site builds without a network.
 OTHERS = (
-    "abc argparse collections concurrent dataclasses datetime distributed enum functools io jsonargparse lightning "
-    "markupsafe "
+    "abc argparse collections concurrent dataclasses datetime distributed enum functools io jinja2 joblib "
+    "jsonargparse lightning markupsafe "
     "matplotlib normflows np numpy os pathlib pl polars pyro pytorch_lightning scipy sklearn torch types typing"
 )
 BARE = (

@@ -17,7 +17,7 @@ from torch import Tensor
 from descentflow.air.level_air import LevelAir
 from descentflow.air.measured_air import FlightAirs, held
 from descentflow.air.weather_field import Points, WeatherField, weather_field
-from descentflow.air.weather_file import Source
+from descentflow.air.weather_file import WeatherSource
 from descentflow.air.weather_layout import EAST, NORTH, TEMPERATURE, Array
 from descentflow.core.errors import DataError
 from descentflow.measurements.level_channels import LevelGrid
@@ -52,7 +52,9 @@ class FlightPaths(NamedTuple):
         return FlightPaths(unix_s, latitude, longitude, track, self.known[index])
 
 
-def field_airs(frame: pl.DataFrame, levels_fl: Tensor, source: Source, *, wind: bool | None = None) -> FlightAirs:
+def field_airs(
+    frame: pl.DataFrame, levels_fl: Tensor, source: WeatherSource, *, wind: bool | None = None
+) -> FlightAirs:
     """The air of each flight on levels, by a weather model; flights outside of it, or without a place, are counted.
 
     Places and times between two levels of a flight are linear in time.

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from descentflow.air.weather_file import Source, WeatherFile, opened, same
+from descentflow.air.weather_file import WeatherFile, WeatherSource, opened, same
 from descentflow.air.weather_layout import EAST, NAMES, NORTH, TEMPERATURE, Array, unusable
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.recent import Recent
@@ -187,7 +187,7 @@ class WeatherField:
 
 
 @contextmanager
-def weather_field(source: Source, needed: Sequence[str] = (TEMPERATURE,)) -> Iterator[WeatherField]:
+def weather_field(source: WeatherSource, needed: Sequence[str] = (TEMPERATURE,)) -> Iterator[WeatherField]:
     """Open a field: a NetCDF or GRIB file, a folder of them, or several.
 
     Args:

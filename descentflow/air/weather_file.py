@@ -23,7 +23,7 @@ from descentflow.air.weather_layout import AXES, GRIB, NAMES, SUFFIXES, VERSION,
 from descentflow.core.errors import DataError, DescentflowError
 from descentflow.core.tabular import optional_library, pyproj
 
-Source = str | Path | Sequence[str | Path]
+WeatherSource = str | Path | Sequence[str | Path]
 """A file, a folder of files, or several."""
 SAME = 0.1
 """K and m/s within which two values of one place and time are the same: files are packed in steps of 0.01 or less."""
@@ -70,7 +70,7 @@ class WeatherFile:
 
 
 @contextmanager
-def opened(source: Source) -> Iterator[list[WeatherFile]]:
+def opened(source: WeatherSource) -> Iterator[list[WeatherFile]]:
     """Open NetCDF (``.nc``) by netCDF4 or h5netcdf, and GRIB (``.grib``, ``.grib2``) by cfgrib."""
     pyproj()
     xarray, parts = optional_library("xarray", extra="wind"), []
@@ -124,7 +124,7 @@ def same(one: Array, other: Array) -> bool:
     return one.shape == other.shape and np.allclose(one, other, rtol=0, atol=SAME, equal_nan=True)
 
 
-def _paths_of(source: Source) -> list[Path]:
+def _paths_of(source: WeatherSource) -> list[Path]:
     """The files that a path stands for: itself, or those of a folder, or several."""
     paths = [Path(one) for one in ([source] if isinstance(source, str | Path) else source)]
     files = (sorted(path.iterdir()) if path.is_dir() else [path] for path in paths)

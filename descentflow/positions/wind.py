@@ -13,7 +13,7 @@ from descentflow.core.units import KT_MPS
 
 if TYPE_CHECKING:
     from descentflow.air.weather_field import WeatherField
-    from descentflow.air.weather_file import Source
+    from descentflow.air.weather_file import WeatherSource
 
 Array = NDArray[np.float64]
 _WIND = re.compile(r"(?:(?P<level>\d+(?:\.\d+)?):)?(?P<direction>\d+(?:\.\d+)?)/(?P<speed>\d+(?:\.\d+)?)")
@@ -133,7 +133,7 @@ class FieldWind:
         return east, north
 
 
-def read_wind_field(source: "Source") -> FieldWind:
+def read_wind_field(source: "WeatherSource") -> FieldWind:
     """Read a field of wind on pressure levels, all of it.
 
     Args:

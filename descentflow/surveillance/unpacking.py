@@ -26,6 +26,8 @@ GZIP = b"\x1f\x8b"
 """First bytes of gzip."""
 MAX_LINE_BYTES = 64 << 20
 """Most bytes of one line; a snapshot of all aircraft of the world has about 10 MB."""
+MAX_BLANK_LINES = 1_000_000
+"""Most blank lines in a row: 300 kB of gzip can hold 300 million."""
 MAX_DOCUMENT_BYTES = 128 << 20
 """Most bytes of what has to be read as a whole: a JSON document of many lines, a table inside an archive."""
 
@@ -66,7 +68,7 @@ class Input:
 
     def lines(self) -> Iterator[tuple[int, bytes]]:
         """Lines that are not blank, with their numbers."""
-        number = 0
+        number = last = 0
         while line := self.stream.readline(MAX_LINE_BYTES + 1):
             number += 1
             if len(line) > MAX_LINE_BYTES:
@@ -77,6 +79,13 @@ class Input:
                 )
             if line.strip():
                 yield number, line
+                last = number
+            elif number - last > MAX_BLANK_LINES:
+                raise DataError(
+                    f"{self.label}, line {number}: more than {MAX_BLANK_LINES:,} blank lines in a row",
+                    expected="one row or JSON document a line",
+                    mend="check how the file was written",
+                )
 
 
 @contextmanager

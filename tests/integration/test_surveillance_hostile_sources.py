@@ -94,6 +94,12 @@ def test_lines_and_documents_that_are_too_long_to_be_held(tmp_path: Path, monkey
     refused(written_to(tmp_path / "a.csv", quote), "look for a quote that is not closed")
 
 
+def test_a_bomb_of_blank_lines_is_refused_before_they_are_counted(tmp_path: Path) -> None:
+    snapshot = b'{"now": 1, "aircraft": []}\n'
+    path = written_to(tmp_path / "a.json.gz", gzip.compress(snapshot + b"\n" * (50 << 20)))
+    refused(path, "line 1000002: more than 1,000,000 blank lines in a row")
+
+
 # Archives -----------------------------------------------------------------------------------------------------------
 
 

@@ -23,7 +23,7 @@ ShownAs = Literal["number", "change", "logarithm", "percent", "flights"]
 """Form of a reported parameter: a number in its unit; a factor, 1 + value (``change``) or e to the value
 (``logarithm``), of what its symbol names; percent; or the share of the flights that have the effect.
 """
-TOLD_IN = {"m/s per m": ("kt per 1,000 ft", 1000 * FT_M / KT_MPS)}
+REPORTED_IN = {"m/s per m": ("kt per 1,000 ft", 1000 * FT_M / KT_MPS)}
 """Unit of a parameter -> the unit of the trade in which it is reported, and the factor to it."""
 NOISE = "noise_"
 """Prefix of names of short-scale noise, which is never a cause: the diagnosis lists it beside them."""
@@ -54,7 +54,7 @@ class Parameter:
         >>> Parameter("deviation_k", -40.0, 40.0, "K", 5.0).text
         'deviation k'
         >>> drag = Parameter("relative_change", -0.5, 1.0, "1", 0.05, shown_as="change", symbol="CD0")
-        >>> drag.symbol, drag.told(0.58), drag.told_unit
+        >>> drag.symbol, drag.reported(0.58), drag.reported_unit
         ('CD0', 1.58, 'factor')
         >>> Parameter("deviation_k", -40.0, 40.0, "K", 5.0, label="deviation from the standard atmosphere").text
         'deviation from the standard atmosphere'
@@ -80,19 +80,19 @@ class Parameter:
         return self.label or self.name.replace("_", " ")
 
     @property
-    def told_unit(self) -> str:
+    def reported_unit(self) -> str:
         """Unit in which it is reported: ``factor``, ``%``, or a unit of the trade."""
         if self.shown_as in ("change", "logarithm"):
             return "factor"
-        return "%" if self.shown_as in ("percent", "flights") else TOLD_IN.get(self.unit, (self.unit, 1.0))[0]
+        return "%" if self.shown_as in ("percent", "flights") else REPORTED_IN.get(self.unit, (self.unit, 1.0))[0]
 
-    def told(self, value: float) -> float:
-        """A value as reported, in :attr:`told_unit`."""
+    def reported(self, value: float) -> float:
+        """A value as reported, in :attr:`reported_unit`."""
         if self.shown_as == "change":
             return 1 + value
         if self.shown_as == "logarithm":
             return math.exp(value)
-        return value * (100.0 if self.told_unit == "%" else TOLD_IN.get(self.unit, ("", 1.0))[1])
+        return value * (100.0 if self.reported_unit == "%" else REPORTED_IN.get(self.unit, ("", 1.0))[1])
 
 
 @dataclass(frozen=True)

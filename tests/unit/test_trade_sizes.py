@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from descentflow.diagnosis.findings.costs_found import Measured
-from descentflow.diagnosis.report.sizes import NINETY, share_of, sizes_of, told_text
+from descentflow.diagnosis.report.sizes import NINETY, reported_text, share_of, sizes_of
 from descentflow.effects import EFFECTS
 from descentflow.effects.effect import Parameter
 
@@ -49,15 +49,15 @@ def test_every_parameter_has_words_and_a_unit_of_the_trade() -> None:
         for p in effect.parameters:
             if p.shown_as == "flights":
                 continue
-            text = told_text(p, Measured(p.told(p.scale), p.told(0.5 * p.scale), p.told(1.5 * p.scale)))
+            text = reported_text(p, Measured(p.reported(p.scale), p.reported(0.5 * p.scale), p.reported(1.5 * p.scale)))
             assert "ln of" not in text
             assert "m/s" not in text
             assert "relative" not in text
-            assert p.told_unit != "1" or p.name in ("mach", "gaps")
+            assert p.reported_unit != "1" or p.name in ("mach", "gaps")
 
 
 def test_values_grow_with_the_parameter_however_they_are_told() -> None:
     """An interval's ends keep their order."""
     for shown in ("number", "change", "logarithm", "percent"):
         p = Parameter("size", -1.0, 1.0, "1", 0.1, shown_as=shown)
-        assert p.told(-0.5) < p.told(0.0) < p.told(0.5)
+        assert p.reported(-0.5) < p.reported(0.0) < p.reported(0.5)

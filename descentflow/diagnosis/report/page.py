@@ -18,7 +18,7 @@ from descentflow.diagnosis.report.page_tables import (
     specialist_tables,
     whole_costs,
 )
-from descentflow.diagnosis.report.sizes import told_text
+from descentflow.diagnosis.report.sizes import reported_text
 from descentflow.diagnosis.report.trade_units import at_level, between, in_trade, level_range, trade_number
 from descentflow.effects import EFFECTS, UNKNOWN
 from descentflow.measurements.quantity_registry import label_of
@@ -247,9 +247,10 @@ def limit_text(limit: DetectionLimit) -> str:
     size = limit.size or 0.0
     for parameter in EFFECTS[limit.effect].parameters if limit.effect in EFFECTS else ():
         if parameter.name == limit.parameter:
-            shown = parameter.told(size)
+            shown = parameter.reported(size)
             # A third digit says nothing of a chance.
-            return told_text(parameter, Measured(shown if parameter.told_unit == "factor" else float(f"{shown:.2g}")))
+            brief = shown if parameter.reported_unit == "factor" else float(f"{shown:.2g}")
+            return reported_text(parameter, Measured(brief))
     return f"{limit.label or limit.parameter.replace('_', ' ')} {trade_number(size, limit.unit)}"
 
 

@@ -81,8 +81,8 @@ def sizes_of(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> list
     for p, value, sd, known in zip(effect.parameters, whole.tolist(), spread.sqrt().tolist(), error > 0, strict=True):
         if p.shown_as != "flights" and bool(known):
             low, high = max(value - NINETY * sd, p.low), min(value + NINETY * sd, max(p.high, value))
-            told = Measured(p.told(value), p.told(low), p.told(high))
-            found.append(TradeSize(p.name, told_text(p, told), p.told_unit, told))
+            told = Measured(p.reported(value), p.reported(low), p.reported(high))
+            found.append(TradeSize(p.name, reported_text(p, told), p.reported_unit, told))
     return found
 
 
@@ -128,17 +128,17 @@ def known_errors(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> 
     return found
 
 
-def told_text(parameter: Parameter, value: Measured) -> str:
+def reported_text(parameter: Parameter, value: Measured) -> str:
     """A parameter in words, from reported values.
 
     Example:
         >>> from descentflow.effects import EFFECTS
-        >>> told_text(EFFECTS["temperature"].parameters[0], Measured(7.2, 6.8, 7.6))
+        >>> reported_text(EFFECTS["temperature"].parameters[0], Measured(7.2, 6.8, 7.6))
         'ISA +7.2 K (+6.8 to +7.6)'
-        >>> told_text(EFFECTS["wind_gradient"].parameters[0], Measured(-1.6))
+        >>> reported_text(EFFECTS["wind_gradient"].parameters[0], Measured(-1.6))
         'tailwind -1.6 kt per 1,000 ft'
     """
-    unit, name = parameter.told_unit, parameter.symbol or parameter.text
+    unit, name = parameter.reported_unit, parameter.symbol or parameter.text
     if unit == "FL":
         return f"{name} FL{value.estimate:.0f}{_ends(value, lambda x: f'FL{x:.0f}')}"
     if unit == "factor":
@@ -191,7 +191,7 @@ def on_both_sides(compared: Compared, effect: Effect) -> BothSides:
     rows, some = [], False
     for p, flights, simulator in zip(effect.parameters, *found, strict=True):
         some |= abs(simulator) >= NONE * p.scale
-        rows.append(OnBothSides(p.name, p.told_unit, p.told(flights), p.told(simulator)))
+        rows.append(OnBothSides(p.name, p.reported_unit, p.reported(flights), p.reported(simulator)))
     return BothSides(some, rows)
 
 
@@ -227,11 +227,11 @@ def told_of_both(effect: Effect, sizes: Sequence[TradeSize], both: BothSides) ->
 
 
 def _told(size: TradeSize, row: OnBothSides | None, p: Parameter, several: bool) -> TradeSize:
-    bare = told_text(p, size.value).removeprefix(f"{p.symbol or p.text} ")
+    bare = reported_text(p, size.value).removeprefix(f"{p.symbol or p.text} ")
     if row is None:
         # One of several needs its name: nothing else says what it is a size of.
         return size if several else replace(size, text=bare)
     # To a hundredth of a size that matters, so that nearly none is told as none.
-    digits = max(1 - math.floor(math.log10(abs(p.told(p.scale)))), 0)
-    of_flights, of_simulator = (told_text(p, Measured(round(x, digits))) for x in (row.flights, row.simulator))
+    digits = max(1 - math.floor(math.log10(abs(p.reported(p.scale)))), 0)
+    of_flights, of_simulator = (reported_text(p, Measured(round(x, digits))) for x in (row.flights, row.simulator))
     return replace(size, text=f"{bare}: {of_flights} against the simulator's {of_simulator}")

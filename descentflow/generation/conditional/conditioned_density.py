@@ -20,7 +20,7 @@ from descentflow.generation.conditional.speed_conditions import (
     Conditions,
     Rows,
     conditions,
-    gain,
+    gain_of,
     log_total,
 )
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
@@ -123,7 +123,7 @@ class ConditionedTarget:
         self.latent, self.entry, self.speeds = latent, entry, speeds
         self.point, self.decoder = point, decoder
         self.width = 3 + latent.means.shape[1] + speeds.rows.n_rows
-        self.held_gain = gain(latent.weights_alone, speeds.rows)
+        self.held_gain, _ = gain_of(latent.weights_alone, speeds.rows)
         shares = speeds.log_probs if point is None else point.log_probs
         self.up_to = np.exp(shares - log_total(shares)).cumsum()
         equal = speeds.in_closed_form and point is None

@@ -123,8 +123,7 @@ def conditions(log_probs: Array, means: Array, roots: Array, rows: Rows) -> Cond
     """
     n_cells, n_rows = len(means), rows.n_rows
     is_band = tuple(bool((rows.low[:, j] < rows.high[:, j]).any()) for j in range(n_rows))
-    spread = rows.matrix @ roots
-    factor = _cholesky(spread @ spread.mT)
+    gain, factor = gain_of(roots, rows)
     white, total, tails, bands = np.zeros((n_cells, n_rows)), log_probs - log_total(log_probs), np.ones(n_rows), 0
     shares = total
     for j in range(n_rows):
@@ -140,13 +139,11 @@ def conditions(log_probs: Array, means: Array, roots: Array, rows: Rows) -> Cond
             total = total + own
         bands += is_band[j]
     finite = np.isfinite(total).any()
-    return Conditions(
-        rows, factor, gain(roots, rows), is_band, total - log_total(total) if finite else log_probs, tails
-    )
+    return Conditions(rows, factor, gain, is_band, total - log_total(total) if finite else log_probs, tails)
 
 
-def gain(roots: Array, rows: Rows) -> Array:
-    """Matrices (C, D, J) that move draws of Gaussians to values of their rows.
+def gain_of(roots: Array, rows: Rows) -> tuple[Array, Array]:
+    """Matrices (C, D, J) that move draws of Gaussians to values of their rows, and the rows' Cholesky factors.
 
     Args:
         roots: (C, D, D) of the covariances.
@@ -154,14 +151,13 @@ def gain(roots: Array, rows: Rows) -> Array:
 
     Example:
         >>> rows = Rows(np.ones((1, 1, 2)), np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1)))
-        >>> gain(np.diag([3.0, 1.0])[None], rows).ravel()  # nine tenths by the number that varies more
+        >>> gain_of(np.diag([3.0, 1.0])[None], rows)[0].ravel()  # nine tenths by the number that varies more
         array([0.9, 0.1])
     """
     spread = rows.matrix @ roots
     factor = _cholesky(spread @ spread.mT)
     inverse = np.linalg.inv(factor) if rows.n_rows else factor
-    found: Array = roots @ (spread.mT @ (inverse.mT @ inverse))
-    return found
+    return roots @ (spread.mT @ (inverse.mT @ inverse)), factor
 
 
 def log_total(values: Array) -> Array:

@@ -17,13 +17,14 @@ def run(
 
     Twenty flights are enough to begin with; flights of sister types in the same files share a prior. Writes OUT with
     each number's source and 90 % interval. Beside it are the type's OPF and APF, OpenAP's polar, bluebird-dt's tables
-    and a page: errors before and after on aircraft that were not used.
+    and a page: errors before and after on aircraft that were not used. Of BADA 4, OUT is the page, and the model's XML
+    file is beside it.
 
     Args:
         flights: rows, or prepared descents (descentflow prepare)
         aircraft: type designator, for instance A320
-        out: output: coefficients, .toml; not in the folder of the BADA files
-        bada_dir: BADA 3 files with the type to repair (default: open aircraft)
+        out: output: coefficients, .toml, or of BADA 4 the page, .html; not in the folder of the BADA files
+        bada_dir: folder of BADA 3 or 4 with the type to repair (default: open aircraft)
         column (NAME=COLUMN): column of the rows' tables for a name of the rows, as in `descentflow prepare`; may be
             given again
     """
@@ -41,4 +42,4 @@ def run(
             progress=shown.say,
         )
     print(found)
-    print(f"wrote {', '.join(str(path) for path in paths_of(out, found.after.typecode).values())}")
+    print(f"wrote {', '.join(str(path) for path in paths_of(out, found.after.typecode, found.acm).values())}")

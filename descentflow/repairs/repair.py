@@ -9,6 +9,9 @@ import numpy as np
 import polars as pl
 
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
+from descentflow.aircraft_types.bada4.bada4_aircraft import Bada4Aircraft
+from descentflow.aircraft_types.bada4.bada4_directory import file_of, release_folder
+from descentflow.aircraft_types.registry import AnyAircraft
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.arguments import Output, checked_arguments
 from descentflow.core.errors import AircraftError, DataError
@@ -17,7 +20,7 @@ from descentflow.physics.performance_model import PerformanceModel
 from descentflow.repairs.crew_speeds import CrewSpeed, crew_speeds
 from descentflow.repairs.held_out import held_out
 from descentflow.repairs.mixed_model import WIDE, Posterior
-from descentflow.repairs.repair_found import COEFFICIENTS, SPEEDS, Estimate, Repair
+from descentflow.repairs.repair_found import SPEEDS, Estimate, Repair, repaired_numbers
 from descentflow.repairs.repaired_files import check_out, write_repair
 from descentflow.repairs.type_fit import TypeFlights, fit_types, repaired, type_flights
 from descentflow.surveillance.open_descents import FlightSource
@@ -46,14 +49,15 @@ def repair(
 
     Args:
         flights: Rows or prepared descents, as :func:`~descentflow.diagnosis.diagnose.diagnose` takes real flights.
-        aircraft: Type designator.
-        bada_dir: BADA 3 files; None for the open aircraft.
-        out: File of coefficients to write, ``A320.toml``, with the OPF, APF and other files beside it, and a page.
+        aircraft: Type designator; of BADA 4 also the name of a model.
+        bada_dir: Folder of BADA 3 or BADA 4; None for the open aircraft.
+        out: File of coefficients to write, ``A320.toml``, with the OPF, APF and other files beside it, and a page. Of
+            BADA 4 the page, ``A320.html``, with the model's own XML file beside it.
         columns: Name in a row -> column of the rows' tables.
         progress: Called with what is being done.
 
     Raises:
-        AircraftError: If the type is not known, or is no BADA 3 type.
+        AircraftError: If the type is not known, or has pistons.
         DataError: If flights cannot be read, lack airspeeds, or are too few.
         ConfigError: If the output cannot be written.
 
@@ -65,8 +69,10 @@ def repair(
     """
     say = progress or (lambda _: None)
     before = _known(aircraft, bada_dir)
+    release = release_folder(bada_dir) if bada_dir is not None else None
+    acm = None if release is None else file_of(aircraft, release)
     if out is not None:
-        check_out(Path(out), before.typecode, bada_dir)
+        check_out(Path(out), before.typecode, release or bada_dir, acm)
     say("reading flights")
     frame = FlightSource(flights, columns, say).descents().reported
     types, skipped = _types(frame, before, bada_dir, say)
@@ -75,7 +81,6 @@ def repair(
     say("predicting aircraft that were not used")
     judged = held_out(types, _finished)
     after = _finished(types[0], found.of(0)[0]) if judged.better else before
-    assert isinstance(after, Bada3Aircraft)
     own = types[0]
     counts: dict[str, float] = {"flights_without_air": own.evidence.without_air, "powered_bands": own.evidence.powered}
     counts |= {f"share_with_{name}": share for name, share in own.unusual.items()}
@@ -92,6 +97,7 @@ def repair(
         own.evidence.quantities.levels_fl,
         f"{frame['timestamp'].to_numpy().max().astype('datetime64[s]').item():%b %d %Y}",
         None if bada_dir is None else Path(bada_dir),
+        acm,
     )
     if out is not None:
         say("writing")
@@ -99,19 +105,19 @@ def repair(
     return result
 
 
-def _known(typecode: str, bada_dir: str | Path | None) -> Bada3Aircraft:
+def _known(typecode: str, bada_dir: str | Path | None) -> AnyAircraft:
     found = find_aircraft(typecode, bada_dir)
-    if not isinstance(found, Bada3Aircraft):
+    if isinstance(found, Bada4Aircraft) and found.engine == "piston":
         raise AircraftError(
-            f"{typecode} in another form than BADA 3",
-            expected="coefficients of BADA 3, or the open ones",
-            mend="repair the type's BADA 3 file",
+            f"{typecode}, whose idle thrust BADA 4 has no coefficient for",
+            expected="a jet or a turboprop",
+            mend="repair a type of these",
         )
     return found
 
 
 def _types(
-    frame: pl.DataFrame, before: Bada3Aircraft, bada_dir: str | Path | None, say: Callable[[str], None]
+    frame: pl.DataFrame, before: AnyAircraft, bada_dir: str | Path | None, say: Callable[[str], None]
 ) -> tuple[list[TypeFlights], dict[str, int]]:
     """Flights of the type, then of its sisters (types with coefficients and the same kind of engines); and the rest."""
     counts = dict(frame.group_by("typecode").agg(pl.col("flight_id").n_unique()).iter_rows())
@@ -148,12 +154,15 @@ def _speeds(own: TypeFlights) -> dict[str, CrewSpeed]:
     return crew_speeds(own.evidence, {name: float(getattr(own.aircraft, name)) for name in SPEEDS})
 
 
-def _finished(own: TypeFlights, theta: Array) -> PerformanceModel:
+def _finished(own: TypeFlights, theta: Array) -> AnyAircraft:
     """The file at coefficients (3,), with the crews' speeds, in the digits that are written."""
+    numbers: dict[str, Any] = {name: round(held.estimate, SPEEDS[name]) for name, held in _speeds(own).items()}
+    if isinstance(own.aircraft, Bada4Aircraft):
+        zero, two, idle = (_rounded(value) for value in (np.exp(theta[0]), np.exp(theta[1]), 1 + theta[2]))
+        return replace(own.aircraft.with_factors(parasitic=zero, induced=two, idle=idle), **numbers)
     found = repaired(own.aircraft, theta)
     assert isinstance(found, Bada3Aircraft)
-    numbers: dict[str, Any] = {name: _rounded(getattr(found, name)) for name in COEFFICIENTS}
-    numbers |= {name: round(held.estimate, SPEEDS[name]) for name, held in _speeds(own).items()}
+    numbers |= {name: _rounded(value) for name, (value, _) in repaired_numbers(found).items()}
     return replace(found, **numbers)
 
 
@@ -161,16 +170,14 @@ def _rounded(value: Any) -> float:
     return float(f"{float(value):.{DIGITS}g}")
 
 
-def _estimates(before: Bada3Aircraft, own: TypeFlights, found: Posterior) -> list[Estimate]:
+def _estimates(before: AnyAircraft, own: TypeFlights, found: Posterior) -> list[Estimate]:
     mean, covariance = found.of(0)
     spread = WIDE * np.sqrt(covariance.diagonal())
-    after = repaired(before, mean)
     made = []
-    for name, k in COEFFICIENTS.items():
-        value = float(getattr(before, name))
-        ends = mean[k] - spread[k], mean[k] + spread[k]
-        low, high = sorted(value * (np.exp(end) if k < 2 else 1 + end) for end in ends)
-        made.append(Estimate(name, value, _rounded(getattr(after, name)), float(low), float(high), "flights"))
+    for name, (value, k) in repaired_numbers(before).items():
+        ends = mean[k] + np.array([0.0, -spread[k], spread[k]])
+        middle, *both = (value * float(factor) for factor in (np.exp(ends) if k < 2 else 1 + ends))
+        made.append(Estimate(name, value, _rounded(middle), min(both), max(both), "flights"))
     for name, speed in _speeds(own).items():
         estimate = round(speed.estimate, SPEEDS[name])
         made.append(

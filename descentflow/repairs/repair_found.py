@@ -5,12 +5,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
+from descentflow.aircraft_types.registry import AnyAircraft
 from descentflow.repairs.flight_evidence import BAND_FL
 from descentflow.repairs.held_out import HeldOut
 from descentflow.repairs.mixed_model import Posterior
 
 COEFFICIENTS = {"cd0_cr": 0, "cd2_cr": 1, "ct_des_low": 2, "ct_des_high": 2}
-"""Coefficient -> its place in the estimate."""
+"""Coefficient of BADA 3 -> its place in the estimate."""
+FACTORS = {"parasitic": 0, "induced": 1, "idle": 2}
+"""The same of BADA 4, whose files have many numbers for each: factors of what the file has."""
 SPEEDS = {"des_mach": 2, "des_cas_high_kt": 0, "des_cas_low_kt": 0}
 """Speed of the schedule -> decimals of an APF file."""
 
@@ -50,6 +53,7 @@ class Repair:
         levels_fl: Lowest and highest level of the flights.
         last_day: Of the flights, as BADA's files have dates (``Mar 08 2024``).
         bada_dir: Folder of the file that was repaired; None for an open type.
+        acm: The file that was repaired, of BADA 4.
 
     Example:
         >>> from descentflow.repairs.repair import repair
@@ -58,8 +62,8 @@ class Repair:
         (True, ['cd0_cr', 'cd2_cr'])
     """
 
-    before: Bada3Aircraft
-    after: Bada3Aircraft
+    before: AnyAircraft
+    after: AnyAircraft
     estimates: tuple[Estimate, ...]
     held_out: HeldOut
     posterior: Posterior
@@ -69,6 +73,7 @@ class Repair:
     levels_fl: tuple[float, float]
     last_day: str
     bada_dir: Path | None = None
+    acm: Path | None = None
 
     @property
     def band_fl(self) -> float:
@@ -108,3 +113,16 @@ class Repair:
         )
         gauge = f"  at the reference mass, {float(self.before.mass_reference_kg):,.0f} kg: flights do not tell the mass"
         return "\n".join([head, *lines, time, gauge])
+
+
+def repaired_numbers(aircraft: AnyAircraft) -> dict[str, tuple[float, int]]:
+    """Numbers that are repaired, by name: the value in the file, and its place in the estimate.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> repaired_numbers(aircraft("A320"))["cd0_cr"]
+        (0.01751, 0)
+    """
+    if isinstance(aircraft, Bada3Aircraft):
+        return {name: (float(getattr(aircraft, name)), k) for name, k in COEFFICIENTS.items()}
+    return {name: (1.0, k) for name, k in FACTORS.items()}

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from descentflow.repairs.held_out import Error
-from descentflow.repairs.repair_found import COEFFICIENTS, Estimate, Repair
+from descentflow.repairs.repair_found import COEFFICIENTS, FACTORS, Estimate, Repair
 from descentflow.reporting.pages import drawing, rendered
 
 if TYPE_CHECKING:
@@ -17,6 +17,9 @@ LABELS = {
     "cd2_cr": "drag by lift, CD2",
     "ct_des_low": "idle thrust below H_p,des, over climb thrust",
     "ct_des_high": "idle thrust above H_p,des, over climb thrust",
+    "parasitic": "drag without lift (d1 to d5), factor",
+    "induced": "drag by lift (d6 to d15), factor",
+    "idle": "idle thrust (ti), factor",
     "des_mach": "Mach number of the descent",
     "des_cas_high_kt": "CAS above 10,000 ft, kt",
     "des_cas_low_kt": "CAS below 10,000 ft, kt",
@@ -31,6 +34,8 @@ FILES = {
     "toml": "coefficients with sources and intervals",
     "opf": "BADA 3, with the APF a folder for bada_dir",
     "apf": "BADA 3",
+    "acm": "BADA 4, with GPF.xml a folder for bada_dir",
+    "gpf": "BADA 4, as it was",
     "openap": "clean polar of OpenAP, which BlueSky flies",
     "profile": "bluebird-dt",
     "uncertainty": "bluebird-dt",
@@ -84,7 +89,9 @@ def _signed(error: Error, form: str) -> list[str]:
 
 
 def _numbers(one: Estimate) -> list[str]:
-    changed = f"{100 * (one.after / one.before - 1):+.0f} %" if one.name in COEFFICIENTS and one.before else ""
+    changed = (
+        f"{100 * (one.after / one.before - 1):+.0f} %" if one.name in (*COEFFICIENTS, *FACTORS) and one.before else ""
+    )
     return [f"{one.before:.4g}", f"{one.after:.4g}", changed, f"{one.low:.4g} to {one.high:.4g}", one.source]
 
 

@@ -1,6 +1,7 @@
-"""Files of a repaired type: our TOML with intervals, BADA 3's OPF and APF, OpenAP's polar, bluebird-dt's tables."""
+"""Files of a repaired type: our TOML with intervals, files of BADA, OpenAP's polar, bluebird-dt's tables."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -9,43 +10,51 @@ from descentflow.aircraft_types.bada3.apf_file import Apf, Company, apf_of, read
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
 from descentflow.aircraft_types.bada3.bada_directory import synonym_of
 from descentflow.aircraft_types.bada3.opf_file import Opf, opf_of, read_opf, write_opf
+from descentflow.aircraft_types.bada4.acm_writer import changed_acm
+from descentflow.aircraft_types.bada4.bada4_directory import GLOBAL_PARAMETERS
 from descentflow.aircraft_types.open_types.open_aircraft import open_type
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_output, whole_file
 from descentflow.exports.bluebird_tables import KINDS, tables
 from descentflow.repairs.nominal_fleet import nominal_fleet
-from descentflow.repairs.repair_found import COEFFICIENTS, SPEEDS, Estimate, Repair
+from descentflow.repairs.repair_found import COEFFICIENTS, FACTORS, SPEEDS, Estimate, Repair
 from descentflow.repairs.repair_page import page
 
 
-def paths_of(out: Path, typecode: str) -> dict[str, Path]:
-    """All files that are written, by kind.
+def paths_of(out: Path, typecode: str, acm: Path | None = None) -> dict[str, Path]:
+    """All files that are written, by kind; of BADA 4 where its file is given.
 
     Example:
         >>> [path.name for path in paths_of(Path("A320.toml"), "A320").values()][:4]
         ['A320.toml', 'A320__.OPF', 'A320__.APF', 'A320_openap.yml']
+        >>> list(paths_of(Path("A320.html"), "A320", Path("A320-231/A320-231.xml")))[:2]
+        ['acm', 'gpf']
     """
-    own = {"toml": out, "opf": out.with_name(f"{typecode:_<6}.OPF"), "apf": out.with_name(f"{typecode:_<6}.APF")}
-    own["openap"] = out.with_name(f"{out.stem}_openap.yml")
+    if acm is not None:
+        own = {"acm": out.parent / acm.stem / acm.name, "gpf": out.with_name(GLOBAL_PARAMETERS)}
+    else:
+        own = {"toml": out, "opf": out.with_name(f"{typecode:_<6}.OPF"), "apf": out.with_name(f"{typecode:_<6}.APF")}
+        own["openap"] = out.with_name(f"{out.stem}_openap.yml")
     tabled = {kind: out.with_name(f"{out.stem}_bluebird_{kind}.json") for kind in KINDS}
     return own | tabled | {"page": out.with_name(f"{out.stem}.html")}
 
 
-def check_out(out: Path, typecode: str, bada_dir: str | Path | None) -> None:
+def check_out(out: Path, typecode: str, bada_dir: str | Path | None, acm: Path | None = None) -> None:
     """Refuse an output that cannot be written, or would write over the files that are repaired.
 
     Raises:
-        ConfigError: If its name does not end in .toml, or it lies in the folder of the files themselves.
+        ConfigError: If its name does not end in .toml (.html for BADA 4), or it lies in the folder of the files.
         DataError: If the folder does not exist.
     """
-    if out.suffix != ".toml":
-        raise ConfigError(f"output {out}", expected="a name that ends in .toml", mend=f"name it {typecode}.toml")
+    ending = ".toml" if acm is None else ".html"
+    if out.suffix != ending:
+        raise ConfigError(f"output {out}", expected=f"a name that ends in {ending}", mend=f"name it {typecode}{ending}")
     if bada_dir is not None and out.resolve().parent == Path(bada_dir).resolve():
         raise ConfigError(
             f"output in {bada_dir}, whose files would be written over", expected="another folder", mend="choose one"
         )
-    for path in paths_of(out, typecode).values():
-        check_output(path)
+    for kind, path in paths_of(out, typecode, acm).items():
+        check_output(path if kind != "acm" else out)
 
 
 def write_repair(found: Repair, out: Path) -> list[Path]:
@@ -60,23 +69,39 @@ def write_repair(found: Repair, out: Path) -> list[Path]:
         The files.
     """
     code = found.after.typecode
-    paths = paths_of(out, code)
-    opf, apf = _of_file(found)
+    paths = paths_of(out, code, found.acm)
     profile, uncertainty = tables(nominal_fleet(found))
     made = {"profile": {"aircraft": {code: profile}}, "uncertainty": {"aircraft": {code: uncertainty}}}
     texts = {kind: json.dumps({**made, "mapping": {code: code, "DEFAULT": code}}[kind], indent=1) for kind in KINDS}
-    texts |= {"toml": toml_text(found), "openap": openap_text(found.after), "page": page(found, paths)}
-    write_opf(opf, paths["opf"])
-    write_apf(apf, paths["apf"])
+    texts["page"] = page(found, paths)
+    if isinstance(found.after, Bada3Aircraft):
+        texts |= {"toml": toml_text(found, found.after), "openap": openap_text(found.after)}
+        opf, apf = _of_file(found, found.after)
+        write_opf(opf, paths["opf"])
+        write_apf(apf, paths["apf"])
+    if found.acm is not None:
+        _write_bada4(found, found.acm, paths)
     for kind, text in texts.items():
         with whole_file(paths[kind]) as temporary:
             temporary.write_text(text, encoding="utf-8")
     return list(paths.values())
 
 
-def _of_file(found: Repair) -> tuple[Opf, Apf]:
+def _write_bada4(found: Repair, acm: Path, paths: Mapping[str, Path]) -> None:
+    """The user's own XML file with the repaired numbers alone changed, and GPF.xml as it is."""
+    numbers = {one.name: one.after for one in found.estimates if found.changed}
+    factors = {name: numbers.get(name, 1.0) for name in FACTORS}
+    speeds = {name: numbers[name] for name in SPEEDS if name in numbers}
+    paths["acm"].parent.mkdir(exist_ok=True)
+    made = {"acm": changed_acm(acm, speeds, **factors), "gpf": (acm.parent.parent / GLOBAL_PARAMETERS).read_bytes()}
+    for kind, content in made.items():
+        with whole_file(paths[kind]) as temporary:
+            temporary.write_bytes(content)
+
+
+def _of_file(found: Repair, after: Bada3Aircraft) -> tuple[Opf, Apf]:
     """The user's own OPF and APF with the repaired numbers alone changed; those of an open type are made new."""
-    after, day = found.after, found.last_day
+    day = found.last_day
     opf, apf = replace(opf_of(after), created=day), replace(apf_of(after), created=day)
     if found.bada_dir is not None:
         name = synonym_of(after.typecode, found.bada_dir).file
@@ -94,16 +119,17 @@ def _of_file(found: Repair) -> tuple[Opf, Apf]:
     return replace(opf, modified=day), replace(apf, modified=day, companies=companies)
 
 
-def toml_text(found: Repair) -> str:
+def toml_text(found: Repair, after: Bada3Aircraft) -> str:
     """The type in the form of the open types, repaired numbers with a 90 % interval.
 
     Example:
         >>> from descentflow.repairs.repair import repair
         >>> import tomllib
-        >>> tomllib.loads(toml_text(repair("descents.parquet", aircraft="A320")))["coefficients"]["cd0_cr"]["unit"]
+        >>> found = repair("descents.parquet", aircraft="A320")
+        >>> tomllib.loads(toml_text(found, found.after))["coefficients"]["cd0_cr"]["unit"]
         '1'
     """
-    after, judged = found.after, found.held_out
+    judged = found.held_out
     units = {one.name: one.unit for one in open_type("A320").coefficients}
     repaired = {one.name: one for one in found.estimates} if found.changed else {}
     flights = f"{judged.flights} flights of {judged.aircraft} aircraft"

@@ -73,10 +73,17 @@ def load_aircraft(typecode: str, folder: Path) -> Bada4Aircraft:
         Traceback (most recent call last):
         descentflow.core.errors.AircraftError: no_such holds ...
     """
+    file = file_of(typecode, folder)
+    named = file.stem.upper() == typecode.strip().upper()
+    return read_acm(file, read_gpf(folder / GLOBAL_PARAMETERS), None if named else typecode.strip().upper())
+
+
+def file_of(typecode: str, folder: Path) -> Path:
+    """File of a type or a model, see :func:`load_aircraft`."""
     wanted, models = typecode.strip().upper(), model_files(folder)
     named = {name.upper(): file for name, file in models.items()}
     if wanted in named:
-        return read_acm(named[wanted], read_gpf(folder / GLOBAL_PARAMETERS))
+        return named[wanted]
     known = _designators(folder, models)
     files = known.get(wanted, [])
     if not files:
@@ -92,7 +99,7 @@ def load_aircraft(typecode: str, folder: Path) -> Bada4Aircraft:
             expected="one model for a type",
             mend="name the model in place of the type",
         )
-    return read_acm(files[0], read_gpf(folder / GLOBAL_PARAMETERS), wanted)
+    return files[0]
 
 
 def load_directory(folder: Path) -> dict[str, Bada4Aircraft]:

@@ -4,7 +4,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -19,6 +18,8 @@ from descentflow.simulation.planned_changes import (
     draw_constant_rates,
     draw_off_idle,
     draw_speed_changes,
+    ranged,
+    uniform_of,
 )
 from descentflow.simulation.weather import Weather, draw_weather
 from descentflow.simulation.world_config import Operator, WorldConfig, default_operators, largest_landing_mass_kg
@@ -140,11 +141,11 @@ def draw_parameters(
 
 
 def _draw(aircraft: PerformanceModel, numbers: Sequence[int], seed: int, config: WorldConfig) -> FlightParameters:
-    own = _uniform(numbers, seed, 0)
+    own = uniform_of(numbers, seed, (0,), _DRAWS)
     normal = torch.special.ndtri(own.clamp(1e-9, 1 - 1e-9))
     n = len(numbers)
     airframes = [number // config.flights_per_aircraft for number in numbers]
-    of_airframe = _uniform(airframes, seed, 2)
+    of_airframe = uniform_of(airframes, seed, (2,), _DRAWS)
     operator, cas_kt, mach = _schedules(config.operators or default_operators(aircraft), of_airframe)
     cas_mps = (cas_kt + config.cas_spread_kt * normal[:, 14]) * KT_MPS
     days = _days(numbers, of_airframe[:, 1], config)
@@ -157,9 +158,9 @@ def _draw(aircraft: PerformanceModel, numbers: Sequence[int], seed: int, config:
     top = _tops(aircraft, mass, deviation, own[:, 5:7], bottom, config)
     has_level = (own[:, 8] < config.level_off_share) & (top - bottom > 6 * _THOUSAND_FT_M)
     has_managed = own[:, 9] < config.managed_share
-    level = _between(bottom + 2 * _THOUSAND_FT_M, top - 3 * _THOUSAND_FT_M, own[:, 10])
+    level = ranged((bottom + 2 * _THOUSAND_FT_M, top - 3 * _THOUSAND_FT_M), own[:, 10])
     level = (level / _THOUSAND_FT_M).round() * _THOUSAND_FT_M
-    managed = _between(bottom + 0.1 * (top - bottom), top - 0.1 * (top - bottom), own[:, 11])
+    managed = ranged((bottom + 0.1 * (top - bottom), top - 0.1 * (top - bottom)), own[:, 11])
     waves = slice(20, 20 + N_WAVES), slice(25, 25 + N_WAVES), slice(30, 30 + N_WAVES)
     return FlightParameters(
         mass_kg=mass,
@@ -173,15 +174,15 @@ def _draw(aircraft: PerformanceModel, numbers: Sequence[int], seed: int, config:
         operator=operator,
         top_m=top,
         bottom_m=bottom,
-        cruise_s=_ranged(config.cruise_s, own[:, 15]).round(),
+        cruise_s=ranged(config.cruise_s, own[:, 15]).round(),
         wander_mps=config.wander_kt * KT_MPS * math.sqrt(2 / N_WAVES) * normal[:, waves[0]].abs(),
-        wander_rad_s=2 * torch.pi / _ranged((150.0, 600.0), own[:, waves[1]]),
+        wander_rad_s=2 * torch.pi / ranged((150.0, 600.0), own[:, waves[1]]),
         wander_phase=2 * torch.pi * own[:, waves[2]],
         level_off_m=torch.where(has_level, level, torch.nan),
-        level_off_s=_ranged(config.level_off_s, own[:, 16]).round(),
+        level_off_s=ranged(config.level_off_s, own[:, 16]).round(),
         managed_m=torch.where(has_managed, managed, torch.nan),
-        managed_s=_ranged(config.managed_s, own[:, 17]).round(),
-        managed_rate=_ranged(config.managed_rate, own[:, 18]),
+        managed_s=ranged(config.managed_s, own[:, 17]).round(),
+        managed_rate=ranged(config.managed_rate, own[:, 18]),
         number=torch.tensor(numbers, dtype=torch.int64),
         airframe=torch.tensor(airframes, dtype=torch.int64),
         day=torch.tensor(days, dtype=torch.int64),
@@ -196,20 +197,6 @@ def _days(numbers: Sequence[int], of_airframe: Tensor, config: WorldConfig) -> l
     """Day of each flight: an airframe flies on consecutive days from one of its own, or from the first."""
     first = (of_airframe * (config.days - config.flights_per_aircraft + 1)).floor().clamp(min=0).long().tolist()
     return [begin + number % config.flights_per_aircraft for begin, number in zip(first, numbers, strict=True)]
-
-
-def _uniform(numbers: Sequence[int], seed: int, stream: int) -> Tensor:
-    """Uniform numbers of shape (n, draws), each row from its own generator."""
-    rows = [np.random.default_rng((seed, number, stream)).random(_DRAWS) for number in numbers]
-    return torch.from_numpy(np.stack(rows) if rows else np.empty((0, _DRAWS)))
-
-
-def _between(low: Tensor, high: Tensor, share: Tensor) -> Tensor:
-    return low + (high - low) * share
-
-
-def _ranged(limits: tuple[float, float], share: Tensor) -> Tensor:
-    return limits[0] + (limits[1] - limits[0]) * share
 
 
 def _schedules(operators: Sequence[Operator], uniform: Tensor) -> tuple[Tensor, Tensor, Tensor]:

@@ -139,14 +139,14 @@ def draw_constant_rates(
     """
     if not (config.slow_start_share or config.two_rates_share):
         return ConstantRates(*_no_columns(numbers, 2))
-    uniform = _uniform(numbers, seed, RATE_STREAM, 8)
+    uniform = uniform_of(numbers, seed, (RATE_STREAM,), 8)
     two = uniform[:, 0] < config.two_rates_share
     slow = ~two & (uniform[:, 1] < config.slow_start_share)
     height = top_m - bottom_m
     missing = torch.full_like(top_m, torch.nan)
     # A slow start leaves room for idle descent below it.
-    slow_low = top_m - torch.minimum(_ranged(config.slow_start_fl, uniform[:, 2]) * FL_M, 0.6 * height)
-    switch = _ranged(config.switch_fl, uniform[:, 3]) * FL_M
+    slow_low = top_m - torch.minimum(ranged(config.slow_start_fl, uniform[:, 2]) * FL_M, 0.6 * height)
+    switch = ranged(config.switch_fl, uniform[:, 3]) * FL_M
     first = torch.where(two, _rate_mps(config.first_rate_fpm, uniform[:, 4], uniform[:, 5]), missing)
     first = torch.where(slow, _rate_mps(config.slow_start_fpm, uniform[:, 4], uniform[:, 5]), first)
     second = torch.where(two, _rate_mps(config.second_rate_fpm, uniform[:, 6], uniform[:, 7]), missing)
@@ -179,11 +179,11 @@ def draw_speed_changes(
     """
     if not config.speed_change_share:
         return SpeedChanges(*_no_columns(numbers, 3))
-    has, faster, size, level, slope = _uniform(numbers, seed, SPEED_STREAM, MOST, 5).unbind(2)
-    change_mps = _ranged(config.speed_change_kt, size) * KT_MPS
-    high = _ranged(config.speed_change_fl, level) * FL_M
+    has, faster, size, level, slope = uniform_of(numbers, seed, (SPEED_STREAM,), MOST, 5).unbind(2)
+    change_mps = ranged(config.speed_change_kt, size) * KT_MPS
+    high = ranged(config.speed_change_fl, level) * FL_M
     faster = faster < config.faster_share
-    kt_per_kft = _ranged(config.speed_change_kt_per_kft, slope)
+    kt_per_kft = ranged(config.speed_change_kt_per_kft, slope)
     kt_per_kft = torch.where(faster, kt_per_kft.clamp(max=FASTEST_GAIN_KT_PER_KFT), kt_per_kft)
     depth = change_mps / (kt_per_kft * KT_MPS) * 1000 * FT_M
     taken = (has < config.speed_change_share) & (high < top_m[:, None])
@@ -211,31 +211,31 @@ def draw_off_idle(numbers: Sequence[int], seed: int, config: WorldConfig, top_m:
     """
     if not (config.thrust_share or config.brakes_share):
         return OffIdle(*_no_columns(numbers, 4))
-    has, size, level, depth = _uniform(numbers, seed, OFF_IDLE_STREAM, 2 * MOST, 4).unbind(2)
-    thrust = torch.where(has < config.thrust_share, _ranged(config.thrust_of_needed, size), 0.0)
-    brakes = torch.where(has < config.brakes_share, _ranged(config.brake_gain, size), 0.0)
+    has, size, level, depth = uniform_of(numbers, seed, (OFF_IDLE_STREAM,), 2 * MOST, 4).unbind(2)
+    thrust = torch.where(has < config.thrust_share, ranged(config.thrust_of_needed, size), 0.0)
+    brakes = torch.where(has < config.brakes_share, ranged(config.brake_gain, size), 0.0)
     kind = torch.arange(2 * MOST) < MOST
     high = bottom_m[:, None] + (top_m - bottom_m)[:, None] * level
-    low = high - _ranged(config.off_idle_fl, depth) * FL_M
+    low = high - ranged(config.off_idle_fl, depth) * FL_M
     return OffIdle(torch.where(kind, thrust, 0.0), torch.where(kind, 0.0, brakes), high, low)
 
 
-def _uniform(numbers: Sequence[int], seed: int, stream: int, *shape: int) -> Tensor:
-    """Uniform numbers of such a shape for each flight, from a generator of its own."""
-    return torch.from_numpy(
-        np.array([np.random.default_rng((seed, k, stream)).random(shape) for k in numbers]).reshape(-1, *shape)
-    )
+def uniform_of(numbers: Sequence[int], seed: int, streams: Sequence[int], *shape: int) -> Tensor:
+    """Uniform numbers (n, ...) of each flight, day or airframe, of its own number and some streams."""
+    found = [np.random.default_rng((seed, number, *streams)).random(shape) for number in numbers]
+    return torch.from_numpy(np.array(found).reshape(-1, *shape))
 
 
 def _no_columns(numbers: Sequence[int], n: int) -> list[Tensor]:
     return [torch.empty(len(numbers), 0, dtype=torch.float64)] * n
 
 
-def _ranged(limits: tuple[float, float], share: Tensor) -> Tensor:
+def ranged(limits: tuple[float | Tensor, float | Tensor], share: Tensor) -> Tensor:
+    """Numbers between limits, by shares of the way."""
     return limits[0] + (limits[1] - limits[0]) * share
 
 
 def _rate_mps(limits_fpm: tuple[float, float], share: Tensor, within: Tensor) -> Tensor:
     """A rate of descent clear of the multiples of 100 ft/min, in the hundred that the range's draw lies in."""
-    hundreds = (_ranged(limits_fpm, share) / 100).floor()
+    hundreds = (ranged(limits_fpm, share) / 100).floor()
     return -(100 * hundreds + CLEAR_FPM + (100 - 2 * CLEAR_FPM) * within) * FPM_MPS

@@ -10,10 +10,13 @@ import pytest
 from blind_toys import few_flights, study
 
 from descentflow.core.errors import ConfigError
+from descentflow.simulation.cause_values import completed
 from descentflow.simulation.causes import CAUSES
+from descentflow.simulation.plantable import PLANTABLE
 from studies.blind_diagnosis.blind_draw import draw_plan
 from studies.blind_diagnosis.blind_plan import HOLDING, SCALE_GROUP, Plan, SetPlan
 from studies.blind_diagnosis.blind_worlds import OWN
+from studies.blind_diagnosis.drawn_causes import CATALOGUED, DRAWN
 from studies.blind_diagnosis.outcome import matched, nameable, outcomes
 from studies.blind_diagnosis.study_score import GOALS, score, table
 from studies.blind_diagnosis.true_sizes import true_sizes
@@ -173,7 +176,7 @@ def test_truth_is_what_the_flights_have_got() -> None:
     warm = true_sizes(single("temperature", {"deviation_k": 5.0, "spread_k": 3.0}))["temperature"]["deviation_k"]
     assert 0 < abs(warm - 5) < 4 * 3 / 300**0.5
     for name in OWN.catalogued:
-        true_sizes(single(name, CAUSES[name].draw(np.random.default_rng(0), 1.0)))
+        true_sizes(single(name, DRAWN[name][0](np.random.default_rng(0), 1.0)))
 
 
 def test_truth_of_foreign_flights_is_what_is_flown() -> None:
@@ -194,3 +197,14 @@ def test_a_study_of_one_set_is_scored() -> None:
     alone = few_flights(draw_plan(1, seed=1, withheld=False))
     manifest, found = study(alone)
     assert "| false alarms |" in table(score(outcomes(alone, manifest, found), {}))
+
+
+def test_every_cause_draws_values_that_can_be_planted() -> None:
+    assert len(CATALOGUED) == 14
+    assert set(DRAWN) == set(CAUSES)
+    for name, (draw, differ) in DRAWN.items():
+        for seed in range(20):
+            generator = np.random.default_rng(seed)
+            for size in (0.4, 1.15):
+                values = draw(generator, size) | (differ(generator, size) if differ else {})
+                assert completed(name, PLANTABLE, values).items() >= values.items()

@@ -11,18 +11,17 @@ from blind_toys import perfect_report
 
 from descentflow.core.errors import DataError
 from descentflow.densities.checkpoint import load_model
-from descentflow.simulation.causes import CATALOGUED
 from descentflow.surveillance.descents.prepared_descents import read_descents
 from studies.blind_diagnosis.blind_flights import simulator_path, write_set, write_simulator
 from studies.blind_diagnosis.blind_plan import FORMS, Plan, SetPlan, SimulatorPlan
 from studies.blind_diagnosis.blind_run import OF_CLOSURE, _of_key, diagnose_all, generate, how_long
 from studies.blind_diagnosis.closing import closing, fly_fresh
+from studies.blind_diagnosis.drawn_causes import CATALOGUED
 from studies.blind_diagnosis.outcome import outcomes
 from studies.blind_diagnosis.seal import DIAGNOSES, KEY, MANIFEST, open_key, read_json, write_json
 from studies.blind_diagnosis.study_score import score, table
 
 SCRIPT = runpy.run_path(str(Path(__file__).resolve().parents[2] / "scripts" / "withheld_effects.py"))
-NAMES = tuple(cause.name for cause in CATALOGUED)
 WARM = {"temperature": {"deviation_k": 10.0, "spread_k": 2.0}}
 BIASED = {"airspeed_bias": {"bias_kt": 2.0, "slope_kt_per_mach": 25.0}}
 A320 = ("own", "A320")
@@ -66,7 +65,7 @@ def test_what_is_public_before_diagnosis_tells_nothing(folder: Path) -> None:
     manifest = read_json(folder / MANIFEST)
     assert [job["name"] for job in manifest["jobs"]] == JOBS
     text = json.dumps(manifest).replace('"without": null', "")
-    assert not any(name in text for name in (*NAMES, "null", "double", "outside"))
+    assert not any(name in text for name in (*CATALOGUED, "null", "double", "outside"))
     files = sorted(path.name for path in (folder / "simulators").iterdir())
     assert files == sorted(simulator_path(folder, "simulator_000", form).name for form in FORMS)
     for one in PLAN.sets:

@@ -6,7 +6,6 @@ Their values stand in :mod:`~descentflow.simulation.plantable`. Read
 :mod:`~descentflow.simulation.causes.injection` has all of them.
 """
 
-from descentflow.simulation.causes.cause import Cause
-from descentflow.simulation.causes.injection import BETWEEN, CATALOGUED, CAUSES, OUTSIDE, Injection
+from descentflow.simulation.causes.injection import CAUSES, Injection
 
-__all__ = ["BETWEEN", "CATALOGUED", "CAUSES", "OUTSIDE", "Cause", "Injection"]
+__all__ = ["CAUSES", "Injection"]

@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -79,38 +78,8 @@ def normal(uniform: Tensor) -> Tensor:
     return found
 
 
-@dataclass(frozen=True)
-class Cause:
-    """Something that makes real flights differ from a simulator's.
-
-    Example:
-        >>> from descentflow.simulation.causes import CAUSES
-        >>> CAUSES["mass"].draw(np.random.default_rng(0), 1.0)
-        {'factor': 1.1}
-    """
-
-    name: str
-    """Its key in :data:`~descentflow.simulation.plantable.PLANTABLE`, which has its values."""
-    draw: Callable[[np.random.Generator, float], dict[str, float]]
-    """Draws what a study injects, alike in all flights that have it: 1 is the full size, 0.5 the half size."""
-    inject: Callable[[Fleet, Values], tuple[FlightParameters, Own]]
-    """Changes flights, and returns the value of each."""
-    stream: int
-    """Of random numbers, one for each cause."""
-    vary: Callable[[np.random.Generator, float], dict[str, float]] | None = None
-    """Draws how flights differ, for a size; None for a cause that all have alike."""
-    channels: tuple[str, ...] = ()
-    """Reported fields without which this cause cannot be distinguished from others."""
-
-
-def sign(generator: np.random.Generator) -> float:
-    """Plus or minus one.
-
-    Example:
-        >>> sorted({sign(np.random.default_rng(seed)) for seed in range(9)})
-        [-1.0, 1.0]
-    """
-    return float(generator.choice([-1.0, 1.0]))
+Inject = Callable[[Fleet, Values], tuple[FlightParameters, Own]]
+"""Changes flights by the values of a cause, and returns the value of each flight."""
 
 
 def only(chosen: Tensor, **own: Tensor | float) -> dict[str, Tensor]:

@@ -1,71 +1,44 @@
 """One or several causes injected in the flights of a world."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-
-import numpy as np
-import torch
-from torch import Tensor
 
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.simulation.cause_values import Values
-from descentflow.simulation.causes.air_and_instruments import (
-    AIRSPEED_BIAS,
-    MEASUREMENT_NOISE,
-    TEMPERATURE,
-    VERTICAL_RATE_LAG,
-    WIND_GRADIENT,
-)
-from descentflow.simulation.causes.cause import Cause, Fleet
-from descentflow.simulation.causes.forces import (
-    ANTI_ICE,
-    COMPRESSIBILITY,
-    DRAG_POLAR,
-    IDLE_THRUST,
-    INDUCED_DRAG,
-    KEPT_THRUST,
-    MASS,
-    POWERED_DESCENT,
-    SPEED_BRAKE,
-    TURN,
-)
-from descentflow.simulation.causes.operation import GEOMETRIC_PATH, LEVEL_OFF, SPEED_SCHEDULE, VERTICAL_SPEED_MODE
+from descentflow.simulation.causes.air_and_instruments import blow, delay, misread, scatter, warm
+from descentflow.simulation.causes.cause import Fleet, Inject
+from descentflow.simulation.causes.forces import compress, extend, heat, induce, keep, multiply, power, turn
+from descentflow.simulation.causes.operation import hold_path, hold_rate, level_off, plan
 from descentflow.simulation.parameters import FlightParameters
+from descentflow.simulation.planned_changes import uniform_of
 from descentflow.simulation.plantable import complete
 
 _STREAM, _DAY_STREAM, _AIRFRAME_STREAM = 4, 6, 7
 """Of random numbers of flights, days and airframes; a flight's own in the world are 0 to 3, and 5."""
 _DRAWS = 6
-CATALOGUED = (
-    TEMPERATURE,
-    WIND_GRADIENT,
-    MASS,
-    IDLE_THRUST,
-    DRAG_POLAR,
-    SPEED_BRAKE,
-    TURN,
-    GEOMETRIC_PATH,
-    VERTICAL_SPEED_MODE,
-    LEVEL_OFF,
-    SPEED_SCHEDULE,
-    AIRSPEED_BIAS,
-    VERTICAL_RATE_LAG,
-    MEASUREMENT_NOISE,
-)
-"""Causes that a diagnosis should name, if channels show them."""
-
-OUTSIDE = (COMPRESSIBILITY, KEPT_THRUST, ANTI_ICE)
-"""Causes that a diagnosis should call unknown."""
-
-BETWEEN = (INDUCED_DRAG, POWERED_DESCENT)
-"""Causes that come so near to one of the catalogue that either answer is right: a polar of the wrong shape is nearly
-another mass, and thrust all the way down nearly less drag."""
-
-_HELD_LAST = (GEOMETRIC_PATH, VERTICAL_SPEED_MODE)
-_FIRST = tuple(cause for cause in (*CATALOGUED, *OUTSIDE, *BETWEEN) if cause not in _HELD_LAST)
-CAUSES: dict[str, Cause] = {cause.name: cause for cause in (*_FIRST, *_HELD_LAST)}
-"""Every cause by name, in the order in which they act: a path or a rate is planned for the speeds, the drag and the air
-that the flight really meets."""
+CAUSES: dict[str, tuple[int, Inject]] = {
+    "temperature": (0, warm),
+    "wind_gradient": (1, blow),
+    "mass": (2, multiply("mass_kg")),
+    "idle_thrust": (3, multiply("thrust_factor")),
+    "drag_polar": (4, multiply("cd0_factor")),
+    "speed_brake": (5, extend),
+    "turn": (15, turn),
+    "level_off": (8, level_off),
+    "speed_schedule": (9, plan),
+    "airspeed_bias": (10, misread),
+    "vertical_rate_lag": (11, delay),
+    "measurement_noise": (12, scatter),
+    "compressibility": (13, compress),
+    "kept_thrust": (14, keep),
+    "anti_ice": (17, heat),
+    "induced_drag": (16, induce),
+    "powered_descent": (18, power),
+    "geometric_path": (6, hold_path),
+    "vertical_speed_mode": (7, hold_rate),
+}
+"""Every cause -> its stream of random numbers, and what it does, in the order in which they act: a path or a rate is
+planned for the speeds, the drag and the air that the flight really meets."""
 
 
 @dataclass(frozen=True)
@@ -99,22 +72,12 @@ class Injection:
 
     def __call__(self, parameters: FlightParameters) -> FlightParameters:
         """Inject every cause."""
-        for name, cause in CAUSES.items():
+        for name, (cause, inject) in CAUSES.items():
             if name in self.causes:
-                uniform = self._uniform(parameters.number, _STREAM, cause.stream, _DRAWS)
-                daily = self._uniform(parameters.day, _DAY_STREAM, cause.stream, 1)
-                airframe = self._uniform(parameters.airframe, _AIRFRAME_STREAM, cause.stream, 1)
-                fleet = Fleet(self.aircraft, parameters, uniform, daily, airframe)
-                parameters, own = cause.inject(fleet, self.causes[name])
+                uniform = uniform_of(parameters.number.tolist(), self.seed, (_STREAM, cause), _DRAWS)
+                daily = uniform_of(parameters.day.tolist(), self.seed, (_DAY_STREAM, cause), 1)
+                airframe = uniform_of(parameters.airframe.tolist(), self.seed, (_AIRFRAME_STREAM, cause), 1)
+                parameters, own = inject(Fleet(self.aircraft, parameters, uniform, daily, airframe), self.causes[name])
                 planted = {f"{name}_{value}": tensor for value, tensor in own.items()}
                 parameters = replace(parameters, planted={**parameters.planted, **planted})
         return parameters
-
-    def _uniform(self, numbers: Tensor, stream: int, cause: int, draws: int) -> Tensor:
-        """Random numbers of shape (n, draws), a generator for each number."""
-        known: dict[int, np.ndarray] = {}
-        rows: Sequence[int] = numbers.tolist()
-        for number in rows:
-            if number not in known:
-                known[number] = np.random.default_rng((self.seed, number, stream, cause)).random(draws)
-        return torch.from_numpy(np.stack([known[number] for number in rows]))

@@ -8,7 +8,7 @@ from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
 from descentflow.simulation.autopilot import target_tas_mps
 from descentflow.simulation.cause_values import Values
-from descentflow.simulation.causes.cause import Cause, Fleet, Own, only, sign
+from descentflow.simulation.causes.cause import Fleet, Own, only
 from descentflow.simulation.motion import Dynamics, Motion
 from descentflow.simulation.parameters import FlightParameters
 
@@ -44,15 +44,8 @@ def _idle_path(fleet: Fleet, high_m: Tensor, low_m: Tensor) -> tuple[Tensor, Ten
     return torch.stack(angles).amax(0), torch.stack(rates).amax(0)
 
 
-def _path(generator: np.random.Generator, size: float) -> dict[str, float]:
-    return {"share": 0.8 * size, "of_idle": generator.uniform(0.85, 0.95)}
-
-
-def _own_paths(generator: np.random.Generator, size: float) -> dict[str, float]:
-    return {"of_idle": 0.885, "of_idle_range": generator.uniform(0.05, 0.09)}
-
-
-def _hold_path(fleet: Fleet, v: Values) -> tuple[FlightParameters, Own]:
+def hold_path(fleet: Fleet, v: Values) -> tuple[FlightParameters, Own]:
+    """Hold a geometric path angle shallower than idle, all the way down."""
     p = fleet.parameters
     angle, _ = _idle_path(fleet, p.top_m - 2000 * FT_M, p.bottom_m)
     # Real ones are planned in steps of about a tenth of a degree; the shallower step leaves thrust to hold the speed.
@@ -66,15 +59,8 @@ def _hold_path(fleet: Fleet, v: Values) -> tuple[FlightParameters, Own]:
     return changed, only(chosen, angle_deg=tenths / 10)
 
 
-def _rate(generator: np.random.Generator, size: float) -> dict[str, float]:
-    return {"share": 0.8 * size, "of_idle": generator.uniform(0.8, 0.95), "depth_fl": generator.uniform(70, 110)}
-
-
-def _own_rates(generator: np.random.Generator, size: float) -> dict[str, float]:
-    return {"of_idle": 0.86, "of_idle_range": generator.uniform(0.06, 0.1), "depth_range_fl": 30.0}
-
-
-def _hold_rate(fleet: Fleet, v: Values) -> tuple[FlightParameters, Own]:
+def hold_rate(fleet: Fleet, v: Values) -> tuple[FlightParameters, Own]:
+    """Hold a rate of whole hundreds of ft/min over some levels."""
     p = fleet.parameters
     depth = fleet.about(v["depth_fl"], v["depth_range_fl"], 2) * FL_M
     room = (p.top_m - p.bottom_m - (depth + 50 * FL_M)).clamp(min=0.0)
@@ -92,15 +78,8 @@ def _hold_rate(fleet: Fleet, v: Values) -> tuple[FlightParameters, Own]:
     return changed, only(chosen, rate_fpm=held / FPM_MPS, low_fl=low / FL_M, high_fl=high / FL_M)
 
 
-def _levels(generator: np.random.Generator, size: float) -> dict[str, float]:
-    return {"share": 0.6 * size, "duration_s": generator.uniform(60, 150)}
-
-
-def _own_durations(generator: np.random.Generator, size: float) -> dict[str, float]:
-    return {"duration_range_s": 45.0}
-
-
-def _level_off(fleet: Fleet, v: Values) -> tuple[FlightParameters, Own]:
+def level_off(fleet: Fleet, v: Values) -> tuple[FlightParameters, Own]:
+    """Level off, in flights without one."""
     p = fleet.parameters
     # Like the world's own: on whole thousands of feet, well inside the descent, and only where there is room for it.
     high, low = p.top_m - 3000 * FT_M, p.bottom_m + 2000 * FT_M
@@ -114,29 +93,11 @@ def _level_off(fleet: Fleet, v: Values) -> tuple[FlightParameters, Own]:
     return changed, only(chosen, level_fl=level / FL_M, duration_s=duration)
 
 
-def _speeds(generator: np.random.Generator, size: float) -> dict[str, float]:
-    side = sign(generator)
-    return {"cas_kt": 20.0 * size * side, "mach": 0.02 * size * side}
-
-
-def _some_crews(generator: np.random.Generator, size: float) -> dict[str, float]:
-    return {"spread_kt": 3.0 * size, "share": generator.uniform(0.6, 0.95)}
-
-
-def _plan(fleet: Fleet, v: Values) -> tuple[FlightParameters, Own]:
+def plan(fleet: Fleet, v: Values) -> tuple[FlightParameters, Own]:
+    """Plan other speeds."""
     p, chosen = fleet.parameters, fleet.chosen(v["share"])
     cas = v["cas_kt"] + v["spread_kt"] * fleet.normal[:, 0]
     changed = fleet.with_parameters(
         cas_mps=p.cas_mps + torch.where(chosen, cas * KT_MPS, 0.0), mach=p.mach + torch.where(chosen, v["mach"], 0.0)
     )
     return changed, only(chosen, cas_kt=cas, mach=v["mach"])
-
-
-GEOMETRIC_PATH = Cause("geometric_path", _path, _hold_path, stream=6, vary=_own_paths)
-"""Four flights in five at full size hold a geometric path angle shallower than idle, all the way down."""
-VERTICAL_SPEED_MODE = Cause("vertical_speed_mode", _rate, _hold_rate, stream=7, vary=_own_rates)
-"""Four flights in five at full size hold a rate of whole hundreds of ft/min over 7,000 to 11,000 ft."""
-LEVEL_OFF = Cause("level_off", _levels, _level_off, stream=8, vary=_own_durations)
-"""Three flights in five of those without one are given a level-off, at full size."""
-SPEED_SCHEDULE = Cause("speed_schedule", _speeds, _plan, stream=9, vary=_some_crews)
-"""20 kt and M 0.02 slower or faster at full size."""

@@ -1,18 +1,17 @@
 """The two worlds of a study: what is flown in each, what can be planted there, and the forms of its simulators."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
-from descentflow.simulation.causes import CATALOGUED, CAUSES, OUTSIDE
 from descentflow.simulation.world_config import Operator, WorldConfig, default_operators
 from studies.blind_diagnosis.blind_plan import Form, World
+from studies.blind_diagnosis.drawn_causes import CATALOGUED, DRAWN, OUTSIDE, Draw
 from studies.jsbsim_world.airframes import AIRFRAMES
 from studies.jsbsim_world.flight_plans import JsbsimConfig
 
-Draw = Callable[[np.random.Generator, float], dict[str, float]]
 _OF_JSBSIM: Mapping[str, Draw] = {
     "idle_setting": lambda generator, size: {"lever": 0.2 * size},
     "wave_drag": lambda generator, size: {"factor": 1 + 3.0 * size},
@@ -142,20 +141,20 @@ class StudyWorld:
         """
         if name in _OF_JSBSIM:
             return _OF_JSBSIM[name](generator, size)
-        cause = CAUSES[name]
-        values = cause.draw(generator, size)
-        if cause.vary is None or not (vary or name in self.always_vary):
+        draw, differ = DRAWN[name]
+        values = draw(generator, size)
+        if differ is None or not (vary or name in self.always_vary):
             return values
-        return values | cause.vary(generator, size)
+        return values | differ(generator, size)
 
 
-_NAMED = tuple(cause.name for cause in CATALOGUED if cause.name != "measurement_noise")
+_NAMED = tuple(name for name in CATALOGUED if name != "measurement_noise")
 """Noise of reports is no cause: it is listed as what the simulator lacks."""
 OWN = StudyWorld(
     name="own",
     models={"A320": 0.4, "B738": 0.2, "E190": 0.2, "B772": 0.2},
     catalogued=_NAMED,
-    outside=tuple(cause.name for cause in OUTSIDE),
+    outside=OUTSIDE,
     flights=((400, 0.8), (200, 0.1), (1000, 0.08), (2000, 0.02)),
     reference_flights=400,
     pool=3,

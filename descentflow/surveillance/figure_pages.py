@@ -22,7 +22,6 @@ REASON_LOOKS = {
     "not_below_earlier_row": ("#56b4e9", "."),
     "second_descent": ("#8a6d3b", "v"),
     "too_few_levels": ("#6a3d9a", "."),
-    "banked": ("#cc79a7", "D"),
     "cleared_speed": ("#f0a3ff", "D"),
     "IAS_contradicts_Mach": ("#d55e00", "P"),
 }

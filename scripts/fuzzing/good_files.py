@@ -16,7 +16,7 @@ SETTINGS = {
         "model:\n  class_path: descentflow.training.models.Gaussian\n  init_args: {jitter: 1.0e-6}\n"
         "data: {seed: 1, validation_fraction: 0.1, split_by: flight}\ntrainer: {max_epochs: 1, logger: false}\n"
     ),
-    "prepare.yaml": "bottom_fl: 150\nflight_gap_s: 900\nstale_s: 20\nlargest_bank_deg: null\n",
+    "prepare.yaml": "bottom_fl: 150\nflight_gap_s: 900\nstale_s: 20\ncleared_speed_after_s: null\n",
     "given.csv": "entry_fl\n330\n340\n350\n",
     "types.csv": "icao24,typecode\n4ca001,A320\n4ca002,B738\n",
 }

@@ -27,7 +27,7 @@ def test_level_flight_ends_so(tmp_path) -> None:
 
 
 def test_every_filter_has_its_mend() -> None:
-    rules = Cleaning(largest_bank_deg=25.0, cleared_level_within_ft=200.0)
+    rules = Cleaning()
     for one in (*before_rates(rules).filters, *after_rates(rules).filters):
         message = str(nothing_left(DropReport([Step(one.reason, 9, 1, 0, 0)]), rules))
         assert "see what that step asks for" not in message, one.reason

@@ -167,10 +167,12 @@ def test_settings_of_another_version_are_unknown() -> None:
     settings = asdict(Cleaning())
     assert kept_cleaning(settings) == Cleaning()
     assert kept_cleaning(settings | {"a_new_one": 1.0}) is None
+    assert kept_cleaning(settings | {"one_that_is_gone_and_was_off": None}) == Cleaning()
     assert kept_cleaning({name: value for name, value in settings.items() if name != "transient_s"}) is None
     assert kept_cleaning(settings | {"transient_s": "long"}) is None
     assert kept_cleaning(None) is None
-    assert different_settings(Cleaning(), Cleaning(largest_bank_deg=25.0)) == {"largest_bank_deg": (None, 25.0)}
+    without = Cleaning(cleared_speed_after_s=None)
+    assert different_settings(Cleaning(), without) == {"cleared_speed_after_s": (30.0, None)}
 
 
 def test_a_checkpoint_keeps_the_settings(folder: Path, tmp_path: Path) -> None:

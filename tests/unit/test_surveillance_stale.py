@@ -6,7 +6,7 @@ import pytest
 from surveillance_toys import fleet, flight, rows_at
 
 from descentflow.surveillance.cleaning.chain import before_rates
-from descentflow.surveillance.cleaning.descent_filters import ClearedLevel, ClearedSpeed, Descending, LargestBank
+from descentflow.surveillance.cleaning.descent_filters import ClearedSpeed, Descending
 from descentflow.surveillance.cleaning.faulty_values import Stale
 from descentflow.surveillance.cleaning.filters import SEGMENT
 from descentflow.surveillance.cleaning.thresholds import Cleaning
@@ -70,23 +70,6 @@ def test_held_values_are_not_followed_over_gaps_or_flights_or_missing_ones() -> 
     assert Stale("IAS", 8.0).keep(rows.clear()).is_empty()
 
 
-def test_turns_over_the_limit_go_by_roll_or_else_by_track() -> None:
-    # A turn of 2 degrees a second at 400 kt is one of 36 degrees of bank.
-    time = [4.0 * n for n in range(30)]
-    track = [350.0 + (8.0 * min(max(n - 10, 0), 10)) for n in range(30)]
-    rows = rows_at(time, altitude=time, track=[t % 360 for t in track], groundspeed=[400.0] * 30)
-    assert LargestBank.bank_deg(rows)[15] == pytest.approx(
-        np.degrees(np.arctan(205.8 * np.radians(2) / 9.80665)), abs=0.1
-    )
-    kept = LargestBank(25.0).keep(rows.with_row_index("row"))
-    assert set(range(30)) - set(kept["row"]) == set(range(11, 20))
-    rolled = rows.with_columns(roll=pl.Series([0.0] * 5 + [-30.0] + [None] * 24, dtype=pl.Float64))
-    kept = LargestBank(25.0).keep(rolled.with_row_index("row"))
-    assert set(range(30)) - set(kept["row"]) == {5, *range(11, 20)}
-    assert len(LargestBank(25.0).keep(rows.drop("track"))) == 30
-    assert len(LargestBank(25.0).keep(rows.clear())) == 0
-
-
 def test_rows_under_a_speed_instruction_go_and_some_after_it() -> None:
     time = [10.0 * n for n in range(10)]
     cleared = [None, None, 250.0, 250.0, None, None, None, None, None, None]
@@ -110,21 +93,6 @@ def test_rows_under_a_speed_instruction_go_and_some_after_it() -> None:
     # 250 kt or more, and flown at 280: no constraint.
     faster = rows.with_columns(IAS=pl.lit(280.0))
     assert ClearedSpeed(20.0).keep(faster)["row"].to_list() == [0, 1, 2, 3, 4, 5, 6, 7]
-
-
-def test_rows_near_a_cleared_level_go_and_a_level_cleared_further_in_time_is_none() -> None:
-    time = [10.0 * n for n in range(12)]
-    altitude = [20_000.0 - 300 * n for n in range(12)]
-    # FL190 until 19,400 ft: further in time. FL180 to the end: its capture begins at 18,500 ft.
-    cleared = [190.0] * 2 + [180.0] * 8 + [None, None]
-    rows = rows_at(time, altitude=altitude, cleared_flight_level=cleared, vertical_rate=[-1800.0] * 12)
-    rows = Descending().keep(rows.with_row_index("row"))
-    kept = ClearedLevel(500.0).keep(rows)
-    assert kept["row"].to_list() == [0, 1, 2, 3, 4, 9, 10, 11]
-    assert kept[SEGMENT].n_unique() == 2  # no level is bridged across what was cut
-    assert len(ClearedLevel(500.0).keep(rows.drop("cleared_flight_level"))) == 12
-    assert len(ClearedLevel(500.0).keep(rows.with_columns(cleared_flight_level=pl.lit(None, pl.Float64)))) == 12
-    assert ClearedLevel(500.0).keep(rows.clear()).is_empty()
 
 
 def test_a_change_of_speed_that_mach_shares_is_no_spike() -> None:

@@ -10,7 +10,7 @@ from joblib import Parallel, delayed
 
 from descentflow.core.workers import results_of
 from descentflow.surveillance.cleaning import descent_filters, faulty_values, filters
-from descentflow.surveillance.cleaning.descent_filters import ClearedLevel, ClearedSpeed, LargestBank
+from descentflow.surveillance.cleaning.descent_filters import ClearedSpeed
 from descentflow.surveillance.cleaning.faulty_values import Stale
 from descentflow.surveillance.cleaning.flights import (
     PART_OF,
@@ -149,12 +149,8 @@ def after_rates(rules: Cleaning) -> filters.Chain:
         | descent_filters.Descending(rules.slowest_fpm)
         | descent_filters.SteadyDescent(rules.transient_s)
     )
-    if rules.largest_bank_deg is not None:
-        descent |= LargestBank(rules.largest_bank_deg)
     if rules.cleared_speed_after_s is not None:
         descent |= ClearedSpeed(rules.cleared_speed_after_s, rules.cleared_speed_within_kt)
-    if rules.cleared_level_within_ft is not None:
-        descent |= ClearedLevel(rules.cleared_level_within_ft)
     return (
         descent | ConstantRate(rules) | descent_filters.LargestDescent(rules.climb_back_ft) | descent_filters.Falling()
     )

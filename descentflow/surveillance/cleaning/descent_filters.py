@@ -5,11 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
-from descentflow.core.constants import G0_MPS2
-from descentflow.core.units import KT_MPS
 from descentflow.surveillance.cleaning.filters import FLIGHT, PAUSE_S, SEGMENT, Filter, clock_of, cut, flights_of
 from descentflow.surveillance.cleaning.thresholds import Cleaning, Fixed
-from descentflow.surveillance.rows.air_data import Array
 
 
 @dataclass(frozen=True)
@@ -91,45 +88,6 @@ class Falling(Filter):
 
 
 @dataclass(frozen=True)
-class LargestBank(Filter):
-    """Drop rows banked by more than a limit, where lift also turns the aircraft and induced drag is larger.
-
-    The bank is the reported roll angle, else that of a coordinated turn, tan(bank) = V rate_of_turn / g, with the
-    groundspeed and the change of track between the rows before and after. Rows with neither are kept.
-    """
-
-    limit_deg: float
-    reason = "banked"
-    uses = ("roll", "track", "groundspeed")
-
-    def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
-        """Rows within the limit; a new segment begins after each dropped row."""
-        if rows.is_empty():
-            return rows
-        bank = self.bank_deg(rows)
-        return cut(rows, np.nan_to_num(np.abs(bank)) > self.limit_deg)
-
-    @staticmethod
-    def bank_deg(rows: pl.DataFrame) -> Array:
-        """(n,) bank of every row in degrees, NaN where it is unknown."""
-        bank = np.full(len(rows), np.nan)
-        if {"track", "groundspeed"} <= set(rows.columns):
-            clock = clock_of(flights_of(rows), rows["timestamp"].dt.epoch("us").to_numpy() / 1e6)
-            track = rows["track"].cast(pl.Float64).to_numpy()
-            change = np.full(len(rows), np.nan)
-            change[1:-1] = (track[2:] - track[:-2] + 180.0) % 360.0 - 180.0
-            span = np.full(len(rows), np.inf)
-            span[1:-1] = clock[2:] - clock[:-2]
-            turn = np.where(span <= Fixed.turn_span_s, np.radians(change) / span, np.nan)
-            speed = rows["groundspeed"].cast(pl.Float64).to_numpy() * KT_MPS
-            bank = np.degrees(np.arctan(speed * turn / G0_MPS2))
-        if "roll" in rows.columns:
-            reported = rows["roll"].cast(pl.Float64).to_numpy()
-            bank = np.where(np.isnan(reported), bank, reported)
-        return np.asarray(bank)
-
-
-@dataclass(frozen=True)
 class ClearedSpeed(Filter):
     """Drop rows under an assigned speed, and for a while after it: the speed is not the aircraft's own choice.
 
@@ -160,24 +118,3 @@ class ClearedSpeed(Filter):
             under |= np.repeat(np.logical_or.reduceat(near, begins), np.diff(begins, append=len(rows)))
         last = np.maximum.accumulate(np.where(under, clock, -np.inf))
         return cut(rows, under | (clock - last <= self.after_s))
-
-
-@dataclass(frozen=True)
-class ClearedLevel(Filter):
-    """Drop rows within a height of the cleared flight level: the aircraft may be reducing its rate to capture it.
-
-    A clearance that is replaced before its level is near is no constraint. Level flight itself is dropped without
-    clearances, by :class:`~descentflow.surveillance.cleaning.descent_filters.Descending`. Only sources with
-    clearances know.
-    """
-
-    within_ft: float
-    reason = "cleared_level"
-    uses = ("cleared_flight_level",)
-
-    def keep(self, rows: pl.DataFrame) -> pl.DataFrame:
-        """Rows further away; a new segment begins after each dropped row."""
-        if rows.is_empty() or "cleared_flight_level" not in rows.columns:
-            return rows
-        above_ft = (rows["altitude"] - 100 * rows["cleared_flight_level"]).cast(pl.Float64).to_numpy()
-        return cut(rows, np.abs(above_ft) <= self.within_ft)

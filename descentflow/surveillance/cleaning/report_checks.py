@@ -183,8 +183,7 @@ REASONS: dict[str, tuple[str, str]] = {
     ),
     "second_descent": ("belong to a descent after a climb", "pass each descent of a flight under its own flight_id"),
     "not_below_earlier_row": ("are not below an earlier row of their descent", "check that times and altitudes belong"),
-    "banked": ("are turning", "pass --largest-bank-deg with a larger bank"),
-    "cleared_": ("fly a speed or level that was cleared", "pass flights without such clearances"),
+    "cleared_speed": ("fly a speed that was cleared", "pass flights without such clearances"),
     "too_few_levels": (
         "belong to descents of fewer than {fewest_levels} levels above FL{bottom_fl}",
         "check first that altitude is in ft (metres are to be multiplied by 3.2808, flight levels by 100); else pass "

@@ -134,11 +134,6 @@ class Cleaning:
         "largest distance of a constant-rate segment's mean rate from a multiple of 100 ft/min, ft/min",
         MEASURED_RATES,
     )
-    largest_bank_deg: float | None = _threshold(
-        None,
-        "drop rows banked by more than this, degrees; off by default",
-        "lift, and with it induced drag, grows by 1/cos(bank): 25 degrees add 22 % to induced drag",
-    )
     cleared_speed_after_s: float | None = _threshold(
         30.0,
         "drop rows under an assigned speed or Mach number, where clearances are known, and for this long after, s; "
@@ -149,12 +144,6 @@ class Cleaning:
         10.0,
         "an assigned speed that the flight never comes this close to is no constraint (`or less`, `or greater`), kt",
         "ICAO Doc 4444, 4.6.1.4: speeds are instructed in steps of 10 kt; a SCAT flight descends at 260 kt under 280",
-    )
-    cleared_level_within_ft: float | None = _threshold(
-        None,
-        "drop rows within this height of the cleared flight level, where clearances are known, ft; off by default",
-        "paper, section 3: flights without level constraints; autopilots reduce the rate over the last 500 ft or so "
-        "(0.05 g from 2,000 ft/min), which the transients beside level flight contain already",
     )
     climb_back_ft: float = _threshold(
         1000.0,
@@ -213,9 +202,6 @@ class Fixed:
     )
     rate_error_fpm: float = _threshold(
         50.0, "largest standard error of a fitted rate, ft/min", "below the 64 ft/min in which ADS-B reports rates"
-    )
-    turn_span_s: float = _threshold(
-        20.0, "longest time between two reports whose change of track is taken for one turn, s", "rate one: 60 degrees"
     )
     contradicting_share: float = _threshold(
         0.5,
@@ -295,10 +281,13 @@ def _checked(value: object, field: "dataclasses.Field[Any]", origin: str) -> int
 
 def kept_cleaning(settings: object) -> Cleaning | None:
     """The thresholds that a prepared file or a checkpoint was made with."""
-    if not isinstance(settings, Mapping) or set(settings) != {field.name for field in fields(Cleaning)}:
+    names = {field.name for field in fields(Cleaning)}
+    if not isinstance(settings, Mapping) or not names <= set(settings):
         return None
+    # Rules that are gone change nothing where they were off.
+    known = {name: value for name, value in settings.items() if value is not None or name in names}
     try:
-        return cleaning_of(settings, "kept settings")
+        return cleaning_of(known, "kept settings")
     except ConfigError:
         return None
 

@@ -107,7 +107,7 @@ def field_airs(
     air = LevelAir(*(held(torch.from_numpy(values)[told].nan_to_num(), reached) for values in (deviation, tailwind)))
     untold = torch.full_like(air.deviation_k, torch.nan)
     ids = tuple(grid.flight_ids[i] for i in told.tolist())
-    return FlightAirs(ids, air, known[told], untold, untold, len(grid.flight_ids) - len(told), windy)
+    return FlightAirs(ids, air, known[told], untold, untold, untold, len(grid.flight_ids) - len(told), windy)
 
 
 def paths_of_flights(grid: LevelGrid, unix_s: Array) -> FlightPaths:

@@ -31,6 +31,7 @@ class FlightAirs:
         known: (m, L) where it is known well enough to infer drag in it; elsewhere it is held.
         deviation_error_k: (m, L) standard error of the temperature.
         growth_error_per_s: (m, L) standard error of the wind's growth with height, m/s per m.
+        tailwind_error_mps: (m, L) standard error of the wind itself.
         without: Flights of which nothing is known.
         wind: Whether the wind is known; still air if not.
 
@@ -46,6 +47,7 @@ class FlightAirs:
     known: Tensor
     deviation_error_k: Tensor
     growth_error_per_s: Tensor
+    tailwind_error_mps: Tensor
     without: int
     wind: bool = True
 
@@ -86,7 +88,7 @@ def measured_airs(frame: pl.DataFrame, levels_fl: Tensor, *, wind: bool | None =
     names = tuple(grid.flight_ids[i] for i in both.tolist())
     air = LevelAir(held(warm.values, known), held(blown.values, known))
     without = len(grid.flight_ids) - len(both)
-    return FlightAirs(names, air, known, warm.error, blown.slope_error_per_m, without, blows)
+    return FlightAirs(names, air, known, warm.error, blown.slope_error_per_m, blown.error, without, blows)
 
 
 def _smoothed(reports: AirReports, departure: float, grid: LevelGrid) -> Smoothed:

@@ -62,6 +62,9 @@ def run(
     typecode: str | None = None,
     report: Path | None = None,
     figures: Path | None = None,
+    level_flight: Path | None = None,
+    air_table: Path | None = None,
+    bada_dir: Path | None = None,
     memory: Annotated[int, memory_bytes] = 2_000_000_000,
     engine: str = "local",
     scheduler: str | None = None,
@@ -87,6 +90,9 @@ def run(
         typecode: keep these types, for instance A320,A321 (default: all)
         report: also write the report as JSON
         figures (DIR): plots of the rows kept and dropped of some flights
+        level_flight (DIR): tables of level flight in descents by flight and by segment, with its fuel, and a picture
+        air_table (FILE): table (.csv, .parquet) of the air that the descents met by flight, level and time, with errors
+        bada_dir: folder of BADA 3 or 4 for the fuel of level flight (default: open aircraft)
         memory: bound on each process's memory (default: 2GB)
         engine: local, threads of this process; or dask, workers of Dask
         scheduler: of Dask: its address, or the file it wrote, .json (default: workers on this machine)
@@ -102,10 +108,12 @@ def run(
     from descentflow.surveillance.prepare import prepare
 
     rows = rows or []
-    _check_outputs(rows, types, out, report)
+    _check_outputs(rows, types, out, [one for one in (report, air_table) if one])
     _check_resources(memory, workers)
     if figures:
         check_folder(figures, "index.html")
+    if level_flight:
+        check_folder(level_flight, "flights.csv", "segments.csv", "level_flight.png")
     if not rows and not embedded:
         raise ConfigError("no rows", expected="files, folders or --embedded", mend="name what is to be prepared")
     chosen = cleaning_of_options(config, thresholds)
@@ -135,19 +143,30 @@ def run(
             number = write_page(figures, descents.dropped_rows, descents.report, chosen.slowest_fpm)
         print(f"wrote {figures / 'index.html'}: {number} flights")
     print(descents.report)
+    if level_flight:
+        from descentflow.measurements.level_fuel import write_level_flight
+
+        print(write_level_flight(descents, level_flight, bada_dir))
+        print(f"wrote {level_flight}")
+    if air_table:
+        from descentflow.air.air_table import air_table as air_of
+        from descentflow.core.tabular import write_table
+
+        write_table(air_of(descents.frame), air_table)
+        print(f"wrote {air_table}")
     for one, top in descents.metadata["top_fl"].items():
         number = descents.flights[one]
         print(f"{one}: {number:,} descent{'s' * (number != 1)}, a quarter of them from FL{top} or above")
     print(f"{out} was there already, made of the same" if was_there else f"wrote {out}")
 
 
-def _check_outputs(rows: list[Path], types: Path | None, out: Path, report: Path | None) -> None:
+def _check_outputs(rows: list[Path], types: Path | None, out: Path, others: list[Path]) -> None:
     """Refuse outputs that cannot be written, or that are inputs, before anything is read."""
     from descentflow.core.files import check_folder, check_output
 
-    outputs = [out, *([report] if report else [])]
+    outputs = [out, *others]
     for output in outputs:
-        if output is report or output.suffix == ".parquet":
+        if output in others or output.suffix == ".parquet":
             check_output(output)
         else:
             check_folder(output)
@@ -155,7 +174,7 @@ def _check_outputs(rows: list[Path], types: Path | None, out: Path, report: Path
     if any(places.count(path) > 1 for path in places[: len(outputs)]):
         raise ConfigError(
             f"an output that is also an input or the other output ({', '.join(map(str, outputs))})",
-            expected="names of their own for --out and --report",
+            expected="names of their own for all outputs",
             mend="choose other names",
         )
 

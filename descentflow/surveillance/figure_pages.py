@@ -1,5 +1,6 @@
 """Figures of descents, and the page of what each filter of the cleaning kept and dropped of some flights."""
 
+import itertools
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,8 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from descentflow.core.files import whole_file
-from descentflow.reporting.figure_style import BLUE, legend_below, tidy
+from descentflow.reporting.figure_style import BLUE, MODELS, legend_below, say_why_empty, tidy
 from descentflow.reporting.pages import png, rendered
+from descentflow.surveillance.cleaning.level_flight import BAND_FT
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt
 from descentflow.surveillance.rows.drop_report import DropReport
@@ -133,4 +135,30 @@ def descents_figure(descents: pl.DataFrame, *, seed: int = 0) -> Figure:
         ax.set_xlabel(label)
     axes[0].set_ylabel("Flight level")
     figure.suptitle(f"{len(drawn):,} of {len(names):,} descents", fontsize=12, fontweight="bold")
+    return figure
+
+
+def level_flight_figure(sides: pl.DataFrame) -> Figure:
+    """Seconds of a flight that are level by altitude, a bar for each set of flights.
+
+    Args:
+        sides: Of :func:`~descentflow.surveillance.cleaning.level_flight.side_by_side`.
+    """
+    figure = Figure(figsize=(6.4, 3.6), layout="constrained")
+    ax = figure.subplots()
+    tidy([ax])
+    parts = sides.partition_by("side", maintain_order=True)
+    height = 0.8 * BAND_FT / max(len(parts), 1)
+    colours = itertools.cycle([BLUE, *(colour for colour, _ in MODELS)])
+    for place, (side, colour) in enumerate(zip(parts, colours, strict=False)):
+        name, flights, share = side.select("side", "flights", "continuous").row(0)
+        bottom = side["low_ft"].to_numpy() + 0.1 * BAND_FT + (place + 0.5) * height
+        label = f"{name} ({flights:,}): {share:.0%} without level flight"
+        ax.barh(bottom / 1000, side["level_s"].to_numpy(), height / 1000, color=colour, label=label)
+    if not parts:
+        say_why_empty(ax, "no flight descends by 5,000 ft")
+    ax.set_xlabel("Level flight of a descent (s)")
+    ax.set_ylabel("Pressure altitude (1,000 ft)")
+    ax.set_ylim(bottom=0)
+    legend_below(figure, [ax], columns=1)
     return figure

@@ -66,8 +66,8 @@ def prepare(
         progress: Progress callback, called with each stage and part.
 
     Returns:
-        The descents with the report of everything dropped (`descents.report`) and the thresholds
-        (`descents.cleaning`).
+        The descents with the report of everything dropped (`descents.report`), the thresholds (`descents.cleaning`)
+        and level flight (`descents.level_flight`).
 
     Raises:
         DataError: If the rows cannot be used, or no descent is left.
@@ -103,7 +103,8 @@ def prepare(
     intake = take_in([*request.tables, *files], format, Spill.unbounded(), columns=request.columns)
     outcome = clean_held(intake, request, engine_of(None, workers).workers, report_progress)
     metadata = description(request.facts(files), intake.report, outcome.levels)
-    return Descents(outcome.levels, metadata, dropped_rows=next(iter(outcome.dropped_rows), None))
+    shown_rows = next(iter(outcome.dropped_rows), None)
+    return Descents(outcome.levels, metadata, dropped_rows=shown_rows, level_flight=outcome.level_flight)
 
 
 def _types(types: Any) -> pl.DataFrame:

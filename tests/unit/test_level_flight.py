@@ -4,8 +4,13 @@ import numpy as np
 import polars as pl
 import pytest
 
+from descentflow.aircraft_types.registry import aircraft
+from descentflow.cli.entry import main
+from descentflow.core.units import FT_M, KT_MPS
+from descentflow.measurements.level_fuel import with_fuel
+from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 from descentflow.simulation.world import simulate
-from descentflow.surveillance.cleaning.level_flight import level_flight, level_segments
+from descentflow.surveillance.cleaning.level_flight import CONTINUOUS, FLIGHTS, by_flight, side_by_side, stretches
 from descentflow.surveillance.prepare import prepare
 
 
@@ -26,68 +31,141 @@ def by_hand(rows: pl.DataFrame) -> dict[str, list[tuple[float, float]]]:
         segments, now = [], []
         top = max(i for i in range(len(time)) if altitude[i] >= altitude.max() - 200)
         for i in range(top, len(time)):
-            if altitude[i] < 1800:
-                continue
-            level = abs(rate[i]) <= 300
+            level = altitude[i] >= 1800 and abs(rate[i]) <= 300
             if now and (not level or time[i] - time[i - 1] > 60):
                 segments, now = [*segments, now], []
             now += [i] if level else []
-        for one in [*segments, now]:
-            if one and time[one[-1]] - time[one[0]] >= 20:
-                found.setdefault(flight["flight_id"][0], []).append(
-                    (time[one[-1]] - time[one[0]], altitude[one].mean())
-                )
-        found.setdefault(flight["flight_id"][0], [])
+        long = [one for one in [*segments, now] if one and time[one[-1]] - time[one[0]] >= 20]
+        box = [
+            one for one in long if altitude[one].mean() >= 0.9 * altitude.max() and time[one[-1]] - time[one[0]] > 300
+        ]
+        begin = max((one[-1] for one in box), default=0)
+        pairs = [(time[one[-1]] - time[one[0]], altitude[one].mean()) for one in long if one[0] >= begin]
+        found[flight["flight_id"][0]] = pairs
     return found
 
 
 def test_segments_and_flights_are_those_of_the_definition(world) -> None:
     wanted = by_hand(world.rows)
-    segments, flights = level_segments(world.rows), level_flight(world.rows)
+    found = stretches(world.rows)
+    segments, flights = found.filter(kind="level"), by_flight(found)
     assert sum(map(len, wanted.values())) > 10
     assert flights["flight_id"].to_list() == sorted(wanted)
     for row in flights.rows(named=True):
         own = segments.filter(flight_id=row["flight_id"])
         expected = np.reshape(wanted[row["flight_id"]], (-1, 2))
-        np.testing.assert_allclose(own.select("level_s", "altitude_ft").to_numpy(), expected, rtol=1e-7)
+        np.testing.assert_allclose(own.select("seconds", "altitude_ft").to_numpy(), expected, rtol=1e-7)
         assert row["segments"] == len(own)
         assert row["level_s"] == pytest.approx(sum(seconds for seconds, _ in wanted[row["flight_id"]]))
+        assert row["lowest_ft"] == own["altitude_ft"].min()
+        assert row["descent_s"] > row["level_s"]
+
+
+def test_cruise_below_the_highest_altitude_begins_the_descent_later() -> None:
+    """Of the task force's exclusion box: 301 s level above 90 % of the top are no part of it, 299 s are."""
+    seconds = np.arange(0, 3000, 1.0)
+    for held_s, wanted in ((301, [60.0]), (299, [299.0, 60.0])):
+        down = np.full(len(seconds), -20.0)
+        down[100 : 101 + held_s] = 0.0  # at 34,000 of 36,000 ft
+        down[1000:1061] = 0.0
+        altitude = 36_000 + np.cumsum(down) + 20.0
+        rows = pl.DataFrame({"flight_id": "a", "timestamp": seconds, "altitude": altitude, "vertical_rate": 60 * down})
+        rows = rows.with_columns(pl.from_epoch((pl.col("timestamp") * 1e6).cast(pl.Int64), "us"))
+        found = stretches(rows)
+        assert found.filter(kind="level")["seconds"].to_list() == wanted
+        assert (by_hand(rows)["a"][-1][0], len(by_hand(rows)["a"])) == (60.0, len(wanted))
+        if len(wanted) == 1:
+            begin = found.filter(kind="descent")["timestamp"][0]
+            assert (begin - rows["timestamp"][0]).total_seconds() == 100 + held_s
 
 
 def test_planned_level_offs_are_found_at_their_levels(world) -> None:
     planned = world.flights.filter(pl.col("level_off_s") >= 40).drop_nulls("level_off_fl")
-    found = level_segments(world.rows).join(planned, on="flight_id")
+    found = stretches(world.rows).filter(kind="level").join(planned, on="flight_id")
     near = found.filter((pl.col("altitude_ft") / 100 - pl.col("level_off_fl")).abs() < 2)
     above = planned.filter(pl.col("level_off_fl") < pl.col("top_fl") - 5)
     assert near["flight_id"].n_unique() >= 0.9 * len(above) > 0
 
 
 def test_the_distance_is_over_the_ground_or_else_through_the_air(world) -> None:
-    segments = level_segments(world.rows)
     rows = world.rows
+
+    def level(some: pl.DataFrame) -> pl.DataFrame:
+        return stretches(some).filter(kind="level")
+
     mean = rows.filter(pl.col("vertical_rate").abs() < 300)["groundspeed"].mean()
-    assert segments["distance_nm"].sum() == pytest.approx(segments["level_s"].sum() / 3600 * mean, rel=0.15)
-    through = level_segments(rows.drop("groundspeed", "TAS"))["distance_nm"]
-    assert through.to_numpy() == pytest.approx(
-        level_segments(rows.drop("groundspeed"))["distance_nm"].to_numpy(), rel=0.08
-    )
-    assert level_segments(rows.select("flight_id", "timestamp", "altitude"))["distance_nm"].null_count() > 0
+    assert level(rows)["distance_nm"].sum() == pytest.approx(level(rows)["seconds"].sum() / 3600 * mean, rel=0.15)
+    through = level(rows.drop("groundspeed", "TAS"))["distance_nm"]
+    assert through.to_numpy() == pytest.approx(level(rows.drop("groundspeed"))["distance_nm"].to_numpy(), rel=0.08)
+    assert level(rows.select("flight_id", "timestamp", "altitude"))["distance_nm"].null_count() > 0
 
 
-def test_prepare_counts_it(world) -> None:
-    notes = prepare(world.rows, typecode="A320").report.notes
-    flights = level_flight(world.rows)
-    assert notes["flights that descend by 5,000 ft or more"] == len(flights)
-    continuous = notes["of them without level flight (300 ft/min, 20 s)"]
-    assert continuous == pytest.approx(int((flights["segments"] == 0).sum()), abs=1)
+def test_prepare_counts_it_and_has_the_table(world, tmp_path) -> None:
+    prepared = prepare(world.rows, typecode="A320")
+    notes, flights = prepared.report.notes, by_flight(stretches(world.rows))
+    assert notes[FLIGHTS] == len(flights)
+    assert notes[CONTINUOUS] == pytest.approx(int((flights["segments"] == 0).sum()), abs=1)
     seconds = sum(number for note, number in notes.items() if note.startswith("seconds level"))
     assert seconds == pytest.approx(flights["level_s"].sum(), rel=0.05)
+    own = by_flight(prepared.level_flight)
+    assert own["flight_id"].to_list() == flights["flight_id"].to_list()
+    assert set(own["typecode"]) == {"A320"}
+    assert own["level_s"].sum() == pytest.approx(seconds, abs=len(own))
+    # Held rates are those that the cleaning drops, and simulated flights know when a rate was held.
+    held = own["held_s"].sum()
+    assert held == pytest.approx(notes["seconds at a held rate in descents"], abs=1)
+    assert held > 60
+    by_partition = prepare(world.rows, typecode="A320", out=tmp_path / "descents.parquet", memory_bytes=10**9)
+    assert by_flight(by_partition.level_flight.sort("flight_id", "kind", "timestamp")).equals(own)
+
+
+def test_sides_are_beside_each_other_by_altitude(world) -> None:
+    notes = prepare(world.rows, typecode="A320").report.notes
+    free = {FLIGHTS: 10, CONTINUOUS: 10}
+    found = side_by_side({"flights": notes, "samples": free, "others": {}})
+    assert found["side"].unique().sort().to_list() == ["flights", "samples"]
+    mine = found.filter(side="flights")
+    whole = by_flight(prepare(world.rows, typecode="A320").level_flight)
+    assert mine["level_s"].sum() == pytest.approx(whole["level_s"].mean(), abs=0.1)
+    assert found.filter(side="samples").select("continuous", "level_s").unique().rows() == [(1.0, 0.0)]
 
 
 def test_few_or_odd_rows_have_no_segment() -> None:
     empty = pl.DataFrame(schema={"flight_id": pl.String, "timestamp": pl.Datetime("us", "UTC"), "altitude": pl.Float64})
-    assert level_segments(empty).is_empty()
-    assert level_flight(empty).is_empty()
+    assert stretches(empty).is_empty()
+    assert by_flight(stretches(empty)).is_empty()
     one = simulate("A320", 1, seed=1).rows.head(1)
-    assert level_flight(one).is_empty()
-    assert np.isfinite(level_flight(simulate("A320", 2, seed=1).rows)["level_s"].to_numpy()).all()
+    assert stretches(one).is_empty()
+    assert np.isfinite(by_flight(stretches(simulate("A320", 2, seed=1).rows))["level_s"].to_numpy()).all()
+
+
+def test_fuel_of_level_flight_is_that_of_its_drag_beside_idle(world) -> None:
+    level = prepare(world.rows, typecode="A320").level_flight
+    found = with_fuel(level)
+    assert found.drop("fuel_kg", "idle_fuel_kg").equals(level)
+    model = aircraft("A320")
+    one = found.filter(kind="level").row(0, named=True)
+    tas = mach_to_tas_mps(cas_to_mach(one["IAS"] * KT_MPS, one["altitude_ft"] * FT_M), one["altitude_ft"] * FT_M)
+    drag = model.drag_n(tas, one["altitude_ft"] * FT_M)
+    flow = model.fuel_flow_kg_s(one["altitude_ft"] * FT_M, tas, drag)
+    assert one["fuel_kg"] == pytest.approx(one["seconds"] * float(flow), rel=1e-9)
+    assert 0 < one["idle_fuel_kg"] < one["fuel_kg"]
+    assert by_flight(found)["fuel_kg"].sum() == pytest.approx(found["fuel_kg"].sum())
+    of_none = by_flight(with_fuel(level.with_columns(typecode=pl.lit("ZZZZ"))))
+    assert of_none.filter(pl.col("segments") > 0)["fuel_kg"].null_count() > 0
+    assert of_none.filter(segments=0)["fuel_kg"].to_list() == [0.0] * of_none.filter(segments=0).height
+
+
+def test_the_command_writes_tables_a_picture_and_the_air(world, tmp_path, capsys) -> None:
+    world.rows.write_parquet(tmp_path / "rows.parquet")
+    command = ["prepare", str(tmp_path / "rows.parquet"), "--out", str(tmp_path / "store"), "--typecode", "A320"]
+    tables = ["--level-flight", str(tmp_path / "level"), "--air-table", str(tmp_path / "air.csv")]
+    assert main([*command, *tables]) == 0
+    flights = pl.read_csv(tmp_path / "level" / "flights.csv")
+    assert f"level flight of {len(flights)} descents: {flights['level_s'].mean():.0f} s" in capsys.readouterr().out
+    assert (tmp_path / "level" / "level_flight.png").stat().st_size > 5000
+    air = pl.read_csv(tmp_path / "air.csv")
+    assert set(air["level_fl"] % 10) == {0}
+    # A store that is finished is not cleaned again: it says so.
+    assert main([*command, *tables]) != 0
+    assert "prepared before" in capsys.readouterr().err

@@ -8,6 +8,7 @@ from torch import Tensor
 
 import descentflow as df
 from descentflow.air.air_reports import temperature_reports
+from descentflow.air.air_table import air_table
 from descentflow.air.energy_in_air import drag_in_air, in_air, rate_in_air
 from descentflow.air.level_air import LevelAir
 from descentflow.air.measured_air import FlightAirs, measured_airs
@@ -190,3 +191,22 @@ def test_where_the_air_is_not_known_it_is_held_and_no_drag_is_inferred(frame: pl
     kept = with_own_air(profiles_from_frame(low, toys.AIRCRAFT, 150, 340), toys.AIRCRAFT, found, lines.append)
     assert not bool(kept.mask[:, -1].any())
     assert "levels at which the air is not known" in lines[-1]
+
+
+def test_the_table_of_air_is_within_its_errors_of_the_truth() -> None:
+    """Of simulated days at ISA + 8 K in still air, by flight, level and time."""
+    frame = df.prepare(df.simulate("A320", 40, seed=3, plant={"temperature": {"deviation_k": 8.0}})).frame
+    found = air_table(frame)
+    assert found["flight_id"].n_unique() > 30
+    for name, truth in (("deviation", 8.0), ("tailwind", 0.0)):
+        value, error = (
+            found[f"{name}{end}"] for end in (("_k", "_error_k") if name == "deviation" else ("", "_error"))
+        )
+        # Errors of neighbouring levels are shared, so 95 % of all is known to some percent.
+        assert ((value - truth).abs() < 2 * error).mean() > 0.9
+        assert 0.1 < error.mean() < 1.0
+    own = frame.join(found, on=["flight_id", "level_fl"])
+    assert (own["timestamp"] == own["timestamp_right"]).all()
+    still = air_table(frame.drop("groundspeed"))
+    assert still["tailwind"].is_null().all()
+    assert still["deviation_k"].mean() == pytest.approx(8.0, abs=0.2)

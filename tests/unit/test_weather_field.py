@@ -169,7 +169,7 @@ def test_drag_in_the_field_is_that_of_the_air_it_holds(descents: Descents, airs:
     assert found.flight_ids == profiles.flight_ids
     assert airs.wind
     uniform = LevelAir.uniform(LEVELS, 10.0).rows([0] * len(profiles))
-    given = FlightAirs(profiles.flight_ids, uniform, profiles.mask, profiles.drag_n, profiles.drag_n, 0)
+    given = FlightAirs(profiles.flight_ids, uniform, profiles.mask, *[profiles.drag_n] * 3, 0)
     expected = with_own_air(profiles, a320, given, print)
     torch.testing.assert_close(found.drag_n[found.mask], expected.drag_n[found.mask], rtol=1e-9, atol=0)
     assert int(found.mask.sum()) > 0.97 * int(expected.mask.sum()), "levels without a place at the ends are not known"

@@ -21,7 +21,7 @@ from descentflow.surveillance.cleaning.flights import (
     rows_by_address,
     with_types,
 )
-from descentflow.surveillance.cleaning.level_flight import note_level_flight
+from descentflow.surveillance.cleaning.level_flight import SPEEDS, note_level_flight, stretches
 from descentflow.surveillance.cleaning.level_grid import to_levels
 from descentflow.surveillance.cleaning.rates import ConstantRate, with_rate
 from descentflow.surveillance.cleaning.thresholds import Cleaning
@@ -71,6 +71,9 @@ class Outcome:
     dropped_rows: list[pl.DataFrame] = field(default_factory=list)
     """Rows of some flights with the reason for which each was dropped, where they are wanted: one table
     (:func:`~descentflow.surveillance.rows.drop_report.some_flights`)."""
+    level_flight: pl.DataFrame = field(default_factory=pl.DataFrame)
+    """Level flight and held rates in descents (:func:`~descentflow.surveillance.cleaning.level_flight.stretches`), with
+    types."""
 
 
 def clean(
@@ -109,18 +112,20 @@ def clean(
     del typed
     batches = _batches(rows)
     del rows
-    levels, dropped_rows, parts = [], [], []
+    levels, dropped_rows, parts, level_flight = [], [], [], []
     parallel = Parallel(threads, backend="threading", batch_size=1, return_as="generator")
     for done in results_of(parallel, (delayed(_cleaned)(batch, work) for batch in batches)):
         levels.append(done.levels)
         parts.append(done.report)
         dropped_rows += done.dropped_rows
+        level_flight.append(done.level_flight)
         if progress:
             progress(f"cleaning rows, part {len(levels)} of {len(batches)}")
     report.extend(parts)
     shown = [some_flights(pl.concat(dropped_rows), work.shown)] if dropped_rows else []
-    found = pl.concat(levels)
-    return Outcome(found if silences is None else named_as_before(found, silences), report, present, untyped, shown)
+    both = [pl.concat(levels), pl.concat(level_flight)]
+    found, level = both if silences is None else (named_as_before(one, silences) for one in both)
+    return Outcome(found, report, present, untyped, shown, level)
 
 
 def before_rates(rules: Cleaning) -> filters.Chain:
@@ -173,7 +178,7 @@ def _cleaned(rows: pl.DataFrame, work: Work) -> Outcome:
     """Levels of the descents of some flights."""
     rules = work.rules
     report = TracedReport(by_flight=True, rows=len(rows)) if work.shown else DropReport(by_flight=True)
-    kept = _free(rows, rules, report)
+    kept, level = _free(rows, rules, report)
     levels = to_levels(kept, rules, report)
     long = levels.filter(pl.len().over("flight_id") >= rules.fewest_levels)
     left = kept.filter(pl.col("flight_id").is_in(long["flight_id"].unique().implode()))
@@ -181,11 +186,11 @@ def _cleaned(rows: pl.DataFrame, work: Work) -> Outcome:
     report.note("levels of the kept descents", len(long))
     report.note("levels of descents too short to keep", len(levels) - len(long))
     traced = [report.with_reasons(with_rate(rows), work.shown)] if isinstance(report, TracedReport) else []
-    return Outcome(long, report, dropped_rows=traced)
+    return Outcome(long, report, dropped_rows=traced, level_flight=level)
 
 
-def _free(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.DataFrame:
-    """Rows of free descent; the filters get only the columns that they use, the others are added at the end."""
+def _free(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """Rows of free descent, and level flight; filters get the columns that they use, others are added at the end."""
     before, after = before_rates(rules), after_rates(rules)
     used = (*COLUMNS_OF_ALL_FILTERS, *(name for one in after.filters for name in one.uses))
     needed = [name for name in used if name in rows.columns]
@@ -194,8 +199,26 @@ def _free(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.DataFra
     narrow = before(narrow, report)
     absent = narrow["vertical_rate"].null_count() if "vertical_rate" in narrow.columns else len(narrow)
     report.note(DIFFERENCED, absent)
-    rated = with_rate(narrow)
-    note_level_flight(rated, report)
-    narrow = after(rated, report)
+    rated = narrow = with_rate(narrow)
+    held = np.zeros(len(rows), dtype=bool)
+    for one in after.filters:
+        kept = one(narrow, report)
+        if isinstance(one, ConstantRate):
+            held[narrow[ROW_NUMBER]] = True
+            held[kept[ROW_NUMBER]] = False
+        narrow = kept
+    level = _level_flight(rated, held, rows, report)
     others = rows.drop(set(needed) - {"flight_id"})[narrow[ROW_NUMBER]]
-    return pl.concat([narrow.drop("flight_id"), others], how="horizontal")
+    return pl.concat([narrow.drop("flight_id"), others], how="horizontal"), level
+
+
+def _level_flight(rated: pl.DataFrame, held: np.ndarray, rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
+    """Level flight in the descents of a batch, counted, with names and types of the flights."""
+    at, others = rated[ROW_NUMBER], [name for name in SPEEDS if name in rows.columns and name not in rated.columns]
+    with_speeds = rated.with_columns(rows[name][at] for name in others)
+    found = stretches(with_speeds, pl.Series(held[at.to_numpy()]))
+    note_level_flight(found, report)
+    number = pl.col("flight_id").rle_id().alias("number")
+    names = rows.select(number, "flight_id", "typecode").unique("number", keep="first")
+    named = found.rename({"flight_id": "number"}).join(names, on="number", maintain_order="left").drop("number")
+    return named.select("flight_id", "typecode", pl.exclude("flight_id", "typecode"))

@@ -1,6 +1,12 @@
-"""Level flight in descents, EUROCONTROL's harmonised indicator of continuous descents: by segment and by flight."""
+"""Level flight in descents, EUROCONTROL's harmonised indicator of continuous descents: by segment and by flight.
 
-import numpy as np
+Limits are those of the Performance Review Unit, *Vertical Flight Efficiency during Climb and Descent* (methodology,
+ansperformance.eu), which follows the European CCO/CDO Task Force. A height above the airport is a pressure altitude
+here: where the airport is, rows do not say.
+"""
+
+from collections.abc import Mapping
+
 import polars as pl
 
 from descentflow.surveillance.cleaning.rates import with_rate
@@ -11,125 +17,200 @@ LEVEL_FPM = 300.0
 """A flight is level while its vertical rate is within this of zero."""
 LEAST_S = 20.0
 """Shorter level flight does not count."""
-TOP_FT = 200.0
-"""The descent begins where a flight is for the last time so near to its highest altitude."""
 BOTTOM_FT = 1800.0
-"""The descent ends here."""
+"""The descent ends here: below, aircraft are on the glide path."""
+BOX_SHARE, BOX_S = 0.9, 300.0
+"""Level flight longer than this, above this share of the highest altitude, is cruise: the descent begins after it."""
+TOP_FT = 200.0
+"""The descent begins where a flight is for the last time so near to its highest altitude. Ours, for altitudes come in
+steps and with errors."""
 LEAST_DESCENT_FT = 5000.0
-"""Height that a flight loses at least to be counted among descents."""
+"""Height that a flight loses at least to be counted among descents. Ours, for receivers see parts of flights."""
 LONGEST_GAP_S = 60.0
-"""Between reports of one segment."""
-BANDS_FT = (0, 10_000, 20_000, 30_000, 60_000)
-"""Altitudes between which the report counts."""
+"""Between reports of one segment. Ours."""
+BAND_FT = 5000
+"""Height of the bands of altitude in which the report counts."""
+FLIGHTS, CONTINUOUS = "flights that descend by 5,000 ft or more", "of them without level flight (300 ft/min, 20 s)"
+IN_BAND, HELD = "seconds level in descents from FL", "seconds at a held rate in descents"
+SPEEDS = ("groundspeed", "TAS", "Mach", "IAS")
 
 
-def level_segments(rows: pl.DataFrame) -> pl.DataFrame:
-    """Level segments of descents: the rate within 300 ft/min for 20 s or more, from the top of descent to 1,800 ft.
+def stretches(rows: pl.DataFrame, held: pl.Series | None = None) -> pl.DataFrame:
+    """Descents and their level segments: the rate within 300 ft/min for 20 s or more, from the top down to 1,800 ft.
 
     Args:
         rows: Reports of whole flights with ``flight_id timestamp altitude``, and ``vertical_rate``, ``groundspeed``,
-            ``TAS`` or ``Mach`` where they are known; a missing rate is the slope of the altitude.
+            ``TAS``, ``Mach`` or ``IAS`` where they are known; a missing rate is the slope of the altitude.
+        held: Whether each row is at a held rate, where that is known; ``rows`` are sorted then, and have rates.
 
     Returns:
-        One row for each segment: ``flight_id timestamp`` (its begin) ``level_s altitude_ft`` (mean) ``distance_nm``
-        (over the ground, or through standard air without a groundspeed; missing where no speed is known).
+        ``flight_id kind timestamp seconds altitude_ft distance_nm IAS``: one row with the kind ``descent`` for each
+        flight that loses 5,000 ft, and one for each of its segments, ``level`` or ``held``. The time is that of the
+        begin, altitude and IAS (kt) are means. The distance is over the ground, or through standard air without a
+        groundspeed; missing where no speed is known.
 
     Example:
         >>> from datetime import datetime, timedelta
         >>> times = [datetime(2024, 3, 1) + timedelta(seconds=s) for s in range(0, 1000, 10)]
         >>> altitude = [max(30_000 - 20 * s, 20_000) - max(20 * (s - 560), 0) for s in range(0, 1000, 10)]
         >>> rows = pl.DataFrame({"flight_id": "a", "timestamp": times, "altitude": altitude})
-        >>> level_segments(rows).select("level_s", "altitude_ft").rows()
-        [(40.0, 20000.0)]
+        >>> stretches(rows).select("kind", "seconds").rows()
+        [('descent', 980.0), ('level', 40.0)]
     """
-    numbers = ("altitude", "vertical_rate", "groundspeed", "TAS", "Mach")
-    used = rows.select(
-        "flight_id", "timestamp", *(pl.col(name).cast(pl.Float64) for name in numbers if name in rows.columns)
-    )
-    return _segments(_descents(with_rate(used.sort("flight_id", "timestamp"))))
+    names = [name for name in ("altitude", "vertical_rate", *SPEEDS) if name in rows.columns]
+    used = rows.select("flight_id", "timestamp", *(pl.col(name).cast(pl.Float64) for name in names))
+    if held is None:
+        used = with_rate(used.sort("flight_id", "timestamp"))
+    marks = [] if held is None else [held.alias("held")]
+    descent = _descents(_with_speed(used).with_columns(*marks))
+    level = _runs(descent, (pl.col("vertical_rate").abs() <= LEVEL_FPM).fill_null(False), "level")
+    level = level.filter(pl.col("seconds") >= LEAST_S)
+    # Cruise a little below the highest altitude is none of the descent.
+    cruise = (pl.col("altitude_ft") >= BOX_SHARE * pl.col("top_ft")) & (pl.col("seconds") > BOX_S)
+    begins = level.filter(cruise).group_by("flight_id").agg(begin=pl.col("end").max())
+
+    def after(some: pl.DataFrame) -> pl.DataFrame:
+        both = some.join(begins, on="flight_id", how="left", maintain_order="left")
+        return both.filter(pl.col("begin").is_null() | (pl.col("timestamp") >= pl.col("begin"))).drop("begin")
+
+    descent = after(descent)
+    parts = [_runs(descent, pl.col("altitude").is_not_null(), "descent"), after(level)]
+    parts += [_runs(descent, pl.col("held"), "held")] if marks else []
+    return pl.concat(parts).drop("end", "top_ft").sort("flight_id", "kind", "timestamp")
 
 
-def _segments(descent: pl.DataFrame) -> pl.DataFrame:
-    """Segments of the rows of descents, which are sorted by flight and time and have rates."""
-    if "Mach" in descent.columns:
-        through = isa_tas_of_mach_kt(*(descent[name].to_numpy() for name in ("Mach", "altitude")))
-        descent = descent.with_columns(pl.Series("through_air", through).fill_nan(None))
-    speed = [pl.col(name) for name in ("groundspeed", "TAS", "through_air") if name in descent.columns]
-    seconds = pl.col("timestamp").diff().over("flight_id").dt.total_microseconds() / 1e6
-    level = (pl.col("vertical_rate").abs() <= LEVEL_FPM).fill_null(False)
-    named = descent.with_columns(
-        level.alias("level"),
-        seconds.fill_null(0.0).alias("seconds"),
-        (pl.coalesce(*speed) if speed else pl.lit(None, pl.Float64)).alias("speed"),
-    )
-    begins = (pl.col("level") & ~pl.col("level").shift(fill_value=False)) | (pl.col("seconds") > LONGEST_GAP_S)
-    first = pl.col("flight_id") != pl.col("flight_id").shift()
-    flown = (pl.col("speed") + pl.col("speed").shift()) / 2 * pl.col("seconds") / 3600
-    runs = named.with_columns((begins | first.fill_null(True)).cum_sum().alias("run"), flown.alias("flown"))
-    inside = pl.col("run") == pl.col("run").shift()
-    return (
-        runs.with_columns(seconds=pl.when(inside).then("seconds"), flown=pl.when(inside).then("flown"))
-        .filter("level")
-        .group_by("flight_id", "run", maintain_order=True)
-        .agg(
-            pl.col("timestamp").first(),
-            level_s=pl.col("seconds").sum(),
-            altitude_ft=pl.col("altitude").mean(),
-            distance_nm=pl.when(pl.col("speed").is_not_null().all()).then(pl.col("flown").sum()),
-        )
-        .filter(pl.col("level_s") >= LEAST_S)
-        .drop("run")
+def _with_speed(rows: pl.DataFrame) -> pl.DataFrame:
+    """Rows with one speed (kt) for the distance and one IAS, each missing where none is known."""
+    if "Mach" in rows.columns:
+        through = isa_tas_of_mach_kt(*(rows[name].to_numpy() for name in ("Mach", "altitude")))
+        rows = rows.with_columns(pl.Series("through_air", through).fill_nan(None))
+    speed = [pl.col(name) for name in ("groundspeed", "TAS", "through_air") if name in rows.columns]
+    none = pl.lit(None, pl.Float64)
+    ias = pl.col("IAS") if "IAS" in rows.columns else none.alias("IAS")
+    return rows.select(
+        "flight_id",
+        "timestamp",
+        "altitude",
+        "vertical_rate",
+        ias,
+        (pl.coalesce(*speed) if speed else none).alias("speed"),
     )
 
 
 def _descents(rows: pl.DataFrame) -> pl.DataFrame:
     """Rows after the top of descent of flights that lose enough height, down to the bottom."""
     altitude, flight = pl.col("altitude"), "flight_id"
-    at_top = altitude >= altitude.max().over(flight) - TOP_FT
-    last = pl.col("timestamp").filter(at_top).max().over(flight)
-    lost = altitude.max().over(flight) - altitude.min().over(flight)
-    return rows.filter((pl.col("timestamp") >= last) & (lost >= LEAST_DESCENT_FT) & (altitude >= BOTTOM_FT))
+    highest = altitude.max().over(flight)
+    last = pl.col("timestamp").filter(altitude >= highest - TOP_FT).max().over(flight)
+    lost = highest - altitude.min().over(flight)
+    kept = rows.with_columns(top_ft=highest).filter(
+        (pl.col("timestamp") >= last) & (lost >= LEAST_DESCENT_FT) & (altitude >= BOTTOM_FT)
+    )
+    seconds = pl.col("timestamp").diff().over(flight).dt.total_microseconds() / 1e6
+    flown = (pl.col("speed") + pl.col("speed").shift()) / 2 * seconds / 3600
+    return kept.with_columns(seconds=seconds, flown=flown)
 
 
-def level_flight(rows: pl.DataFrame) -> pl.DataFrame:
+def _runs(descent: pl.DataFrame, flag: pl.Expr, kind: str) -> pl.DataFrame:
+    """Stretches of neighbouring rows with a flag; the whole descent is one whatever its gaps."""
+    new_flight = (pl.col("flight_id") != pl.col("flight_id").shift()).fill_null(True)
+    gap = pl.lit(False) if kind == "descent" else pl.col("seconds").fill_null(0.0) > LONGEST_GAP_S
+    begins = flag & (~flag.shift(fill_value=False) | gap | new_flight)
+    runs = descent.with_columns(flag.alias("flag")).with_columns(begins.cum_sum().alias("run"))
+    inside = pl.int_range(pl.len()).over("run") > 0
+    return (
+        runs.filter("flag")
+        .with_columns(seconds=pl.when(inside).then("seconds"), flown=pl.when(inside).then("flown"))
+        .group_by("flight_id", "run", maintain_order=True)
+        .agg(
+            pl.lit(kind).alias("kind"),
+            pl.col("timestamp").first(),
+            pl.col("seconds").sum(),
+            altitude_ft=pl.col("altitude").mean(),
+            distance_nm=pl.when(pl.col("speed").is_not_null().all()).then(pl.col("flown").sum()),
+            IAS=pl.col("IAS").mean(),
+            end=pl.col("timestamp").last(),
+            top_ft=pl.col("top_ft").first(),
+        )
+        .drop("run")
+    )
+
+
+def by_flight(found: pl.DataFrame) -> pl.DataFrame:
     """Level flight of each flight that descends.
 
     Args:
-        rows: As those of :func:`level_segments`.
+        found: Of :func:`stretches`; the fuel of level segments may be beside
+            (:mod:`descentflow.measurements.level_fuel`).
 
     Returns:
-        One row for each flight: ``flight_id segments level_s distance_nm``; zeros where its descent is continuous.
+        One row for each flight: ``flight_id segments level_s distance_nm descent_s lowest_ft held_s``, and the sums of
+        ``fuel_kg`` and ``idle_fuel_kg`` where the segments have them. Zeros where its descent is continuous, missing
+        where a segment's is; ``lowest_ft`` is the altitude of the lowest level segment.
 
     Example:
-        >>> found = level_flight(pl.read_parquet("rows.parquet"))
-        >>> len(found), bool((found["level_s"] >= 0).all())
+        >>> found = by_flight(stretches(pl.read_parquet("rows.parquet")))
+        >>> len(found), bool((found["level_s"] < found["descent_s"]).all())
         (120, True)
     """
-    by_flight = (
-        level_segments(rows)
-        .group_by("flight_id")
-        .agg(segments=pl.len().cast(pl.Int64), level_s=pl.col("level_s").sum(), distance_nm=pl.col("distance_nm").sum())
-    )
-    numbers = rows.select("flight_id", "timestamp", pl.col("altitude").cast(pl.Float64))
-    flights = _descents(numbers).select("flight_id").unique().sort("flight_id")
-    return flights.join(by_flight, on="flight_id", how="left", maintain_order="left").with_columns(
-        pl.col("segments", "level_s", "distance_nm").fill_null(0)
+    level, seconds = pl.col("kind") == "level", pl.col("seconds")
+
+    def known(name: str) -> pl.Expr:
+        value = pl.col(name).filter(level)
+        return pl.when(value.is_not_null().all()).then(value.sum()).alias(name)
+
+    return found.group_by("flight_id", maintain_order=True).agg(
+        *([pl.col("typecode").first()] if "typecode" in found.columns else []),
+        level.sum().cast(pl.Int64).alias("segments"),
+        seconds.filter(level).sum().alias("level_s"),
+        known("distance_nm"),
+        seconds.filter(pl.col("kind") == "descent").sum().alias("descent_s"),
+        pl.col("altitude_ft").filter(level).min().alias("lowest_ft"),
+        seconds.filter(pl.col("kind") == "held").sum().alias("held_s"),
+        *(known(name) for name in ("fuel_kg", "idle_fuel_kg") if name in found.columns),
     )
 
 
-def note_level_flight(rows: pl.DataFrame, report: DropReport) -> None:
-    """Count flights that descend, those of them without level flight, and the seconds level between altitudes.
+def note_level_flight(found: pl.DataFrame, report: DropReport) -> None:
+    """Count flights that descend, those of them without level flight, and the seconds level by altitude."""
+    level = found.filter(kind="level")
+    flights = found.filter(kind="descent").height
+    report.note(FLIGHTS, flights)
+    report.note(CONTINUOUS, flights - level["flight_id"].n_unique())
+    report.note("level segments in descents", len(level))
+    bands = level.group_by((pl.col("altitude_ft") // BAND_FT).cast(pl.Int64).alias("band")).agg(pl.col("seconds").sum())
+    for band, seconds in bands.sort("band").iter_rows():
+        report.note(f"{IN_BAND}{band * BAND_FT // 100:03d}", round(seconds))
+    report.note(HELD, round(found.filter(kind="held")["seconds"].sum()))
+
+
+def side_by_side(sides: Mapping[str, Mapping[str, int]]) -> pl.DataFrame:
+    """Level flight of several sets of flights by altitude, from the notes of their reports.
 
     Args:
-        rows: Sorted by flight and time, with rates.
-        report: Takes the counts.
+        sides: Name of a set -> notes of its report; one that does not count flights is left out.
+
+    Returns:
+        ``side flights continuous low_ft level_s``: flights, the share of them without level flight, and the mean
+        seconds of a flight that are level in the band of 5,000 ft from ``low_ft`` up.
+
+    Example:
+        >>> side_by_side({"radar": {FLIGHTS: 4, CONTINUOUS: 1, f"{IN_BAND}050": 200}}).rows()
+        [('radar', 4, 0.25, 5000, 50.0)]
     """
-    descent = _descents(rows)
-    segments, flights = _segments(descent), descent["flight_id"].n_unique()
-    report.note("flights that descend by 5,000 ft or more", flights)
-    report.note("of them without level flight (300 ft/min, 20 s)", flights - segments["flight_id"].n_unique())
-    number = np.searchsorted(BANDS_FT, segments["altitude_ft"].to_numpy(), side="right") - 1
-    for place, low in enumerate(BANDS_FT[:-1]):
-        here = segments.filter(pl.Series(number == place, dtype=pl.Boolean))
-        report.note(f"level segments in descents from FL{low // 100}", len(here))
-        report.note(f"seconds level in descents from FL{low // 100}", round(here["level_s"].sum()))
+    counted = {name: notes for name, notes in sides.items() if notes.get(FLIGHTS)}
+    bands = sorted({note.removeprefix(IN_BAND) for notes in counted.values() for note in notes if IN_BAND in note})
+    rows = [
+        (name, n, notes.get(CONTINUOUS, 0) / n, 100 * int(band), notes.get(f"{IN_BAND}{band}", 0) / n)
+        for name, notes in counted.items()
+        for n in [notes[FLIGHTS]]
+        for band in bands or ["000"]
+    ]
+    kinds = {
+        "side": pl.String,
+        "flights": pl.Int64,
+        "continuous": pl.Float64,
+        "low_ft": pl.Int64,
+        "level_s": pl.Float64,
+    }
+    return pl.DataFrame(rows, schema=kinds, orient="row")

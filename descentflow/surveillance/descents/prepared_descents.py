@@ -36,6 +36,8 @@ class Descents(InNotebook):
         metadata: `schema_version bottom_fl top_fl settings typecodes inputs report`.
         dropped_rows: Rows of some flights with the reason for which each was dropped, if `prepare` was asked for them
             (:func:`~descentflow.surveillance.rows.drop_report.some_flights`), else None.
+        level_flight: Level flight and held rates in the flights' descents
+            (:func:`~descentflow.surveillance.cleaning.level_flight.stretches`, with types) from `prepare`, else None.
 
     Example:
         >>> descents = read_descents("descents.parquet")
@@ -53,6 +55,7 @@ class Descents(InNotebook):
         *,
         flights: dict[str, int] | None = None,
         dropped_rows: pl.DataFrame | None = None,
+        level_flight: pl.DataFrame | None = None,
     ) -> None:
         """Hold a table, or read one when it is first used.
 
@@ -62,10 +65,12 @@ class Descents(InNotebook):
             metadata: See the class.
             flights: Number of flights per type, if known; else counted.
             dropped_rows: See the class.
+            level_flight: See the class.
         """
         self._frame, self._flights = frame, flights
         self.metadata = metadata
         self.dropped_rows = dropped_rows
+        self.level_flight = level_flight
 
     @property
     def frame(self) -> pl.DataFrame:

@@ -17,31 +17,32 @@ from descentflow.surveillance.out_of_core.spill import Memory, partitions
 from descentflow.surveillance.request import Request
 from descentflow.surveillance.rows.drop_report import DropReport
 
+DROPPED_ROWS, LEVEL_FLIGHT = "dropped_rows", "level_flight"
+
 
 @dataclass(frozen=True)
 class Partition:
     """Rows of some aircraft in files, and the file that their descents go to.
 
     Example:
-        >>> Partition((Path("rows/00.arrow"),), Path("work/parts/00000.parquet")).dropped_rows
+        >>> Partition((Path("rows/00.arrow"),), Path("work/parts/00000.parquet")).beside(DROPPED_ROWS)
         PosixPath('work/dropped_rows/00000.parquet')
     """
 
     files: tuple[Path, ...]
     target: Path
 
-    @property
-    def dropped_rows(self) -> Path:
-        """File of the flights that are shown with their dropped rows, where some are wanted."""
-        return self.target.parent.parent / "dropped_rows" / self.target.name
+    def beside(self, kind: str) -> Path:
+        """File of the rows of some flights with their reasons, where some are wanted, or of level flight."""
+        return self.target.parent.parent / kind / self.target.name
 
 
 @dataclass(frozen=True)
 class Cleaned:
-    """Levels of the descents of all rows, the complete report, and the flights that are shown.
+    """Levels of the descents of all rows, the complete report, flights that are shown, and level flight.
 
     Example:
-        >>> cleaned = Cleaned([pl.scan_parquet("descents.parquet")], DropReport(), [])
+        >>> cleaned = Cleaned([pl.scan_parquet("descents.parquet")], DropReport(), [], [])
         >>> pl.concat(cleaned.levels).select(pl.col("flight_id").n_unique()).collect().item()
         120
     """
@@ -49,6 +50,7 @@ class Cleaned:
     levels: Sequence[pl.LazyFrame]
     report: DropReport
     dropped_rows: list[pl.DataFrame]
+    level_flight: list[pl.DataFrame]
 
 
 def _clean_partition(partition: Partition, work: Work) -> None:
@@ -60,10 +62,11 @@ def _clean_partition(partition: Partition, work: Work) -> None:
         return
     rows = pl.concat([pl.read_ipc(path) for path in partition.files], how="diagonal")
     outcome = clean(rows, work)
-    for shown in outcome.dropped_rows:
-        partition.dropped_rows.parent.mkdir(exist_ok=True)
-        with whole_file(partition.dropped_rows) as temporary:
-            shown.write_parquet(temporary)
+    tables = [(DROPPED_ROWS, one) for one in outcome.dropped_rows]
+    for kind, table in [*tables, (LEVEL_FLIGHT, outcome.level_flight)]:
+        partition.beside(kind).parent.mkdir(exist_ok=True)
+        with whole_file(partition.beside(kind)) as temporary:
+            table.write_parquet(temporary)
     about = {"report": outcome.report.as_dict(), "present": outcome.present, "untyped": outcome.untyped}
     described = json.dumps(about)
     with whole_file(partition.target) as temporary:
@@ -112,12 +115,12 @@ def clean_partitions(
             number += 1
             progress(f"cleaning rows, part {number} of {len(tasks)}")
     request.account(intake.report, [_described(task.target) for task in tasks])
-    dropped_rows = [task.dropped_rows for task in tasks if request.shown and task.dropped_rows.exists()]
-    return Cleaned(
-        [pl.scan_parquet(task.target) for task in tasks],
-        intake.report,
-        [pl.read_parquet(path) for path in dropped_rows],
-    )
+
+    def beside(kind: str) -> list[pl.DataFrame]:
+        return [pl.read_parquet(task.beside(kind)) for task in tasks if task.beside(kind).exists()]
+
+    shown = beside(DROPPED_ROWS) if request.shown else []
+    return Cleaned([pl.scan_parquet(task.target) for task in tasks], intake.report, shown, beside(LEVEL_FLIGHT))
 
 
 def _plan(intake: Intake, folder: Path, size: int, memory: Memory) -> list[tuple[tuple[Path, ...], int]]:

@@ -166,7 +166,7 @@ def _cleaned(
     """Rows that were read as levels: at once if they are held, else partition by partition."""
     if not intake.buckets:
         outcome = clean_held(intake, request, engine.workers, progress)
-        return Cleaned([outcome.levels.lazy()], intake.report, outcome.dropped_rows)
+        return Cleaned([outcome.levels.lazy()], intake.report, outcome.dropped_rows, [outcome.level_flight])
     if not intake.report.steps[-1].rows_left:
         raise nothing_left(intake.report, request.cleaning)
     return clean_partitions(request, intake, folder, memory, engine, progress)
@@ -189,4 +189,5 @@ def _written(
         made.replace(out)
     flights = dict(parts.flights["typecode"].value_counts().sort("typecode").iter_rows())
     shown = some_flights(pl.concat(cleaned.dropped_rows), request.shown) if cleaned.dropped_rows else None
-    return Descents(lambda: read_descents(out).frame, metadata, flights=flights, dropped_rows=shown)
+    level = pl.concat(cleaned.level_flight)
+    return Descents(lambda: read_descents(out).frame, metadata, flights=flights, dropped_rows=shown, level_flight=level)

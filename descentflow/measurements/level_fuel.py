@@ -1,0 +1,104 @@
+"""Fuel that level flight in descents burnt, beside the type at idle; and the files of level flight by flight."""
+
+from pathlib import Path
+
+import polars as pl
+import torch
+
+from descentflow.aircraft_types.registry import aircraft
+from descentflow.core.errors import AircraftError, ConfigError
+from descentflow.core.files import check_folder
+from descentflow.core.tabular import write_table
+from descentflow.core.units import FT_M, KT_MPS
+from descentflow.physics.airspeed import cas_to_tas_mps
+from descentflow.physics.fuel import burn
+from descentflow.surveillance.cleaning.level_flight import by_flight
+from descentflow.surveillance.descents.prepared_descents import Descents
+
+FUEL = ("fuel_kg", "idle_fuel_kg")
+FILES = ("flights.csv", "segments.csv", "level_flight.png")
+
+
+def with_fuel(found: pl.DataFrame, bada_dir: str | Path | None = None) -> pl.DataFrame:
+    """Level flight with its fuel: the drag of the type's clean polar at the mean IAS and altitude of each segment.
+
+    The mass is the type's reference mass, and the air is standard.
+
+    Args:
+        found: Of ``Descents.level_flight``.
+        bada_dir: Folder of BADA 3 or 4; None for the open aircraft.
+
+    Returns:
+        The rows with ``fuel_kg``, and ``idle_fuel_kg`` that the type burns at idle in the same seconds, at the same
+        altitude and speed. Missing at other kinds, without an IAS, and of types that are not known.
+
+    Example:
+        >>> where = {"kind": "level", "typecode": "A320", "altitude_ft": 1e4, "IAS": 250.0}
+        >>> level = pl.DataFrame([{**where, "seconds": 60.0}])
+        >>> [round(kg) for kg in with_fuel(level).select("fuel_kg", "idle_fuel_kg").row(0)]
+        [29, 11]
+    """
+    parts = []
+    for (code,), some in found.with_row_index("row").group_by("typecode", maintain_order=True):
+        columns = (some["IAS"] * KT_MPS, some["altitude_ft"] * FT_M, some["seconds"])
+        cas, altitude, seconds = (torch.from_numpy(one.cast(pl.Float64).to_numpy().copy()) for one in columns)
+        try:
+            model = aircraft(str(code), bada_dir)
+        except AircraftError:
+            flows = [torch.full_like(cas, torch.nan)] * 2
+        else:
+            idle = model.idle_fuel_flow_kg_s(altitude, cas_to_tas_mps(cas, altitude))
+            flows = [burn(model, cas, altitude, 0.0).flow_kg_s, idle + 0.0 * cas]
+        known = (pl.col("kind") == "level") & pl.col("IAS").is_not_null()
+        both = zip(FUEL, flows, strict=True)
+        kg = [pl.when(known).then(pl.Series((one * seconds).numpy())).fill_nan(None).alias(name) for name, one in both]
+        parts.append(some.with_columns(kg))
+    nothing = [pl.lit(None, pl.Float64).alias(name) for name in FUEL]
+    return pl.concat(parts).sort("row").drop("row") if parts else found.with_columns(nothing)
+
+
+def write_level_flight(descents: Descents, folder: Path, bada_dir: str | Path | None = None) -> str:
+    """Write level flight by flight and by segment, and the picture by altitude, each whole.
+
+    Args:
+        descents: From ``prepare``.
+        folder: Folder of ``flights.csv``, ``segments.csv`` and ``level_flight.png``.
+        bada_dir: See :func:`with_fuel`.
+
+    Returns:
+        A line on it.
+
+    Raises:
+        ConfigError: If the descents were prepared before: only rows have level flight.
+
+    Example:
+        >>> import descentflow as df
+        >>> write_level_flight(df.prepare("rows.parquet"), Path("level"))
+        'level flight of 120 descents: ... s and ... kg of fuel a flight, ... kg more than at idle'
+    """
+    from descentflow.core.files import whole_file
+    from descentflow.reporting.pages import png
+    from descentflow.surveillance.cleaning.level_flight import side_by_side
+    from descentflow.surveillance.figure_pages import level_flight_figure
+
+    if descents.level_flight is None:
+        raise ConfigError(
+            "descents that were prepared before",
+            expected="rows, in which level flight is counted while they are cleaned",
+            mend="prepare the rows to another output",
+        )
+    found = with_fuel(descents.level_flight, bada_dir)
+    flights = by_flight(found)
+    check_folder(folder, *FILES).mkdir(exist_ok=True)
+    write_table(flights, folder / FILES[0])
+    write_table(found, folder / FILES[1])
+    with whole_file(folder / FILES[2]) as temporary:
+        temporary.write_bytes(png(level_flight_figure(side_by_side({"flights": descents.report.notes})), 110))
+    columns = [flights[name] for name in ("level_s", "fuel_kg", "idle_fuel_kg")]
+    seconds, fuel, idle = (float(one.to_numpy()[one.is_not_null()].mean()) if one.count() else 0.0 for one in columns)
+    unknown = flights["fuel_kg"].null_count()
+    without = f"; of {unknown} the type or the speed is not known" if unknown else ""
+    return (
+        f"level flight of {len(flights)} descents: {seconds:.0f} s and {fuel:.1f} kg of fuel a flight, "
+        f"{fuel - idle:.1f} kg more than at idle{without}"
+    )

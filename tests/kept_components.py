@@ -12,23 +12,18 @@ import torch
 from kept_by_workers import digest, once
 from torch import Tensor
 
-from descentflow.representation.fpca.gappy import GappyFPCA
-
-
-def _name(options: GappyFPCA, values: Tensor, mask: Tensor, spacing_m: float) -> str:
-    """Digest of all that a fit depends on."""
-    return digest(sorted(vars(options).items()), torch.where(mask, values, 0.0), mask, spacing_m)
+from descentflow.representation import fit_representation
+from descentflow.representation.fpca.basis import FunctionalBasis
 
 
 def keep_components(patch: pytest.MonkeyPatch, folder: Path) -> None:
     """Let fits of equal profiles under equal options give the components that the first of them found."""
-    fit = GappyFPCA.fit
+    fit = fit_representation.fit_components
 
-    def fit_once(self: GappyFPCA, values: Tensor, mask: Tensor, spacing_m: float) -> GappyFPCA:
-        if self.method != "ppca":  # the paper's says in a warning how it went
-            return fit(self, values, mask, spacing_m)
-        name = _name(self, values, mask, spacing_m)
-        vars(self).update(once(folder, name, lambda: vars(fit(self, values, mask, spacing_m))))
-        return self
+    def fit_once(values: Tensor, mask: Tensor, spacing_m: float, share: float, method: str) -> FunctionalBasis:
+        if method != "ppca":  # the paper's says in a warning how it went
+            return fit(values, mask, spacing_m, share, method)
+        name = digest(share, torch.where(mask, values, 0.0), mask, spacing_m)
+        return once(folder, name, lambda: fit(values, mask, spacing_m, share, method))
 
-    patch.setattr(GappyFPCA, "fit", fit_once)
+    patch.setattr(fit_representation, "fit_components", fit_once)

@@ -14,7 +14,7 @@ from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.drag_scale import DragScale, DragScaleName, fit_drag_scale
 from descentflow.representation.fpca.basis import FunctionalBasis
-from descentflow.representation.fpca.gappy import GappyFPCA, Method
+from descentflow.representation.fpca.gappy import Method, fit_components
 from descentflow.representation.fpca.mask_groups import group_masks
 from descentflow.representation.fpca.ppca import posterior
 from descentflow.representation.fpca.roughness import SPREAD_WEIGHT, smoother
@@ -98,9 +98,10 @@ def fit_representation(
         tensor([1.], dtype=torch.float64)
     """
     scale = fit_drag_scale(train, aircraft, settings.drag_scale)
-    shares = settings.explained_variance, settings.cas_explained_variance
-    bases = _fitted_bases(train, shares, settings.fpca, scale)
-    decoder = standardised_decoder(train, aircraft, bases, scale, mass_kg)
+    (drag, cas), mask = scale.observed(train)
+    of_drag = fit_components(drag, mask, FL_M, settings.explained_variance, settings.fpca)
+    of_cas = fit_components(cas, mask, FL_M, settings.cas_explained_variance, settings.fpca)
+    decoder = standardised_decoder(train, aircraft, (of_drag, of_cas), scale, mass_kg)
     if settings.residual and settings.fpca == "ppca":
         decoder.residuals = fit_residuals(decoder, train)
     plausibility = Plausibility.from_profiles(train, settings.margin, settings.bounds, scale)
@@ -147,18 +148,6 @@ def standardised_decoder(
             mend="prepare more descents, or lower data.explained_variance or data.cas_explained_variance",
         )
     return DescentDecoder(aircraft, train.levels_fl, *bases, drag_scale, raw.mean(0), scale, mass_kg)
-
-
-def _fitted_bases(
-    train: Profiles, explained_variance: tuple[float, float], method: Method, drag_scale: DragScale
-) -> tuple[FunctionalBasis, FunctionalBasis]:
-    """Bases of drag and of CAS that explain these shares of variance."""
-    found = drag_scale.observed(train)
-    drag, cas = (
-        GappyFPCA(share, method).fit(values, found.mask, FL_M).basis_
-        for values, share in zip(found.values, explained_variance, strict=True)
-    )
-    return drag, cas
 
 
 def fit_residuals(decoder: DescentDecoder, train: Profiles, seed: int = 0) -> Residuals:

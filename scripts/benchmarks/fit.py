@@ -13,7 +13,7 @@ from descentflow.densities import MaskedAffineFlowDensity, SplineFlowDensity
 from descentflow.densities.density import Density
 from descentflow.densities.em import fit_mixture
 from descentflow.representation.evidence import Evidence
-from descentflow.representation.fpca.gappy import GappyFPCA
+from descentflow.representation.fpca.gappy import fit_components
 from descentflow.training.flight_batches import flight_batches
 
 VARIANCE = 0.95
@@ -34,13 +34,12 @@ def run(args: argparse.Namespace) -> None:
     whole = torch.ones_like(curves, dtype=torch.bool)
     gappy = _gaps(whole)
     # What the peers do: mean, components, and the share of the variance that each explains.
-    alike = GappyFPCA(VARIANCE, learn_constants=False)
-    ours = best_of(lambda: alike.fit(curves, whole, SPACING_M))
+    ours = best_of(lambda: fit_components(curves, whole, SPACING_M, VARIANCE, learn_constants=False))
     for name, peer in _component_peers(curves).items():
         _row("fPCA, complete data", ours, name, best_of(peer))
     # And the length of the noise, which flights left out say: three more fits, and hidden levels of theirs.
-    _row("the same, noise's length", best_of(lambda: GappyFPCA(VARIANCE).fit(curves, whole, SPACING_M)), "", None)
-    _row("fPCA, a quarter missing", best_of(lambda: GappyFPCA(VARIANCE).fit(curves, gappy, SPACING_M), 2), "", None)
+    _row("the same, noise's length", best_of(lambda: fit_components(curves, whole, SPACING_M, VARIANCE)), "", None)
+    _row("fPCA, a quarter missing", best_of(lambda: fit_components(curves, gappy, SPACING_M, VARIANCE), 2), "", None)
     weights = _clusters(args.n)
     mixture = best_of(lambda: fit_mixture(weights, CLUSTERS, seed=0, n_restarts=STARTS), 2)
     values = weights.numpy()

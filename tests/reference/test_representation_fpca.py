@@ -7,7 +7,7 @@ from sklearn.decomposition import PCA, FactorAnalysis
 
 from descentflow.core.errors import DataError
 from descentflow.representation.fpca import ppca
-from descentflow.representation.fpca.gappy import GappyFPCA, Method
+from descentflow.representation.fpca.gappy import Method, fit_components
 
 SPACING_M = 30.48
 
@@ -31,14 +31,14 @@ def top_gaps(n: int, n_levels: int, seed: int = 1) -> torch.Tensor:
 def test_complete_data_equals_scikit_learn() -> None:
     values = curves(300)
     full = torch.ones_like(values, dtype=torch.bool)
-    fpca = GappyFPCA(0.95).fit(values, full, SPACING_M)
+    basis = fit_components(values, full, SPACING_M, 0.95)
     reference = PCA(n_components=0.95).fit(values.numpy())
-    assert fpca.n_components_ == reference.n_components_
+    assert basis.n_components == reference.n_components_
     # Both are eigenvectors of one covariance: equal but for rounding and the sign.
-    products = (fpca.basis_.components * SPACING_M**0.5).numpy() @ reference.components_.T
+    products = (basis.components * SPACING_M**0.5).numpy() @ reference.components_.T
     np.testing.assert_allclose(np.abs(np.diag(products)), 1, atol=1e-10)
-    np.testing.assert_allclose(fpca.explained_variance_ratio_, reference.explained_variance_ratio_, rtol=1e-9)
-    scores = fpca.transform(values, full) / SPACING_M**0.5
+    np.testing.assert_allclose(basis.explained_variance, reference.explained_variance_ratio_, rtol=1e-9)
+    scores = basis.encode(values, full) / SPACING_M**0.5
     np.testing.assert_allclose(scores.abs(), np.abs(reference.transform(values.numpy())), atol=1e-9)
 
 
@@ -81,7 +81,7 @@ def test_gappy_likelihood_equals_direct_gaussian() -> None:
 @pytest.mark.parametrize("method", ["ppca", "iterative"])
 def test_components_are_orthonormal_over_altitude(method: Method) -> None:
     values = curves(200)
-    basis = GappyFPCA(0.9, method).fit(values, top_gaps(*values.shape), SPACING_M).basis_
+    basis = fit_components(values, top_gaps(*values.shape), SPACING_M, 0.9, method)
     gram = basis.components @ basis.components.T * SPACING_M
     torch.testing.assert_close(gram, torch.eye(basis.n_components, dtype=torch.float64), atol=1e-10, rtol=0)
 
@@ -90,7 +90,7 @@ def test_completion_is_the_conditional_expectation() -> None:
     """Missing levels given the observed ones, against the textbook formula, noise counted by its length."""
     values = curves(200, n_levels=20)
     mask = top_gaps(200, 20)
-    basis = GappyFPCA(0.9).fit(values, mask, SPACING_M).basis_
+    basis = fit_components(values, mask, SPACING_M, 0.9)
     covariance = basis.loadings @ basis.loadings.T + basis.noise_variance * basis.noise_length * torch.eye(
         20, dtype=torch.float64
     )
@@ -110,7 +110,7 @@ def test_ppca_fills_hidden_levels_better_than_the_papers_iteration_and_the_mean(
     spread = (truth - truth.mean(0))[~mask].norm()
     errors = {}
     for method in ("ppca", "iterative"):
-        basis = GappyFPCA(0.95, method).fit(noisy, mask, SPACING_M).basis_
+        basis = fit_components(noisy, mask, SPACING_M, 0.95, method)
         errors[method] = float((basis.complete(noisy, mask) - truth)[~mask].norm() / spread)
     assert errors["ppca"] < 0.8 * errors["iterative"]
     assert errors["iterative"] < 1.0
@@ -146,16 +146,16 @@ def test_values_at_missing_levels_are_not_read(method: Method) -> None:
     values = curves(100)
     mask = top_gaps(*values.shape)
     poisoned = torch.where(mask, values, torch.nan)
-    clean, dirty = (GappyFPCA(0.9, method).fit(v, mask, SPACING_M) for v in (values, poisoned))
-    torch.testing.assert_close(clean.transform(values, mask), dirty.transform(poisoned, mask))
+    clean, dirty = (fit_components(v, mask, SPACING_M, 0.9, method) for v in (values, poisoned))
+    torch.testing.assert_close(clean.encode(values, mask), dirty.encode(poisoned, mask))
 
 
 def test_latent_dimension_grows_until_the_share_is_explained() -> None:
     values = torch.randn(400, 60, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
     mask = top_gaps(400, 60)
-    fpca = GappyFPCA(0.9, latent_dimension=4).fit(values, mask, SPACING_M)
-    assert float(fpca.explained_variance_ratio_.sum()) >= 0.9
-    assert fpca.n_components_ > 4
+    basis = fit_components(values, mask, SPACING_M, 0.9, latent_dimension=4)
+    assert float(basis.explained_variance.sum()) >= 0.9
+    assert basis.n_components > 4
 
 
 @pytest.mark.parametrize(
@@ -169,16 +169,14 @@ def test_latent_dimension_grows_until_the_share_is_explained() -> None:
 )
 def test_useless_profiles_are_refused(values: torch.Tensor, mask: torch.Tensor, words: str) -> None:
     with pytest.raises(DataError, match=words):
-        GappyFPCA().fit(values, mask, SPACING_M)
+        fit_components(values, mask, SPACING_M)
 
 
 def test_factor_analysis_agrees_on_isotropic_noise() -> None:
     """Another EM (scikit-learn's factor analysis) finds the same covariance within sampling error of its own noise."""
     values = curves(4000, n_levels=12, noise=0.3)
-    fitted = GappyFPCA(0.9, latent_dimension=6).fit(values, torch.ones_like(values, dtype=torch.bool), SPACING_M)
-    ours = fitted.basis_.loadings @ fitted.basis_.loadings.T + fitted.basis_.noise_variance * torch.eye(
-        12, dtype=torch.float64
-    )
+    fitted = fit_components(values, torch.ones_like(values, dtype=torch.bool), SPACING_M, 0.9, latent_dimension=6)
+    ours = fitted.loadings @ fitted.loadings.T + fitted.noise_variance * torch.eye(12, dtype=torch.float64)
     analysis = FactorAnalysis(6, max_iter=2000, tol=1e-6, svd_method="lapack").fit(values.numpy())
     theirs = torch.from_numpy(analysis.get_covariance())
     assert (ours - theirs).norm() / theirs.norm() < 0.02

@@ -7,9 +7,9 @@ from torch import Tensor
 
 from descentflow.representation.fpca import ppca
 from descentflow.representation.fpca.complete import leading, mean_and_covariance
-from descentflow.representation.fpca.gappy import GappyFPCA
+from descentflow.representation.fpca.gappy import fit_components
 from descentflow.representation.fpca.mask_groups import MaskGroups, group_masks
-from descentflow.representation.fpca.roughness import LENGTHS, hide, missed
+from descentflow.representation.fpca.roughness import LENGTHS, hide_tops, missed
 
 
 def normal(*shape: int, seed: int = 0) -> Tensor:
@@ -76,8 +76,8 @@ def test_leading_eigenvectors_say_what_all_of_them_do(covariance: Tensor, q: int
 def test_components_of_complete_profiles_do_not_depend_on_what_is_learnt_of_others() -> None:
     values = curves(300)
     whole = torch.ones_like(values, dtype=torch.bool)
-    learnt = GappyFPCA(0.9).fit(values, whole, 30.48).basis_
-    plain = GappyFPCA(0.9, learn_constants=False).fit(values, whole, 30.48).basis_
+    learnt = fit_components(values, whole, 30.48, 0.9)
+    plain = fit_components(values, whole, 30.48, 0.9, learn_constants=False)
     assert torch.equal(learnt.components, plain.components)
     assert torch.equal(learnt.loadings, plain.loadings)
     assert float(plain.noise_length) == 1.0
@@ -87,8 +87,8 @@ def test_without_learning_gappy_levels_are_taken_as_they_are() -> None:
     values = curves(24)
     mask = torch.arange(30) < torch.randint(10, 40, (24, 1), generator=torch.Generator().manual_seed(3))
     mask[:3] = True
-    plain = GappyFPCA(0.9, learn_constants=False).fit(values, mask, 30.48).basis_
-    smooth = GappyFPCA(0.9).fit(values, mask, 30.48).basis_
+    plain = fit_components(values, mask, 30.48, 0.9, learn_constants=False)
+    smooth = fit_components(values, mask, 30.48, 0.9)
     assert float(plain.mean.diff().diff().norm()) > 2 * float(smooth.mean.diff().diff().norm())
 
 
@@ -140,7 +140,7 @@ def test_curves_without_noise_keep_a_share_of_their_own() -> None:
 def test_errors_of_all_lengths_are_those_of_one_after_the_other() -> None:
     values, loadings, noise = curves(60) - 100, normal(30, 3), torch.tensor(0.2).double()
     mask = torch.ones_like(values, dtype=torch.bool)
-    hidden = hide(mask, "top", 0.3, torch.Generator().manual_seed(0))
+    hidden = hide_tops(mask, 0.3, torch.Generator().manual_seed(0))
     found = missed(values, mask & ~hidden, hidden, loadings, noise)
     for length, error in zip(LENGTHS, found, strict=True):
         expected = 0.0

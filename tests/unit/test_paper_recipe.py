@@ -13,7 +13,7 @@ from descentflow.core.errors import ConfigError, DescentflowWarning
 from descentflow.densities.checkpoint import load_model
 from descentflow.densities.flow import MaskedAffineFlowDensity
 from descentflow.representation.fit_representation import RepresentationSettings
-from descentflow.representation.fpca.gappy import GappyFPCA
+from descentflow.representation.fpca.gappy import fit_components
 from descentflow.representation.fpca.iterative import MAX_ITERATIONS, iterate
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.fit import fit
@@ -107,7 +107,7 @@ def test_an_iteration_that_runs_off_is_told() -> None:
     assert not fitted.converged
     assert fitted.n_iterations == MAX_ITERATIONS
     with pytest.warns(DescentflowWarning, match="after 50 iterations the paper's fPCA has not settled"):
-        GappyFPCA(0.95, "iterative").fit(values, mask, 30.48)
+        fit_components(values, mask, 30.48, 0.95, "iterative")
 
 
 def test_without_gaps_the_iteration_settles_at_the_covariance() -> None:

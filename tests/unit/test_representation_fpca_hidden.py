@@ -5,12 +5,12 @@ import torch
 import toys
 from torch import Tensor
 
-from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.errors import DataError
 from descentflow.core.units import KT_MPS
-from descentflow.representation.fpca.gappy import GappyFPCA
-from descentflow.representation.fpca.roughness import MIN_SHARE_SHOWN, hide
+from descentflow.representation.fpca.gappy import fit_components
+from descentflow.representation.fpca.roughness import MIN_SHARE_SHOWN, hide_tops
 from studies.paper.figures.hidden_errors import gappy_figure
-from studies.paper.hidden_levels import METHODS, hidden_errors
+from studies.paper.hidden_levels import METHODS, hidden_errors, hide
 
 
 def generator(seed: int = 0) -> torch.Generator:
@@ -20,7 +20,7 @@ def generator(seed: int = 0) -> torch.Generator:
 @pytest.mark.parametrize("pattern", ["top", "random"])
 def test_what_is_hidden_was_observed_and_leaves_enough(pattern: str) -> None:
     mask = toys.flights(200).mask
-    hidden = hide(mask, pattern, 0.3, generator())
+    hidden = hide(mask, pattern, 0.3, torch.zeros(200), generator())
     assert not bool((hidden & ~mask).any())
     left = mask & ~hidden
     assert bool(left.any(1).all())
@@ -32,7 +32,7 @@ def test_what_is_hidden_was_observed_and_leaves_enough(pattern: str) -> None:
 
 def test_tops_are_hidden_from_the_top() -> None:
     mask = torch.ones(300, 100, dtype=torch.bool)
-    hidden = hide(mask, "top", 0.3, generator())
+    hidden = hide_tops(mask, 0.3, generator())
     # Once a level is hidden, so are those above, up to where too few flights would be left.
     spared = int(hidden.any(0).nonzero().max()) + 1
     falls = hidden[:, :spared].int().diff(dim=1)
@@ -41,11 +41,9 @@ def test_tops_are_hidden_from_the_top() -> None:
 
 def test_slow_hides_tops_of_slow_flights_alone() -> None:
     mask, speed = torch.ones(300, 100, dtype=torch.bool), torch.arange(300.0)
-    hidden = hide(mask, "slow", 0.3, generator(), speed)
+    hidden = hide(mask, "slow", 0.3, speed, generator())
     assert not bool(hidden[150:].any())
     assert float(hidden[:149].any(1).double().mean()) > 0.9
-    with pytest.raises(ConfigError, match="without speeds"):
-        hide(mask, "slow", 0.3, generator())
 
 
 def smooth_and_noise(n: int, length: int) -> Tensor:
@@ -59,8 +57,8 @@ def smooth_and_noise(n: int, length: int) -> Tensor:
 def test_white_noise_counts_level_by_level_and_smooth_noise_does_not() -> None:
     """White noise of a model with as many components as there are: no length above 3 can help it."""
     mask = torch.ones(400, 120, dtype=torch.bool)
-    white = GappyFPCA(0.5, latent_dimension=2).fit(smooth_and_noise(400, 1), mask, 30.0).basis_
-    smooth = GappyFPCA(0.5, latent_dimension=2).fit(smooth_and_noise(400, 20), mask, 30.0).basis_
+    white = fit_components(smooth_and_noise(400, 1), mask, 30.0, 0.5, latent_dimension=2)
+    smooth = fit_components(smooth_and_noise(400, 20), mask, 30.0, 0.5, latent_dimension=2)
     assert float(white.noise_length) <= 3
     assert float(smooth.noise_length) >= 10
 

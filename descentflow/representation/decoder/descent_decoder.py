@@ -76,13 +76,12 @@ class DescentDecoder(nn.Module):
         self.drag_scale = drag_scale
         self.residuals = Residuals.none(len(levels_fl), self.dimension) if residuals is None else residuals
         self._grids: dict[tuple[torch.dtype, torch.device], tuple[PerformanceModel, FlightGrid]] = {}
-        self.grid(self.levels_fl)
 
     def grid(self, like: Tensor) -> FlightGrid:
         """Tables for flying the own levels, at the own mass and no temperature deviation.
 
-        Computed once for each precision and device (float64 at construction), and again should ``aircraft`` be another
-        one, or have numbers with gradients.
+        Computed once for each precision and device, and again should ``aircraft`` be another one, or have numbers with
+        gradients.
 
         Args:
             like: A tensor of the precision and on the device wanted.

@@ -165,5 +165,6 @@ def flight_grid(
         (201, 2)
     """
     breaks = rate_breaks(aircraft, altitude_m)
-    levels, sides = (level_table(aircraft, h, mass_kg, deviation_k) for h in (altitude_m, breaks.altitude_m))
+    levels = level_table(aircraft, altitude_m, mass_kg, deviation_k)
+    sides = level_table(aircraft, breaks.altitude_m, mass_kg, deviation_k)
     return FlightGrid(altitude_m, (altitude_m.double().diff() / 2).to(altitude_m), levels, breaks, sides)

@@ -1,52 +1,44 @@
 """Probabilistic PCA of profiles of which nothing is missing: one product and the leading eigenvectors of it."""
 
+from functools import partial
+
 import numpy as np
 import torch
 from torch import Tensor
 
 from descentflow.representation.fpca.ppca import LEAST_NOISE, PPCA
-from descentflow.representation.fpca.roughness import TUNING_FLIGHTS, Fit, roughness_and_length
+from descentflow.representation.fpca.roughness import TUNING_FLIGHTS, Centred
 
 LEAST_SPREAD = 1e-4
 """Share of the mean square at a level that is variance: below it, taking the mean off the products costs digits."""
 
 
-class CompleteProfiles:
+def complete_profiles(values: Tensor) -> Centred:
     """Profiles of which nothing is missing: all that components need of them is their mean and covariance.
+
+    Args:
+        values: (n, L) float64.
 
     Example:
         >>> curves = torch.randn(100, 1).double() + 0.1 * torch.randn(100, 20).double()
-        >>> round(float(CompleteProfiles(curves).model(1).noise_variance), 2)
+        >>> round(float(complete_profiles(curves).model(1).noise_variance), 2)
         0.01
     """
-
-    def __init__(self, values: Tensor) -> None:
-        """Take mean and covariance of values (n, L), float64."""
-        self.values = values
-        self.mean, covariance = mean_and_covariance(values)
-        variances = covariance.diagonal()
-        self.scale = variances.mean().sqrt()
-        # Not finite where any value is not, which saves a search of all; the mean squares of the levels together.
-        self.largest = (variances + self.mean.square()).sum().sqrt()
-        self.covariance = covariance.div_(self.scale.square().clamp(min=1e-300))
-
-    def model(self, q: int) -> PPCA:
-        """Probabilistic PCA with q latent dimensions."""
-        return _model(self.covariance, q)
-
-    def learnt(self, q: int) -> tuple[float, float]:
-        """Weight of the prior against roughness, none, and length of the noise."""
-        some = (self.values[:TUNING_FLIGHTS] - self.mean) / self.scale
-        return roughness_and_length(some, torch.ones_like(some, dtype=torch.bool), self.mean / self.scale, _fitter(q))
-
-    def smoothed(self, fitted: PPCA, weight: float) -> PPCA:
-        """The model itself: all levels are of the same flights."""
-        return fitted
+    mean, covariance = mean_and_covariance(values)
+    variances = covariance.diagonal()
+    scale = variances.mean().sqrt()
+    # Not finite where any value is not, which saves a search of all; the mean squares of the levels together.
+    largest = (variances + mean.square()).sum().sqrt()
+    covariance.div_(scale.square().clamp(min=1e-300))
+    some = (values[:TUNING_FLIGHTS] - mean) / scale
+    return Centred(
+        mean, scale, largest, some, torch.ones_like(some, dtype=torch.bool), partial(_model, covariance), _fit
+    )
 
 
-def _fitter(q: int) -> Fit:
+def _fit(some: Tensor, _: Tensor, q: int) -> PPCA:
     # About the mean of all, as the parts of gappy profiles are.
-    return lambda some, _: _model(own_product(some) / max(len(some) - 1, 1), min(q, len(some) - 1))
+    return _model(own_product(some) / max(len(some) - 1, 1), q)
 
 
 def _model(covariance: Tensor, q: int) -> PPCA:

@@ -11,12 +11,11 @@ probable; then the length is the one that misses their tops least where these ar
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from descentflow.core.errors import ConfigError
 from descentflow.representation.fpca import ppca
 from descentflow.representation.fpca.mask_groups import group_masks
 from descentflow.representation.fpca.ppca import PPCA, level_products, noise_given_loadings, posterior_given
@@ -50,7 +49,7 @@ def smoothed(fitted: PPCA, weight: float, centred: Tensor, mask: Tensor, mean: T
 
     Args:
         fitted: To flights from which ``mean`` was taken.
-        weight: Of the prior, in flights; zero leaves the model as it is.
+        weight: Of the prior, in flights, above 0.
         centred: (n, L) those flights, zero where missing.
         mask: (n, L) observed.
         mean: (L,) in the units of the model.
@@ -65,8 +64,6 @@ def smoothed(fitted: PPCA, weight: float, centred: Tensor, mask: Tensor, mean: T
         >>> bool(smooth.noise_variance > 0.1)
         True
     """
-    if weight == 0:
-        return fitted
     matrix = smoother(mask.sum(0).to(centred.dtype), weight)
     loadings, shift = matrix @ fitted.loadings, matrix @ (mean + fitted.shift) - mean
     shown = torch.where(mask, centred - shift, 0.0)
@@ -83,105 +80,112 @@ FOLDS = 3
 FEWEST = 6
 """Flights below which nothing is learnt: the model is taken as it is."""
 
-Fit = Callable[[Tensor, Tensor], ppca.PPCA]
-Pattern = Literal["top", "random", "slow"]
-MOST_HIDDEN = 0.9
-"""Share of its levels that a flight loses at most."""
+Fit = Callable[[Tensor, Tensor, int], PPCA]
+"""Fits profiles, with their mask, with q latent dimensions."""
+HIDDEN_SHARE = 0.3
+"""Share of its levels that is hidden from a flight, in the mean."""
 MIN_SHARE_SHOWN = 0.1
 """Share of the flights that still show each level: the grid of a type ends where a quarter of them do."""
 LENGTHS = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
 """Correlation lengths of the noise in levels, among which one is chosen."""
 
 
-def roughness_and_length(centred: Tensor, mask: Tensor, mean: Tensor, fit: Fit) -> tuple[float, float]:
+class Centred(NamedTuple):
+    """Profiles minus their mean, over their spread, and what fits them.
+
+    Attributes:
+        mean: (L,).
+        scale: () spread.
+        largest: () value, not finite where one is not.
+        values: (n, L) centred and divided, zero where missing; of complete profiles some of the flights alone.
+        mask: (n, L) observed.
+        model: Fits all of them with q latent dimensions.
+        fit: Fits some of them.
+    """
+
+    mean: Tensor
+    scale: Tensor
+    largest: Tensor
+    values: Tensor
+    mask: Tensor
+    model: Callable[[int], PPCA]
+    fit: Fit
+
+
+def roughness_and_length(flights: Centred, q: int) -> tuple[float, float]:
     """Weight of the prior against roughness, in flights, and length of the noise, in levels.
 
     Args:
-        centred: (n, L) profiles minus their mean, zero where missing.
-        mask: (n, L) observed.
-        mean: (L,) what was subtracted, in the same units.
-        fit: Fits a model to some of the flights.
+        flights: The training flights.
+        q: Latent dimensions.
 
     Example:
+        >>> from descentflow.representation.fpca.gappy import gappy_profiles
         >>> shape = torch.linspace(-1, 1, 60).double()
         >>> curves = torch.randn(40, 1).double() * shape + 0.5 * torch.randn(40, 60).double()
         >>> seen = torch.arange(60) < torch.randint(30, 90, (40, 1))
-        >>> one = lambda values, mask: ppca.em(values, mask, 1, max_iterations=50, tolerance=1e-6)
-        >>> weight, length = roughness_and_length(curves, seen, torch.zeros(60).double(), one)
+        >>> weight, length = roughness_and_length(gappy_profiles(torch.where(seen, curves, 0.0), seen), 1)
         >>> weight > 100, length in LENGTHS  # the shape is a line
         (True, True)
     """
-    if len(mask) < FEWEST:
+    if len(flights.mask) < FEWEST:
         return 0.0, 1.0
-    centred, mask = centred[:TUNING_FLIGHTS], mask[:TUNING_FLIGHTS]
+    centred, mask, mean = flights.values[:TUNING_FLIGHTS], flights.mask[:TUNING_FLIGHTS], flights.mean / flights.scale
     fold = torch.arange(len(mask), device=mask.device) % FOLDS
-    parts = [(fold != one, fold == one) for one in range(FOLDS)]
-    models = [fit(centred[rest], mask[rest]) for rest, _ in parts]
-    # What a judge shows where none of the others does, their model cannot know.
-    known = [mask[judge] & mask[rest].any(0) for rest, judge in parts]
+    parts = []
+    for one in range(FOLDS):
+        rest, judge = fold != one, fold == one
+        model = flights.fit(centred[rest], mask[rest], min(q, int(rest.sum()) - 1))
+        # What a judge shows where none of the others does, their model cannot know.
+        parts.append((model, rest, centred[judge], mask[judge] & mask[rest].any(0)))
 
-    def candidates(weight: float) -> list[ppca.PPCA]:
-        return [
-            smoothed(model, weight, centred[rest], mask[rest], mean)
-            for model, (rest, _) in zip(models, parts, strict=True)
-        ]
+    def candidates(weight: float) -> list[tuple[PPCA, Tensor, Tensor]]:
+        found = []
+        for model, rest, judged, seen in parts:
+            smooth = smoothed(model, weight, centred[rest], mask[rest], mean) if weight else model
+            found.append((smooth, judged - smooth.shift, seen))
+        return found
 
     def fit_of(weight: float) -> float:
         found = 0.0
-        for model, (_, judge), seen in zip(candidates(weight), parts, known, strict=True):
-            shown = torch.where(seen, centred[judge] - model.shift, 0.0)
+        for model, values, seen in candidates(weight):
+            shown = torch.where(seen, values, 0.0)
             found += float(ppca.log_likelihood(shown, seen, model.loadings, model.noise_variance))
         return found
 
     # Where nothing is missing, all levels are of the same flights, and the closed form stands as it is.
     weight = 0.0 if bool(mask.all()) else max(WEIGHTS, key=fit_of)
     generator = torch.Generator().manual_seed(0)
-    judged = [
-        (model, centred[judge] - model.shift, seen, hide(seen, "top", 0.3, generator))
-        for model, (_, judge), seen in zip(candidates(weight), parts, known, strict=True)
-    ]
-
-    found = [
-        missed(values, seen & ~hidden, hidden, model.loadings, model.noise_variance)
-        for model, values, seen, hidden in judged
-    ]
-    return weight, min(zip(map(sum, zip(*found, strict=True)), LENGTHS, strict=True))[1]
+    errors = torch.zeros(len(LENGTHS), dtype=torch.float64)
+    for model, values, seen in candidates(weight):
+        hidden = hide_tops(seen, HIDDEN_SHARE, generator)
+        errors += torch.tensor(missed(values, seen & ~hidden, hidden, model.loadings, model.noise_variance))
+    return weight, LENGTHS[int(errors.argmin())]
 
 
-def hide(
-    mask: Tensor, pattern: Pattern, share: float, generator: torch.Generator, speed: Tensor | None = None
-) -> Tensor:
-    """Levels (n, L) to hide of those observed.
-
-    ``top`` hides from each flight's highest level down, a share drawn between zero and twice ``share``; ``random``
-    hides single levels with probability ``share``; ``slow`` hides tops of the slower half of the flights alone, twice
-    as much of each, as where slow operators cruise low: what is hidden then depends on what is shown. No flight loses
-    all levels, and levels that less than a tenth of the flights would still show are not hidden from any.
+def hide_tops(mask: Tensor, share: float, generator: torch.Generator) -> Tensor:
+    """Levels (n, L) to hide of those observed: from each flight's highest level down, up to twice a share, at random.
 
     Args:
         mask: (n, L) observed.
-        pattern: Which levels.
-        share: How many.
+        share: How many, in the mean.
         generator: Of the draws.
-        speed: (n,) by which flights are slow, for ``slow``.
-
-    Raises:
-        ConfigError: If ``slow`` is asked for without speeds.
 
     Example:
-        >>> hide(torch.ones(5, 200, dtype=torch.bool), "top", 0.3, torch.Generator().manual_seed(0)).shape
+        >>> hide_tops(torch.ones(5, 200, dtype=torch.bool), 0.3, torch.Generator().manual_seed(0)).shape
         torch.Size([5, 200])
     """
-    if pattern == "random":
-        hidden = mask & (torch.rand(mask.shape, generator=generator) < share)
-    else:
-        part = 2 * share * torch.rand(len(mask), 1, generator=generator)
-        if pattern == "slow":
-            if speed is None:
-                raise ConfigError("the pattern 'slow' without speeds", expected="a speed a flight", mend="pass speed")
-            part = torch.where((speed < speed.median())[:, None], (2 * part).clamp(max=MOST_HIDDEN), 0.0)
-        from_top = mask.flip(1).cumsum(1).flip(1)
-        hidden = mask & (from_top <= part * mask.sum(1, keepdim=True))
+    return spared(mask, highest(mask, 2 * share * torch.rand(len(mask), 1, generator=generator)))
+
+
+def highest(mask: Tensor, part: Tensor) -> Tensor:
+    """The highest of the levels that each flight shows, a part (n, 1) of them."""
+    from_top = mask.flip(1).cumsum(1).flip(1)
+    return mask & (from_top <= part * mask.sum(1, keepdim=True))
+
+
+def spared(mask: Tensor, hidden: Tensor) -> Tensor:
+    """Levels that may be hidden: no flight loses all, and a tenth of the flights or more still show each."""
     hidden = hidden & (mask & ~hidden).any(1, keepdim=True)
     return hidden & ((mask & ~hidden).sum(0) >= MIN_SHARE_SHOWN * len(mask))
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import torch
 from torch import Tensor
@@ -9,10 +10,13 @@ from torch import Tensor
 from descentflow.core.errors import DataError
 from descentflow.core.units import FL_M
 from descentflow.representation.fpca.basis import FunctionalBasis
-from descentflow.representation.fpca.gappy import GappyFPCA
+from descentflow.representation.fpca.gappy import fit_components
 from descentflow.representation.fpca.ppca import observed_mean
-from descentflow.representation.fpca.roughness import Pattern, hide
+from descentflow.representation.fpca.roughness import hide_tops, highest, spared
 
+Pattern = Literal["top", "random", "slow"]
+MOST_HIDDEN = 0.9
+"""Share of its levels that a flight loses at most."""
 PATTERNS: tuple[Pattern, ...] = ("top", "random", "slow")
 """Gaps that do not depend on the flight, and tops that slow flights alone do not show."""
 METHODS = ("mean fill", "iteration (paper)", "ridge", "probabilistic PCA")
@@ -73,7 +77,7 @@ def hidden_errors(
         True
     """
     own = torch.where(mask, values, 0.0).sum(1) / mask.sum(1)
-    hidden = hide(mask, pattern, share, torch.Generator().manual_seed(seed), own if speed is None else speed)
+    hidden = hide(mask, pattern, share, own if speed is None else speed, torch.Generator().manual_seed(seed))
     if not bool(hidden.any()):
         raise DataError(
             f"{len(values)} flights of which no level can be hidden",
@@ -89,23 +93,45 @@ def hidden_errors(
     return found
 
 
+def hide(mask: Tensor, pattern: Pattern, share: float, speed: Tensor, generator: torch.Generator) -> Tensor:
+    """Levels (n, L) to hide of those observed.
+
+    ``top`` hides from each flight's highest level down, a share drawn between zero and twice ``share``; ``random``
+    hides single levels with probability ``share``; ``slow`` hides tops of the slower half of the flights alone, twice
+    as much of each, as where slow operators cruise low: what is hidden then depends on what is shown.
+
+    Args:
+        mask: (n, L) observed.
+        pattern: Which levels.
+        share: How many.
+        speed: (n,) by which flights are slow.
+        generator: Of the draws.
+    """
+    if pattern == "random":
+        return spared(mask, mask & (torch.rand(mask.shape, generator=generator) < share))
+    part = 2 * share * torch.rand(len(mask), 1, generator=generator)
+    if pattern == "slow":
+        part = torch.where((speed < speed.median())[:, None], (2 * part).clamp(max=MOST_HIDDEN), 0.0)
+    return spared(mask, highest(mask, part))
+
+
 def _mean_fill(values: Tensor, seen: Tensor, explained_variance: float) -> Tensor:
     return observed_mean(torch.where(seen, values, 0.0), seen).expand_as(values)
 
 
 def _iteration(values: Tensor, seen: Tensor, explained_variance: float) -> Tensor:
-    basis = GappyFPCA(explained_variance, "iterative").fit(values, seen, FL_M).basis_
+    basis = fit_components(values, seen, FL_M, explained_variance, "iterative")
     return basis.decode(basis.encode(values, seen))
 
 
 def _ppca(values: Tensor, seen: Tensor, explained_variance: float) -> Tensor:
-    return GappyFPCA(explained_variance).fit(values, seen, FL_M).basis_.complete(values, seen)
+    return fit_components(values, seen, FL_M, explained_variance).complete(values, seen)
 
 
 def _ridge(values: Tensor, seen: Tensor, explained_variance: float) -> Tensor:
     """Penalised least squares on the components of the iteration, the penalty chosen on levels hidden once more."""
-    basis = GappyFPCA(explained_variance, "iterative").fit(values, seen, FL_M).basis_
-    inner = hide(seen, "top", 0.2, torch.Generator().manual_seed(1))
+    basis = fit_components(values, seen, FL_M, explained_variance, "iterative")
+    inner = hide_tops(seen, 0.2, torch.Generator().manual_seed(1))
 
     def loss(ridge: float) -> float:
         error = torch.where(inner, _penalised(basis, values, seen & ~inner, ridge) - values, 0.0)

@@ -22,7 +22,7 @@ from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.drag_scale import DragScale, fit_drag_scale
 from descentflow.representation.fit_representation import standardised_decoder
 from descentflow.representation.fpca.basis import FunctionalBasis
-from descentflow.representation.fpca.gappy import GappyFPCA
+from descentflow.representation.fpca.gappy import LATENT_DIMENSION, fit_components
 from descentflow.representation.linear_curves import evidence_of
 from descentflow.representation.plausibility import Plausibility
 from descentflow.representation.profiles import Profiles
@@ -130,10 +130,9 @@ def _truncated_bases(values: Tensor, mask: Tensor, shares: tuple[float, ...]) ->
     """A basis for each share; one fit serves all shares that its latent dimension serves anyway."""
     found: dict[float, FunctionalBasis] = {}
     fitted: FunctionalBasis | None = None
-    smallest = GappyFPCA().latent_dimension
     for share in sorted(shares, reverse=True):
-        if fitted is None or fitted.loadings.shape[1] > smallest:
-            fitted = GappyFPCA(share).fit(values, mask, FL_M).basis_
+        if fitted is None or fitted.loadings.shape[1] > LATENT_DIMENSION:
+            fitted = fit_components(values, mask, FL_M, share)
         found[share] = truncated(fitted, share)
     return found
 

@@ -8,9 +8,8 @@ import torch
 from scipy import stats
 from torch import Tensor
 
-from descentflow.core.errors import ConfigError
 from descentflow.evaluation.metrics import proper
-from descentflow.evaluation.metrics.proper import crps, energy_score_each, energy_scores
+from descentflow.evaluation.metrics.proper import crps, energy_scores
 
 
 def draw(n: int, seed: int, mean: float = 0.0, n_levels: int = 4) -> tuple[Tensor, Tensor]:
@@ -47,19 +46,10 @@ def test_energy_score_is_the_double_loop(pairs: int, monkeypatch: pytest.MonkeyP
     samples, real = draw(30, 0)[0], draw(20, 1)[0]
     across = np.mean([[float((x - y).norm()) for y in real] for x in samples])
     among = sum(float((x - y).norm()) for x in samples for y in samples) / (30 * 29)
-    assert float(energy_score_each(samples.expand(20, -1, -1), real).mean()) == pytest.approx(across - among / 2)
     everywhere = [torch.ones_like(values, dtype=torch.bool) for values in (samples, real)]
     # The root mean square over four levels is half of the Euclidean norm.
     found = energy_scores((samples, everywhere[0]), (real, everywhere[1]))
     assert 2 * float(found.mean()) == pytest.approx(across - among / 2, abs=1e-12)
-
-
-def test_energy_score_in_one_dimension_is_the_crps() -> None:
-    samples, real = draw(50, 0)[0][:, :1], draw(40, 1)[0][:, :1]
-    everywhere = [torch.ones_like(values, dtype=torch.bool) for values in (samples, real)]
-    expected = crps(samples, everywhere[0], real, everywhere[1])
-    found = energy_score_each(samples.expand(40, -1, -1), real)
-    assert float(found.mean()) == pytest.approx(float(expected[0]), abs=1e-12)
 
 
 @pytest.mark.parametrize("y", [-1.5, 0.0, 0.7])
@@ -87,5 +77,3 @@ def test_too_few_values_have_no_score() -> None:
     assert bool(crps(two, two == 0, one, one == 1).isnan())
     assert bool(energy_scores((one, one == 0), (two, two == 0)).isnan().all())
     assert len(energy_scores((two, two == 0), (two[:0], two[:0] == 0))) == 0
-    with pytest.raises(ConfigError, match="1 sample"):
-        energy_score_each(one[None], one)

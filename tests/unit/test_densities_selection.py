@@ -15,12 +15,12 @@ from descentflow.densities.component_search import (
     max_components,
     select_mixture,
 )
-from descentflow.evaluation.metrics.proper import crps, crps_each, energy_score_each
+from descentflow.evaluation.metrics.proper import crps
 from descentflow.representation.evidence import Evidence
 from descentflow.training.data_settings import ContextSettings
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models import Gaussian, GaussianMixture, MaskedAffineFlow, SplineFlow
-from studies.forecast_scores import forecast_scores, skill
+from studies.forecast_scores import crps_each, energy_score_each, forecast_scores, skill
 
 CONFIGS = Path(__file__).resolve().parents[2] / "descentflow" / "configs" / "model"
 D = 4

@@ -11,7 +11,6 @@ fall below zero.
 import torch
 from torch import Tensor
 
-from descentflow.core.errors import ConfigError
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.distances import Pooled, Values, by_chunks, observed_mean, pool
 
@@ -158,51 +157,6 @@ def _mean_root(squares: Tensor, chosen: Tensor) -> Tensor:
     return squares.clamp_(min=0).sqrt_().mul_(chosen).nan_to_num_(0.0).sum(0) / chosen.sum(0)
 
 
-def crps_each(samples: Tensor, real: Tensor) -> Tensor:
-    """Fair CRPS of every flight's own samples, ``mean |X - y| - 1/2 mean |X - X'|`` over distinct pairs.
-
-    Args:
-        samples: (n, m, ...) m samples for each of n flights.
-        real: (n, ...) what came.
-
-    Returns:
-        (n, ...) in the unit of the values.
-
-    Raises:
-        ConfigError: If there are fewer than two samples a flight.
-
-    Example:
-        >>> crps_each(torch.tensor([[0.0, 2.0]]), torch.tensor([1.0]))
-        tensor([0.])
-    """
-    m = samples.shape[1]
-    _at_least_two(m)
-    across = (samples - real[:, None]).abs().mean(1)
-    # The sum over pairs of |x - x'| is a weighted sum of the ordered values.
-    rank = torch.arange(m, dtype=samples.dtype, device=samples.device)
-    weight = (2 * rank - m + 1).reshape(m, *([1] * (samples.ndim - 2)))
-    within = (samples.sort(1).values * weight).sum(1) * 2 / (m * (m - 1))
-    return across - within / 2
-
-
-def energy_score_each(samples: Tensor, real: Tensor) -> Tensor:
-    """Fair energy score (n,) of every flight's own samples (n, m, d) at real (n, d): the CRPS in several dimensions.
-
-    Raises:
-        ConfigError: If there are fewer than two samples a flight.
-
-    Example:
-        >>> energy_score_each(torch.tensor([[[0.0, 0.0], [0.0, 2.0]]]), torch.tensor([[0.0, 1.0]]))
-        tensor([0.])
-    """
-    m = samples.shape[1]
-    _at_least_two(m)
-    across = (samples - real[:, None]).norm(dim=2).mean(1)
-    within = [torch.cdist(one, one, compute_mode="donot_use_mm_for_euclid_dist").sum() for one in samples]
-    score: Tensor = across - torch.stack(within) / (m * (m - 1)) / 2
-    return score
-
-
 def _across(pooled: Pooled) -> Tensor:
     """Sum (K,) of absolute differences of all pairs of a first and a second value.
 
@@ -215,11 +169,6 @@ def _across(pooled: Pooled) -> Tensor:
 def _among(below: Tensor, n: Tensor, pooled: Pooled) -> Tensor:
     """Sum (K,) of absolute differences of all ordered pairs of one set, of which ``below`` (K, N) counts the values."""
     return (2 * below * (n - below) * pooled.widths).sum(1)
-
-
-def _at_least_two(m: int) -> None:
-    if m < 2:
-        raise ConfigError(f"{m} sample(s) a flight", expected="two at the least", mend="draw more for every flight")
 
 
 MIN_FLIGHTS = 4

@@ -76,18 +76,15 @@ WHOLE = Part(Quantity("descent", "Whole descent", "1", _cas_and_rate), "descent"
 STATISTICS: dict[str, Statistic] = {
     one.name: one
     for one in (
-        LevelStatistic("ks", "KS distance", "KS", "1", in_figure=True, in_paper=True, compute=ks_distance),
+        LevelStatistic("ks", "KS distance", "KS", "1", in_figure=True, compute=ks_distance),
         LevelStatistic(
             "wasserstein",
             "Wasserstein distance",
             "Wasserstein",
             in_figure=True,
-            in_paper=True,
             compute=wasserstein_distance,
         ),
-        LevelStatistic(
-            "mae", "error of the mean", "mean", of_one=error_of_one, in_paper=True, compute=error_of_the_mean
-        ),
+        LevelStatistic("mae", "error of the mean", "mean", of_one=error_of_one, compute=error_of_the_mean),
         LevelStatistic("crps", "CRPS", "CRPS", additive=True, of_one=crps_of_one, compute=crps_of),
         ProfileStatistic(
             "energy", "energy score", "energy", additive=True, of_one=energy_scores_of_one, compute=energy_scores
@@ -195,16 +192,6 @@ def descent_statistics(*, costly: bool = True) -> list[DescentStatistic]:
     """
     found = [one for one in STATISTICS.values() if isinstance(one, DescentStatistic)]
     return [one for one in found if costly or not one.costly]
-
-
-def paper_statistics() -> dict[str, Statistic]:
-    """The statistics of the paper's tables by name.
-
-    Example:
-        >>> {name: one.label for name, one in paper_statistics().items()}
-        {'ks': 'KS distance', 'wasserstein': 'Wasserstein distance', 'mae': 'error of the mean'}
-    """
-    return {name: one for name, one in STATISTICS.items() if one.in_paper}
 
 
 def level_parts() -> dict[str, Part]:

@@ -128,17 +128,6 @@ class ScoreTable:
         """A row for each score, columns as the fields of :class:`Score`; absent numbers are null."""
         return pl.DataFrame([asdict(row) for row in self.rows]).fill_nan(None)
 
-    def level_frame(self) -> pl.DataFrame:
-        """Long table of the scores by level, columns as the fields of :class:`LevelScores`."""
-        names = ("levels_fl", "score", "equal_size", "floor", "floor_low", "floor_high")
-        parts = [
-            pl.DataFrame({name: getattr(part, name).double().cpu().numpy() for name in names}).select(
-                *(pl.lit(getattr(part, key)).alias(key) for key in ("quantity", "statistic", "unit")), pl.all()
-            )
-            for part in self.levels
-        ]
-        return pl.concat(parts).rename({"levels_fl": "level_fl"}).fill_nan(None)
-
     def write_csv(self, path: str | Path) -> None:
         """Write :meth:`frame`, whole or not at all; absent numbers are empty.
 

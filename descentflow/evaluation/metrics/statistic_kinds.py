@@ -53,7 +53,6 @@ class Statistic:
         of_one: The statistic of one descent (nominal BADA), with the shape of ``compute``'s result; None if one descent
             has none.
         in_figure: Whether it is drawn by level.
-        in_paper: Whether it is in the paper's tables.
         needs: The fewest flights that a statistic of whole profiles or descents needs, in words.
 
     Example:
@@ -71,7 +70,6 @@ class Statistic:
     additive: bool = False
     of_one: Callable[[Values, Values], Tensor] | None = None
     in_figure: bool = False
-    in_paper: bool = False
     needs: str = "4 flights with samples at all of their levels"
 
     def unit_of(self, quantity: Quantity) -> str:

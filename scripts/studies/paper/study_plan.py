@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import whole_file
+from descentflow.evaluation.metrics.score_registry import STATISTICS
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -34,6 +35,8 @@ MODELS = {
     "spline": "Neural spline flow",
 }
 """Settings file of `configs/model/` -> name in tables."""
+PAPER_STATISTICS = {name: STATISTICS[name] for name in ("ks", "wasserstein", "mae")}
+"""Statistics of the paper's tables."""
 
 
 @dataclass(frozen=True)

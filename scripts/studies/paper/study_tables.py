@@ -4,8 +4,8 @@ from pathlib import Path
 
 import polars as pl
 
-from descentflow.evaluation.metrics.score_registry import level_parts, paper_statistics
-from studies.paper.study_plan import MODELS, StudyPlan
+from descentflow.evaluation.metrics.score_registry import level_parts
+from studies.paper.study_plan import MODELS, PAPER_STATISTICS, StudyPlan
 
 QUANTITIES = {name: part.label for name, part in level_parts().items()}
 """Quantity of the scores -> heading of the paper's table."""
@@ -46,7 +46,7 @@ def all_scores(plan: StudyPlan, folder: Path) -> pl.DataFrame:
             ends = intervals.with_columns(pl.col("low", "high").cast(pl.Float64))
             frame = frame.join(ends, on=["quantity", "statistic"], how="left")
             frame = frame.filter(
-                pl.col("quantity").is_in(list(QUANTITIES)), pl.col("statistic").is_in(list(paper_statistics()))
+                pl.col("quantity").is_in(list(QUANTITIES)), pl.col("statistic").is_in(list(PAPER_STATISTICS))
             )
             parts.append(frame.select(pl.lit(typecode).alias("typecode"), pl.lit(name).alias("model"), pl.all()))
     return pl.concat(parts, how="diagonal_relaxed")
@@ -137,6 +137,6 @@ def means(scores: pl.DataFrame) -> pl.DataFrame:
         over_floor=(pl.col("equal_size") / pl.col("floor")).median(),
         nominal=pl.col("nominal").mean(),
     )
-    order = {name: i for i, name in enumerate([*QUANTITIES, *paper_statistics()])}
+    order = {name: i for i, name in enumerate([*QUANTITIES, *PAPER_STATISTICS])}
     places = [pl.col(c).replace_strict(order, return_dtype=pl.Int64) for c in ("quantity", "statistic")]
     return by_quantity.sort(*places, maintain_order=True)

@@ -15,7 +15,6 @@ from descentflow.core.units import FL_M
 from descentflow.densities.component_search import select_mixture
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.evaluation.metrics.score_registry import paper_statistics
 from descentflow.evaluation.metrics.scores import score
 from descentflow.generation.rejection import sample_descents
 from descentflow.physics.performance_model import PerformanceModel
@@ -27,6 +26,7 @@ from descentflow.representation.linear_curves import evidence_of
 from descentflow.representation.plausibility import Plausibility
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation, Split
+from studies.paper.study_plan import PAPER_STATISTICS
 
 Bases = tuple[FunctionalBasis, FunctionalBasis]
 """Of drag and of CAS."""
@@ -164,5 +164,5 @@ def _one_share(
     return [
         _FoldScore(**about, quantity=s.quantity, statistic=s.statistic, unit=s.unit, score=s.score)
         for s in found
-        if s.quantity in QUANTITIES and s.statistic in paper_statistics()
+        if s.quantity in QUANTITIES and s.statistic in PAPER_STATISTICS
     ]

@@ -6,8 +6,8 @@ import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from descentflow.evaluation.metrics.score_registry import paper_statistics
 from descentflow.reporting.figure_style import BLACK, GREY, tidy
+from studies.paper.study_plan import PAPER_STATISTICS
 
 ROWS = {
     "Time to bottom": {"": "time_to_bottom_of_descent"},
@@ -15,7 +15,7 @@ ROWS = {
     "Rate": {"above": "rocd_above_transition", "at or below": "rocd_below_transition"},
 }
 """Row of panels -> name of each box of a model -> quantity."""
-COLUMNS = paper_statistics()
+COLUMNS = PAPER_STATISTICS
 _FILLS = {"": "#c9d7e6", "above": "#bcd7ea", "at or below": "#f2c9d0"}
 
 

@@ -6,10 +6,10 @@ import polars as pl
 from matplotlib.figure import Figure
 from torch import Tensor
 
-from descentflow.evaluation.metrics.score_registry import paper_statistics
 from descentflow.reporting.figure_style import BLACK, GREY, MODELS, legend_below, tidy
+from studies.paper.study_plan import PAPER_STATISTICS
 
-STATISTICS = {name: f"{one.label} of rate" for name, one in paper_statistics().items()}
+STATISTICS = {name: f"{one.label} of rate" for name, one in PAPER_STATISTICS.items()}
 
 
 def variance_figure(scores: pl.DataFrame) -> Figure:

@@ -11,6 +11,7 @@ def run(
     *,
     real: Path,
     out: Path,
+    simulator: Path | None = None,
     context_table: Path | None = None,
     air: list[str] | None = None,
     number: Annotated[int, "-n"] = 10_000,
@@ -29,7 +30,8 @@ def run(
     Args:
         checkpoint: checkpoint that `descentflow fit` wrote (.ckpt)
         real: prepared descents (descentflow prepare), or rows
-        out: folder for scores.csv, rejections.json and figures
+        out: folder for scores.csv, rejections.json, level_flight.csv and figures
+        simulator: rows or prepared descents of a simulator, whose level flight is set beside the others
         context_table: CSV or Parquet with flight_id and the context, for a conditional model
         air: for a model that was fitted with data.air: where the air of these flights is known from: measured (their
             own reports; default for a model fitted with measured), or a weather field: a NetCDF or GRIB file by
@@ -51,6 +53,7 @@ def run(
         found = evaluate(
             checkpoint,
             real,
+            simulator=simulator,
             n=number,
             seed=seed,
             context_table=context_table,

@@ -12,6 +12,7 @@ from descentflow.core.errors import DataError
 from descentflow.core.threads import one_thread_where_they_spin
 from descentflow.densities.checkpoint import as_density
 from descentflow.evaluation.evaluation_report import Evaluation
+from descentflow.evaluation.level_flight_beside import sampled_level_flight
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.scores import score
 from descentflow.generation.rejection import Sampler, sample_descents
@@ -20,6 +21,7 @@ from descentflow.representation.encode_flights import encode_flights, tell_other
 from descentflow.representation.own_air import AirSource
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation
+from descentflow.surveillance.cleaning.level_flight import FLIGHTS, side_by_side
 from descentflow.surveillance.open_descents import FlightSource
 
 N_SPLITS = 100
@@ -32,6 +34,7 @@ def evaluate(
     model: object,
     real: object,
     *,
+    simulator: object = None,
     n: Count = 10_000,
     seed: int = 0,
     context_table: str | Path | pl.DataFrame | None = None,
@@ -47,6 +50,7 @@ def evaluate(
         model: A checkpoint's path, a density, or a fitted model.
         real: Path of rows or of prepared descents, or descents in memory. Flights that the model was trained or
             validated on are left out and counted; they are recognised by aircraft and time under other names, too.
+        simulator: Rows or prepared descents of a simulator, whose level flight stands beside the others'.
         n: Number of samples.
         seed: Of sampling, and of the splits behind the noise floors.
         context_table: Table, or path of one, with ``flight_id`` and the context, for a conditional model, or the
@@ -83,7 +87,8 @@ def evaluate(
     if density is not sampled:
         notes.append(f"scored: the fit to {density.representation.split.describe()}")
     lowest_fl = float(representation.decoder.levels_fl[0])
-    frame = FlightSource(real).for_model(representation.cleaning, lowest_fl).frame
+    flights = FlightSource(real).for_model(representation.cleaning, lowest_fl)
+    frame = flights.frame
     tell_other_types(frame, representation)
     parts = encode_flights(frame, representation, context_table, air=air, say=notes.append)
     found = evaluate_profiles(
@@ -99,7 +104,12 @@ def evaluate(
         progress=progress,
         score_progress=score_progress,
     )
-    return replace(found, n_seen=len(parts["train"]) + len(parts["validation"]), notes=tuple(notes))
+    sides = {"flights": flights.report.notes, "samples": sampled_level_flight(found.samples)}
+    if simulator is not None:
+        sides["simulator"] = FlightSource(simulator).for_model(representation.cleaning, lowest_fl).report.notes
+    level = side_by_side(sides if sides["flights"].get(FLIGHTS) else {})
+    n_seen = len(parts["train"]) + len(parts["validation"])
+    return replace(found, n_seen=n_seen, notes=tuple(notes), level_flight=level)
 
 
 def evaluate_profiles(

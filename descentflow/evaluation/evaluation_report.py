@@ -1,7 +1,7 @@
 """Result of an evaluation: scores beside their noise floor, rejections, and figures."""
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from io import BytesIO
 from math import isnan
@@ -17,6 +17,7 @@ from descentflow.evaluation.figures.components import components_figure
 from descentflow.evaluation.figures.level_cuts import cuts_figure
 from descentflow.evaluation.figures.profile_bands import profiles_figure
 from descentflow.evaluation.figures.score_figures import acceptance_figure, classifier_figure, level_scores_figure
+from descentflow.evaluation.level_flight_beside import in_words
 from descentflow.evaluation.metrics.bootstrap import score_intervals
 from descentflow.evaluation.metrics.classifier import MIN_PAIRS, Detection, detect
 from descentflow.evaluation.metrics.descent_set import DescentSet
@@ -25,8 +26,10 @@ from descentflow.evaluation.metrics.score_table import ScoreTable
 from descentflow.generation.samples import RejectionReport
 from descentflow.reporting.in_notebook import InNotebook
 from descentflow.representation.representation import Representation
+from descentflow.surveillance.cleaning.level_flight import side_by_side
+from descentflow.surveillance.figure_pages import level_flight_figure
 
-FILES = ("scores.csv", "classifier.csv", "rejections.json")
+FILES = ("scores.csv", "classifier.csv", "rejections.json", "level_flight.csv")
 """Files that are written besides figures."""
 FEW = 100
 """Held-out flights with fewer of which the words come first."""
@@ -48,6 +51,8 @@ class Evaluation(InNotebook):
         representation: The model's.
         n_seen: Flights that were left out because the model was trained or validated on them; None if not known.
         notes: Other reasons why flights were left out.
+        level_flight: Of :func:`~descentflow.surveillance.cleaning.level_flight.side_by_side`: all flights that were
+            given, samples, and a simulator; empty where flights were not counted.
 
     Example:
         >>> from descentflow.evaluation.evaluate import evaluate
@@ -58,7 +63,7 @@ class Evaluation(InNotebook):
         ['quantity', 'statistic', 'unit', 'score']
         >>> found.write("evaluation", figures=False)
         >>> sorted(path.name for path in Path("evaluation").iterdir())
-        ['classifier.csv', 'rejections.json', 'scores.csv']
+        ['classifier.csv', 'level_flight.csv', 'rejections.json', 'scores.csv']
     """
 
     name: str
@@ -70,6 +75,7 @@ class Evaluation(InNotebook):
     representation: Representation
     n_seen: int | None = None
     notes: tuple[str, ...] = ()
+    level_flight: pl.DataFrame = field(default_factory=lambda: side_by_side({}))
 
     @cached_property
     def classifier(self) -> Detection:
@@ -77,9 +83,9 @@ class Evaluation(InNotebook):
         return detect(self.samples, self.real)
 
     def figures(self) -> dict[str, Figure]:
-        """Figures by name: samples against flights (paper, figures 4-6), distances, rejections, components, classifier.
+        """Figures by name: samples against flights (paper, figures 4-6), distances, rejections, components, and more.
 
-        The last is left out where there are too few flights to judge.
+        The classifier is left out where there are too few flights to judge, level flight where it was not counted.
         """
         decoder = self.representation.decoder
         told = {"classifier": classifier_figure(self.classifier)} if self.classifier.importance else {}
@@ -92,6 +98,7 @@ class Evaluation(InNotebook):
                 decoder.drag_basis, decoder.cas_basis, decoder.levels_fl, decoder.drag_scale
             ),
             **told,
+            **({} if self.level_flight.is_empty() else {"level_flight": level_flight_figure(self.level_flight)}),
         }
 
     def notebook_figure(self) -> Figure:
@@ -144,12 +151,14 @@ class Evaluation(InNotebook):
 
     @checked_arguments
     def write(self, folder: Output, *, figures: bool = True) -> None:
-        """Write `scores.csv`, `classifier.csv`, `rejections.json` and, unless they are not wanted, figures as PNG."""
+        """Write tables (:data:`FILES`) and, unless they are not wanted, figures as PNG."""
         folder = check_folder(folder, *FILES)
         folder.mkdir(parents=True, exist_ok=True)
         self.scores.write_csv(folder / "scores.csv")
         with whole_file(folder / "classifier.csv") as temporary:
             pl.DataFrame(self.classifier.importance, schema=_IMPORTANCE).write_csv(temporary)
+        with whole_file(folder / "level_flight.csv") as temporary:
+            self.level_flight.write_csv(temporary)
         with whole_file(folder / "rejections.json") as temporary:
             temporary.write_text(json.dumps(self.rejections.as_dict(), indent=1))
         for name, picture in self.pictures.items() if figures else ():
@@ -163,6 +172,7 @@ class Evaluation(InNotebook):
         head = [f"{len(self.real)} held-out flights{left_out}", *self.notes]
         lines = [str(self.rejections), str(self.scores)]
         lines += [str(self.classifier)] if self.classifier.importance else []
+        lines += in_words(self.level_flight)
         words = self.in_words
         # Of few flights most of the table is absent, so that the words come first.
         return "\n".join([*head, words, *lines] if len(self.real) < FEW else [*head, *lines, words])

@@ -3,10 +3,14 @@
 import numpy as np
 import polars as pl
 import pytest
+import torch
 
+import descentflow as df
 from descentflow.aircraft_types.registry import aircraft
 from descentflow.cli.entry import main
-from descentflow.core.units import FT_M, KT_MPS
+from descentflow.core.units import FL_M, FT_M, KT_MPS
+from descentflow.evaluation.level_flight_beside import in_words, sampled_level_flight
+from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.measurements.level_fuel import with_fuel
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 from descentflow.simulation.world import simulate
@@ -169,3 +173,33 @@ def test_the_command_writes_tables_a_picture_and_the_air(world, tmp_path, capsys
     # A store that is finished is not cleaned again: it says so.
     assert main([*command, *tables]) != 0
     assert "prepared before" in capsys.readouterr().err
+
+
+def test_samples_are_counted_as_rows_are() -> None:
+    """A sample that is level for a minute at FL250, and one that is not."""
+    levels = torch.arange(150.0, 351.0).double()
+    rate = torch.full((2, 201), -10.0).double()
+    rate[0, 100:103] = -0.1  # three levels, 200 ft at 20 ft/min
+    slowness = -FL_M / rate
+    legs = (slowness[:, 1:] + slowness[:, :-1]) / 2
+    time = torch.nn.functional.pad(legs.flip(1).cumsum(1).flip(1), (0, 1))
+    same = torch.zeros_like(rate)
+    found = sampled_level_flight(DescentSet(levels, time, same, rate, same, same.bool().logical_not()))
+    assert (found[FLIGHTS], found[CONTINUOUS]) == (2, 1)
+    assert found["seconds level in descents from FL250"] == round(float(time[0, 100] - time[0, 102]))
+    (words,) = in_words(side_by_side({"samples": found}))
+    mean = float(time[0, 100] - time[0, 102]) / 2
+    assert words == f"level flight in descents of samples (2): 50 % have none, {mean:.0f} s in the mean"
+
+
+def test_evaluate_has_flights_samples_and_a_simulator_side_by_side(world, tmp_path) -> None:
+    model = df.fit(prepare(df.simulate("A320", 60, seed=1)), model="gaussian")
+    found = df.evaluate(model, world.rows, simulator=df.simulate("A320", 30, seed=2).rows, n=100, n_splits=2)
+    sides = dict(found.level_flight.select("side", "flights").unique().iter_rows())
+    own = prepare(world.rows, typecode="A320").report.notes[FLIGHTS]
+    assert sides == {"flights": own, "samples": 100, "simulator": 30}
+    assert found.level_flight.filter(side="samples")["level_s"].sum() == 0
+    assert "level flight in descents of simulator (30)" in str(found)
+    found.write(tmp_path, figures=False)
+    assert pl.read_csv(tmp_path / "level_flight.csv").equals(found.level_flight)
+    assert "level_flight" in found.figures()

@@ -35,13 +35,14 @@ IN_BAND, HELD = "seconds level in descents from FL", "seconds at a held rate in 
 SPEEDS = ("groundspeed", "TAS", "Mach", "IAS")
 
 
-def stretches(rows: pl.DataFrame, held: pl.Series | None = None) -> pl.DataFrame:
+def stretches(rows: pl.DataFrame, held: pl.Series | None = None, gap_s: float = LONGEST_GAP_S) -> pl.DataFrame:
     """Descents and their level segments: the rate within 300 ft/min for 20 s or more, from the top down to 1,800 ft.
 
     Args:
         rows: Reports of whole flights with ``flight_id timestamp altitude``, and ``vertical_rate``, ``groundspeed``,
             ``TAS``, ``Mach`` or ``IAS`` where they are known; a missing rate is the slope of the altitude.
         held: Whether each row is at a held rate, where that is known; ``rows`` are sorted then, and have rates.
+        gap_s: Longest time between reports of one segment.
 
     Returns:
         ``flight_id kind timestamp seconds altitude_ft distance_nm IAS``: one row with the kind ``descent`` for each
@@ -63,7 +64,7 @@ def stretches(rows: pl.DataFrame, held: pl.Series | None = None) -> pl.DataFrame
         used = with_rate(used.sort("flight_id", "timestamp"))
     marks = [] if held is None else [held.alias("held")]
     descent = _descents(_with_speed(used).with_columns(*marks))
-    level = _runs(descent, (pl.col("vertical_rate").abs() <= LEVEL_FPM).fill_null(False), "level")
+    level = _runs(descent, (pl.col("vertical_rate").abs() <= LEVEL_FPM).fill_null(False), "level", gap_s)
     level = level.filter(pl.col("seconds") >= LEAST_S)
     # Cruise a little below the highest altitude is none of the descent.
     cruise = (pl.col("altitude_ft") >= BOX_SHARE * pl.col("top_ft")) & (pl.col("seconds") > BOX_S)
@@ -74,8 +75,8 @@ def stretches(rows: pl.DataFrame, held: pl.Series | None = None) -> pl.DataFrame
         return both.filter(pl.col("begin").is_null() | (pl.col("timestamp") >= pl.col("begin"))).drop("begin")
 
     descent = after(descent)
-    parts = [_runs(descent, pl.col("altitude").is_not_null(), "descent"), after(level)]
-    parts += [_runs(descent, pl.col("held"), "held")] if marks else []
+    parts = [_runs(descent, pl.col("altitude").is_not_null(), "descent", float("inf")), after(level)]
+    parts += [_runs(descent, pl.col("held"), "held", gap_s)] if marks else []
     return pl.concat(parts).drop("end", "top_ft").sort("flight_id", "kind", "timestamp")
 
 
@@ -111,10 +112,10 @@ def _descents(rows: pl.DataFrame) -> pl.DataFrame:
     return kept.with_columns(seconds=seconds, flown=flown)
 
 
-def _runs(descent: pl.DataFrame, flag: pl.Expr, kind: str) -> pl.DataFrame:
-    """Stretches of neighbouring rows with a flag; the whole descent is one whatever its gaps."""
+def _runs(descent: pl.DataFrame, flag: pl.Expr, kind: str, gap_s: float) -> pl.DataFrame:
+    """Stretches of neighbouring rows with a flag."""
     new_flight = (pl.col("flight_id") != pl.col("flight_id").shift()).fill_null(True)
-    gap = pl.lit(False) if kind == "descent" else pl.col("seconds").fill_null(0.0) > LONGEST_GAP_S
+    gap = pl.col("seconds").fill_null(0.0) > gap_s
     begins = flag & (~flag.shift(fill_value=False) | gap | new_flight)
     runs = descent.with_columns(flag.alias("flag")).with_columns(begins.cum_sum().alias("run"))
     inside = pl.int_range(pl.len()).over("run") > 0

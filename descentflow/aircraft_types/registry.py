@@ -4,9 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from descentflow.aircraft_types.bada3 import bada_directory
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
-from descentflow.aircraft_types.bada4 import bada4_directory
 from descentflow.aircraft_types.bada4.bada4_aircraft import FAMILY, Bada4Aircraft
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_typecodes
 from descentflow.core.arguments import checked_arguments
@@ -36,6 +34,10 @@ def aircraft(typecode: str, bada_dir: str | Path | None = None) -> AnyAircraft:
     """
     if bada_dir is None:
         return open_aircraft(typecode)
+    # Readers of a licence holder's files, which most never have.
+    from descentflow.aircraft_types.bada3 import bada_directory
+    from descentflow.aircraft_types.bada4 import bada4_directory
+
     release = bada4_directory.release_folder(bada_dir)
     if release is None:
         return bada_directory.load_aircraft(typecode, bada_dir)
@@ -54,6 +56,9 @@ def every_aircraft(bada_dir: str | Path | None = None) -> Mapping[str, AnyAircra
     """
     if bada_dir is None:
         return {name: open_aircraft(name) for name in open_typecodes()}
+    from descentflow.aircraft_types.bada3 import bada_directory
+    from descentflow.aircraft_types.bada4 import bada4_directory
+
     release = bada4_directory.release_folder(bada_dir)
     return bada_directory.load_directory(bada_dir) if release is None else bada4_directory.load_directory(release)
 

@@ -11,7 +11,6 @@ from torch import Tensor
 
 from descentflow.core.units import KT_MPS
 from descentflow.densities.density import Density
-from descentflow.densities.entry_gate import EntryGate
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.generation.rejection import sample_descents
@@ -44,7 +43,7 @@ def fitted() -> Representation:
     return Representation.from_state(state())
 
 
-def mixture(gated: bool = False) -> GaussianMixtureDensity:
+def mixture() -> GaussianMixtureDensity:
     """Two components about the mean flight, one of them wide: many of its draws are not plausible.
 
     A density of one's own, for some tests attach another representation to it.
@@ -57,8 +56,6 @@ def mixture(gated: bool = False) -> GaussianMixtureDensity:
     mixed = 0.3 * torch.randn(2, d, d, generator=generator, dtype=torch.float64).tril(-1)
     roots = mixed + torch.tensor([0.5, 1.1]).double()[:, None, None] * torch.eye(d, dtype=torch.float64)
     density.mixture = Mixture(torch.tensor([0.6, 0.4]).double(), locs, roots)
-    if gated:
-        density.entry_gate = EntryGate(torch.tensor([60]), torch.tensor([[0.8, 0.2], [0.3, 0.7]]).double())
     density.attach(parts())
     return density
 
@@ -83,10 +80,10 @@ def index(level_fl: float) -> int:
 
 
 @cache
-def samples(gated: bool, entry_fl: int | None, n: int = 40_000) -> Trajectories:
+def samples(entry_fl: int | None, n: int = 40_000) -> Trajectories:
     """Samples as anyone draws them."""
     entry, known = None if entry_fl is None else torch.tensor([index(entry_fl)]), parts()
-    density = mixture(gated)
+    density = mixture()
     found = [sample_descents(density, known, 10_000, seed, entry=entry).trajectories for seed in range(n // 10_000)]
     return concatenate(found)
 

@@ -7,7 +7,6 @@ import toys
 from torch import Tensor
 
 from descentflow.densities.density import Density
-from descentflow.densities.entry_gate import EntryGate
 from descentflow.densities.flow import MaskedAffineFlowDensity
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.mixture import GaussianMixtureDensity
@@ -23,7 +22,7 @@ def factor(d: int, generator: torch.Generator) -> Tensor:
 
 
 def density(kind: str, parts: Representation, n_context: int = 0) -> Density:
-    """A Gaussian, a mixture with an entry gate (none with a context), or a flow, none of them at its start."""
+    """A Gaussian, a mixture, or a flow, none of them at its start."""
     d, generator = parts.decoder.dimension, torch.Generator().manual_seed(3)
 
     def normal(*shape: int) -> Tensor:
@@ -38,9 +37,6 @@ def density(kind: str, parts: Representation, n_context: int = 0) -> Density:
         line = (normal(3, d, n_context), normal(3, n_context)) if n_context else ()
         trils = torch.stack([factor(d, generator) for _ in range(3)])
         found.mixture = Mixture(torch.tensor([0.2, 0.5, 0.3]).double(), normal(3, d), trils, *line)
-        if not n_context:
-            shares = torch.tensor([[0.6, 0.3, 0.1], [0.1, 0.4, 0.5]]).double()
-            found.entry_gate = EntryGate(torch.tensor([170]), shares)
     else:
         torch.manual_seed(3)
         found = MaskedAffineFlowDensity(d, n_flows=2, n_context=n_context, whitened=kind == "whitened flow")
@@ -58,7 +54,8 @@ def weights_of(model: Density, noise_seed: int, n: int, component: Tensor | None
     if component is not None:
         generator = torch.Generator().manual_seed(noise_seed)
         noise = torch.randn(n, d, 1, generator=generator, dtype=torch.float64)[..., 0]
-        return noise, model.sample_of(component, noise_seed)  # type: ignore[operator]
+        mixture: Any = model.mixture
+        return noise, mixture.locs[component] + (mixture.scale_trils[component] @ noise[..., None])[..., 0]
     if isinstance(model, MaskedAffineFlowDensity):
         noise = torch.randn(n, d, generator=torch.Generator().manual_seed(noise_seed), dtype=model.white_dtype)
         return noise, model.of_white(noise)

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
-from types import SimpleNamespace
 
 import polars as pl
 import torch
@@ -17,7 +16,7 @@ from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.physics.airspeed import cas_to_mach, mach_to_cas_mps
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.drag_scale import DragScale
-from descentflow.representation.evidence import Evidence, as_evidence
+from descentflow.representation.evidence import Evidence
 from descentflow.representation.fit_representation import fit_representation
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.plausibility import Plausibility
@@ -112,17 +111,14 @@ class WeightsModule(LightningDataModule):
         super().__init__()
         self.parts = {"train": train, "validation": validation}
         self.batch_size = batch_size
-        self.representation = representation_of(as_evidence(train).points.shape[1])
+        self.representation = representation_of(self.evidence("train").points.shape[1])
 
     def evidence(self, part: str) -> Evidence:
-        return as_evidence(self.parts[part])
+        known = self.parts[part]
+        return known if isinstance(known, Evidence) else Evidence.of_weights(known)
 
     def contexts(self, part: str) -> Tensor | None:
         return None
-
-    def profiles(self, part: str) -> SimpleNamespace:
-        """Flights that all enter at one level."""
-        return SimpleNamespace(entry_level=torch.zeros(len(self.evidence(part)), dtype=torch.long))
 
     def train_dataloader(self) -> DataLoader:
         return flight_batches(self.evidence("train"), self.contexts("train"), self.batch_size, shuffle=True)

@@ -180,7 +180,6 @@ class FlowDraw(WeightDraw):
     def forward(
         self,
         noise: Tensor,
-        entry: Tensor | None = None,
         uniform: Tensor | None = None,
         context: Tensor | None = None,
     ) -> Tensor:

@@ -1,6 +1,5 @@
 """A density in a checkpoint: loaded ready to sample without any trainer, written, and summed up in a few lines."""
 
-import warnings
 from dataclasses import asdict, dataclass
 from hashlib import file_digest
 from inspect import signature
@@ -12,7 +11,7 @@ import torch
 
 from descentflow import densities
 from descentflow.core.arguments import checked_arguments
-from descentflow.core.errors import CheckpointError, ConfigError, DescentflowWarning
+from descentflow.core.errors import CheckpointError, ConfigError
 from descentflow.core.version import __version__
 from descentflow.densities import MODULES
 from descentflow.densities.density import Density
@@ -23,8 +22,6 @@ from descentflow.surveillance.cleaning.thresholds import Cleaning
 
 PREFIX = "_density."
 """Prefix of the names of the density's parameters in a checkpoint."""
-UNFINISHED = "unfinished"
-"""Key of a checkpoint, true if its fit was still to learn what is learnt with the density held."""
 OUTCOME = "outcome"
 """Key of a checkpoint that is written after a fit: how good its best epoch was."""
 _BUILDING = Lock()
@@ -45,9 +42,6 @@ def load_model(path: str | Path) -> Density:
     Raises:
         CheckpointError: If the file cannot be used; the message has the reason.
 
-    Warns:
-        DescentflowWarning: If it is of a fit that has not ended.
-
     Example:
         >>> model = load_model("best.ckpt")
         >>> len(model.sample(10, seed=0))
@@ -60,13 +54,6 @@ def load_model(path: str | Path) -> Density:
             density.refitted_from(density_in(content[HELD_OUT]))
         with Path(path).open("rb") as file:
             density.file = {"checkpoint": Path(path).name, "checkpoint_sha256": file_digest(file, "sha256").hexdigest()}
-    if content.get(UNFINISHED):
-        warnings.warn(
-            f"{path} is of a fit that was going on or was cut short: what a mixture's components leave out is learnt "
-            "when training ends; to mend it, let the fit end, or resume it from its last.ckpt",
-            DescentflowWarning,
-            stacklevel=2,
-        )
     return density.eval()
 
 

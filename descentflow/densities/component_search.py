@@ -9,7 +9,6 @@ from torch import Tensor
 
 from descentflow.densities.em import fit_steps, steps_of
 from descentflow.densities.mixture_parameters import Mixture, n_parameters
-from descentflow.representation.evidence import Evidence, as_evidence
 
 FLIGHTS_PER_PARAMETER = 15
 """The paper's cap: 15 n_p <= n_train (appendix C)."""
@@ -21,9 +20,6 @@ MOST_COMPONENTS = 32
 """
 PATIENCE = 2
 """Numbers in a row that may be no better before the search ends."""
-OBSERVED_TOLERANCE = 5e-5
-"""Gain (nats per flight) at which EM by what was observed ends in the search: the price of a component is sixty times
-that and more (0.003 nats for 29,527 flights by AIC), and the training that follows goes on from there."""
 
 Criterion = Literal["aic", "bic"]
 """Akaike's, which asks what is most probable of flights not seen yet; or the Bayesian, whose price of a parameter grows
@@ -73,7 +69,7 @@ def numbers_tried(most: int) -> list[int]:
 
 
 def select_mixture(
-    flights: Tensor | Evidence,
+    weights: Tensor,
     *,
     context: Tensor | None = None,
     seed: int,
@@ -88,8 +84,7 @@ def select_mixture(
     """Choose the number of mixture components by an information criterion (paper, appendix C).
 
     Args:
-        flights: Standardised weights (n, d) of the training flights, or their evidence: then the criterion takes the
-            likelihood of what was observed.
+        weights: Standardised weights (n, d) of the training flights.
         context: (n, c) encoded context, if there is one.
         seed: Of the starts.
         n_restarts: Starts for each number of components.
@@ -109,9 +104,7 @@ def select_mixture(
         >>> select_mixture(weights, seed=0, n_restarts=2).mixture.n_components
         2
     """
-    steps, evidence = steps_of(flights, context, prior_flights), as_evidence(flights)
-    stop = tolerance if evidence.known else max(tolerance, OBSERVED_TOLERANCE)
-    n, dimension = evidence.points.shape
+    steps, (n, dimension) = steps_of(weights, context, prior_flights), weights.shape
     n_context = 0 if context is None else context.shape[1]
     most = max_components(n, dimension, n_context)
     if extend:
@@ -122,7 +115,7 @@ def select_mixture(
     tried: dict[int, Mixture] = {}
     values: dict[int, float] = {}
     for k in numbers:
-        tried[k], likelihood = fit_steps(steps, k, seed=seed, n_restarts=n_restarts, tolerance=stop)
+        tried[k], likelihood = fit_steps(steps, k, seed=seed, n_restarts=n_restarts, tolerance=tolerance)
         values[k] = price * n_parameters(k, dimension, n_context) - 2 * n * likelihood
         if progress is not None:
             progress(len(numbers))

@@ -1,8 +1,7 @@
 """Expectation maximisation for mixtures, with or without a context: starts, restarts and convergence.
 
-The likelihood, and one step towards its maximum, are those of :mod:`descentflow.densities.em_steps` where the
-weights are known, with a context those of :mod:`descentflow.densities.regression_steps`, and those of
-:mod:`descentflow.densities.evidence_steps` where flights show only some levels; everything else is the same for all.
+The likelihood, and one step towards its maximum, are those of :mod:`descentflow.densities.em_steps`, with a context
+those of :mod:`descentflow.densities.regression_steps`; everything else is the same for both.
 """
 
 import warnings
@@ -11,28 +10,24 @@ import torch
 from torch import Tensor
 
 from descentflow.densities.em_steps import GaussianSteps, Steps
-from descentflow.densities.evidence_steps import EvidenceSteps
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.regression_steps import RegressionSteps
-from descentflow.representation.evidence import Evidence, as_evidence
 
 SCREENING_ITERATIONS = 30
 """EM steps after which restarts are compared."""
 FINALISTS = 4
 """Restarts that go on to convergence."""
-COMPARING_ITERATIONS = 8
-"""EM steps by marginal likelihood after which the finalists are compared, where their stand-ins have converged."""
 STARTING_FLIGHTS = 4096
 """Flights, evenly of the training flights, with which starts are tried and compared; all of them take it from there."""
 STARTING_ITERATIONS = 100
 """EM steps of a finalist where it is of some of the flights."""
 
 
-def steps_of(flights: Tensor | Evidence, context: Tensor | None = None, prior_flights: float = 0.0) -> Steps:
-    """The steps for what is known of flights and, if there is one, context (n, c).
+def steps_of(weights: Tensor, context: Tensor | None = None, prior_flights: float = 0.0) -> Steps:
+    """The steps for weights (n, d) of flights and, if there is one, context (n, c).
 
     Args:
-        flights: Weights (n, d), or the evidence of flights that show only some levels.
+        weights: Of the flights.
         context: (n, c) encoded context.
         prior_flights: Flights by which covariances are shrunk, see :mod:`descentflow.densities.em_steps`.
 
@@ -40,12 +35,9 @@ def steps_of(flights: Tensor | Evidence, context: Tensor | None = None, prior_fl
         >>> type(steps_of(torch.randn(100, 2))).__name__
         'GaussianSteps'
     """
-    evidence = as_evidence(flights)
-    if not evidence.known:
-        return EvidenceSteps(evidence, context, prior_flights=prior_flights)
-    if context is None:
-        return GaussianSteps(evidence.points, prior_flights)
-    return RegressionSteps(evidence.points, context, prior_flights)
+    return (
+        GaussianSteps(weights, prior_flights) if context is None else RegressionSteps(weights, context, prior_flights)
+    )
 
 
 def start(steps: Steps, n_components: int, seed: int) -> Mixture:
@@ -66,7 +58,7 @@ def start(steps: Steps, n_components: int, seed: int) -> Mixture:
 
 
 def best_start(
-    flights: Tensor | Evidence,
+    weights: Tensor,
     n_components: int,
     *,
     context: Tensor | None = None,
@@ -80,9 +72,8 @@ def best_start(
         >>> best_start(torch.randn(50, 2), 3, seed=0, n_restarts=2).locs.shape
         torch.Size([3, 2])
     """
-    steps = steps_of(flights, context, prior_flights)
-    stand_in = steps.stand_in(seed)
-    starts = [start(stand_in, n_components, seed + i) for i in range(n_restarts)]
+    steps = steps_of(weights, context, prior_flights)
+    starts = [start(steps, n_components, seed + i) for i in range(n_restarts)]
     return max(starts, key=lambda mixture: float(steps.expectation(mixture)[1]))
 
 
@@ -107,7 +98,7 @@ def converge(steps: Steps, mixture: Mixture, *, iterations: int, tolerance: floa
 
 
 def fit_mixture(
-    flights: Tensor | Evidence,
+    weights: Tensor,
     n_components: int,
     *,
     context: Tensor | None = None,
@@ -120,12 +111,10 @@ def fit_mixture(
     """Maximum-likelihood mixture from several starts.
 
     Restarts matter more than the algorithm: seeds differ by 0.3 nats. All are screened by a few steps, and the
-    best go on to convergence. Where weights are not known this is done with weights drawn given what was observed,
-    whose steps cost little, and the best of what they lead to are compared and converged by marginal likelihood. Where
-    flights are many, some of them do all this, and the best mixture is converged by all.
+    best go on to convergence. Where flights are many, some of them do this, and the best mixture is converged by all.
 
     Args:
-        flights: Standardised weights (n, d), or the evidence of flights that show only some levels.
+        weights: Standardised weights (n, d).
         n_components: Number of mixture components k.
         context: (n, c) encoded context, on which means and proportions depend where there is one.
         seed: Of the starts.
@@ -145,7 +134,7 @@ def fit_mixture(
         [0.33, 0.67]
     """
     return fit_steps(
-        steps_of(flights, context, prior_flights),
+        steps_of(weights, context, prior_flights),
         n_components,
         seed=seed,
         n_restarts=n_restarts,
@@ -165,18 +154,15 @@ def fit_steps(
         [1, 2]
     """
     some = steps.some(STARTING_FLIGHTS)
-    stand_in = some.stand_in(seed)
 
-    def best(of: Steps, starts: list[Mixture], most: int) -> list[Mixture]:
+    def best(starts: list[Mixture], most: int) -> list[Mixture]:
         """Starts converged by some flights, the most probable first."""
-        found = [converge(of, one, iterations=most, tolerance=tolerance) for one in starts]
+        found = [converge(some, one, iterations=most, tolerance=tolerance) for one in starts]
         return [mixture for mixture, _ in sorted(found, key=lambda pair: -pair[1])]
 
-    starts = [start(stand_in, n_components, seed + i) for i in range(n_restarts if n_components > 1 else 1)]
-    finals = best(stand_in, starts, SCREENING_ITERATIONS)[:FINALISTS]
-    finals = best(stand_in, finals, iterations if some is steps else min(iterations, STARTING_ITERATIONS))
-    if stand_in is not some:
-        finals = best(some, finals, COMPARING_ITERATIONS)
+    starts = [start(some, n_components, seed + i) for i in range(n_restarts if n_components > 1 else 1)]
+    finals = best(starts, SCREENING_ITERATIONS)[:FINALISTS]
+    finals = best(finals, iterations if some is steps else min(iterations, STARTING_ITERATIONS))
     return converge(steps, finals[0], iterations=iterations, tolerance=tolerance)
 
 

@@ -39,10 +39,6 @@ class Steps(ABC):
     def some(self, most: int) -> "Steps":
         """The steps of at most so many of the flights, evenly chosen; these themselves if there are no more."""
 
-    def stand_in(self, seed: int) -> "Steps":
-        """Flights of which the starts are tried: these themselves, unless a step of these costs much."""
-        return self
-
     def expectation(self, mixture: Mixture) -> tuple[Tensor, Tensor]:
         """The E step: responsibilities (n, k) and the mean log-likelihood (nats per flight)."""
         joint = self.log_joint(mixture)

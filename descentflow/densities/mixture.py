@@ -12,10 +12,8 @@ from torch import Tensor
 from torch.distributions import constraints
 
 from descentflow.densities.density import Density
-from descentflow.densities.entry_gate import EntryGate
-from descentflow.densities.mixture_parameters import Mixture, log_proportions, posteriors
+from descentflow.densities.mixture_parameters import Mixture, log_proportions
 from descentflow.densities.weight_draws import MixtureDraw, WeightDraw
-from descentflow.representation.evidence import Evidence
 
 # Without this two mixtures in one process share their parameters by name.
 pyro.settings.set(module_local_params=True)
@@ -66,16 +64,6 @@ class MixtureProgram(PyroModule):
             drawn: Tensor = pyro.sample("weights", flight, obs=weights)
         return drawn
 
-    @config_enumerate  # type: ignore[untyped-decorator]
-    def observe(self, evidence: Evidence, context: Tensor | None = None) -> None:
-        """Condition on what was observed of n flights: given its component, a flight's weights are integrated out."""
-        n = len(evidence)
-        fit = posteriors(self.mixture, evidence, context).log_joint - log_proportions(self.mixture, context)
-        with pyro.plate("flights", n):
-            logits = log_proportions(self.mixture, context).expand(n, -1)
-            component = pyro.sample("component", dist.Categorical(logits=logits))
-            pyro.factor("observed", fit[torch.arange(n, device=fit.device), component])
-
     @property
     def mixture(self) -> Mixture:
         """The parameters, with slopes and gate if there is a context."""
@@ -103,7 +91,6 @@ class GaussianMixtureDensity(Density):
         dimension: int,
         n_clusters: int = 1,
         n_context: int = 0,
-        entry_gate: dict[str, Any] | None = None,
     ) -> None:
         """Equal components at the origin.
 
@@ -111,23 +98,18 @@ class GaussianMixtureDensity(Density):
             dimension: Number of weights d.
             n_clusters: Number of mixture components, under the name that checkpoints and configs have for it.
             n_context: Numbers of context c.
-            entry_gate: State of an :class:`~descentflow.densities.entry_gate.EntryGate`; none if absent.
         """
         super().__init__(dimension, n_context)
-        self.entry_gate = None if entry_gate is None else EntryGate.from_state(entry_gate)
-        if self.entry_gate is not None:
-            self.entry_gate.check(n_clusters)
         self.program = MixtureProgram(n_clusters, dimension, n_context)
 
     def weight_draw(self, dtype: torch.dtype) -> WeightDraw:
-        """The mixture with its gate, in double precision whatever is asked for."""
-        return MixtureDraw(self.mixture, self.entry_gate)
+        """The mixture, in double precision whatever is asked for."""
+        return MixtureDraw(self.mixture)
 
     def settings(self) -> dict[str, Any]:
-        """Number of mixture components; numbers of context and gate if there are any."""
+        """Number of mixture components; numbers of context if there are any."""
         context = {"n_context": self.n_context} if self.n_context else {}
-        gate = {} if self.entry_gate is None else {"entry_gate": self.entry_gate.to_state()}
-        return {"n_clusters": len(self.program.probs), **context, **gate}
+        return {"n_clusters": len(self.program.probs), **context}
 
     @property
     def mixture(self) -> Mixture:
@@ -138,7 +120,6 @@ class GaussianMixtureDensity(Density):
     @mixture.setter
     @torch.no_grad()
     def mixture(self, mixture: Mixture) -> None:
-        self.entry_gate = None  # of other components
         # In the parameters that an optimizer holds, where shapes allow.
         if len(self.program.probs) != mixture.n_components:
             self.program = MixtureProgram(mixture.n_components, self.dimension, self.n_context).to(self.device)
@@ -171,29 +152,17 @@ class GaussianMixtureDensity(Density):
             locs = locs + (mixture.slopes[component] @ rows[:, :, None])[..., 0]
         return locs + (mixture.scale_trils[component] @ white[..., None])[..., 0]
 
-    @torch.no_grad()
-    def sample_of(self, components: Tensor, seed: int) -> Tensor:
-        """Draw weights (n, d), each from the mixture component (n,) named, of a mixture without context.
+    def negative_elbo(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
+        """Loss of stochastic variational inference for weights (n, d), the component summed out: their NLL.
 
-        Example:
-            >>> density = GaussianMixtureDensity(2, n_clusters=2)
-            >>> far = torch.tensor([[0.0, 0.0], [90.0, 90.0]])
-            >>> density.mixture = Mixture(torch.tensor([0.5, 0.5]), far, torch.eye(2).expand(2, 2, 2))
-            >>> density.sample_of(torch.tensor([1, 0, 1]), seed=0).mean(1) > 45
-            tensor([ True, False,  True])
+        Raises:
+            LinAlgError: If a component has lost its width in floating point.
         """
-        mixture = self.mixture
-        generator = torch.Generator().manual_seed(seed)
-        white = torch.randn(len(components), self.dimension, 1, generator=generator, dtype=torch.float64)
-        chosen = components.to(mixture.locs.device)
-        return mixture.locs[chosen] + (mixture.scale_trils[chosen] @ white.to(mixture.locs))[..., 0]
-
-    def negative_elbo(self, evidence: Evidence, context: Tensor | None = None) -> Tensor:
-        """Loss of stochastic variational inference for some flights, the component summed out: their NLL."""
-        elbo, rows = TraceEnum_ELBO(max_plate_nesting=1), _double(context)
-        known = (self.program, self.program.guide, len(evidence), evidence.points, rows)
+        if not bool((self.program.scale_trils.diagonal(dim1=1, dim2=2) > 0).all()):
+            raise torch.linalg.LinAlgError("a covariance that is not positive definite")  # type: ignore[attr-defined]
+        elbo = TraceEnum_ELBO(max_plate_nesting=1)
         loss: Tensor = elbo.differentiable_loss(
-            *(known if evidence.known else (self.program.observe, self.program.guide, evidence, rows))
+            self.program, self.program.guide, len(weights), weights, _double(context)
         )
         return loss
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from descentflow.representation.evidence import Block, Evidence
+from descentflow.representation.evidence import Evidence
 
 
 @dataclass(frozen=True)
@@ -112,52 +112,6 @@ def posteriors(mixture: Mixture, evidence: Evidence, context: Tensor | None = No
     fit = -0.5 * (pulled * (off - moved)).sum(-1) - log_det[group]
     log_joint = log_proportions(mixture, context) + fit + evidence.log_scale[:, None]
     return FlightPosteriors(log_joint, locs + moved, covariances)
-
-
-@dataclass(frozen=True)
-class BlockPosteriors:
-    """:class:`FlightPosteriors` of a block of r rows of m flights, component after component.
-
-    Attributes:
-        log_joint: (k, r, m) log of proportion times marginal likelihood, see :func:`log_observed`.
-        means: (k, r, m, d) of the weights given what was observed.
-        covariances: (k, r, d, d).
-    """
-
-    log_joint: Tensor
-    means: Tensor
-    covariances: Tensor
-
-
-def block_posteriors(mixture: Mixture, block: Block, context: Tensor | None = None) -> BlockPosteriors:
-    """:func:`posteriors` of flights that share matrices, each of which is multiplied by all of its flights at once.
-
-    Args:
-        mixture: k components.
-        block: Of flights whose weights are not known.
-        context: (n, c) of all flights of the evidence, where means and proportions follow one.
-
-    Example:
-        >>> mixture = Mixture(torch.ones(1), torch.zeros(1, 1), torch.ones(1, 1, 1))
-        >>> evidence = Evidence(torch.tensor([[4.0]]), torch.tensor([0]), torch.tensor([[[3.0]]]))
-        >>> found = block_posteriors(mixture, next(evidence.blocks()))  # standard normal, seen at 4 with precision 3
-        >>> round(float(found.means), 4), round(float(found.covariances), 4)
-        (3.0, 0.25)
-    """
-    precision = torch.cholesky_inverse(mixture.scale_trils)
-    factor = torch.linalg.cholesky(precision[:, None] + block.precisions)
-    covariances = torch.cholesky_inverse(factor)
-    given = None if context is None else context[block.index.flatten()]
-    locs = locations(mixture, given).transpose(0, 1)
-    locs = locs.reshape(len(locs), *((1, 1) if given is None else block.index.shape), -1)
-    log_proportion = log_proportions(mixture, given).T.reshape(*locs.shape[:3])
-    off = block.points - locs
-    pulled = block.shift - locs @ block.precisions
-    moved = pulled @ covariances
-    own = mixture.scale_trils.diagonal(dim1=-2, dim2=-1).log().sum(-1)
-    log_det = factor.diagonal(dim1=-2, dim2=-1).log().sum(-1) + own[:, None]
-    fit = -0.5 * (pulled * (off - moved)).sum(-1) + (block.log_scale - log_det)[:, :, None]
-    return BlockPosteriors(log_proportion + fit, locs + moved, covariances)
 
 
 def log_observed(mixture: Mixture, evidence: Evidence, context: Tensor | None = None) -> Tensor:

@@ -46,7 +46,7 @@ class RegressionSteps(Steps):
         """Points for the start by k-means: weights, or their residuals for every other pair of seeds."""
         if seed // 2 % 2 == 0:
             return self.weights
-        loc, slope, _ = regression_line(self.weights, self.context, torch.ones_like(self.weights[:, 0]))
+        loc, slope, _ = regression(self.weights, self.context, torch.ones_like(self.weights[:, 0]))
         return self.weights - loc - self.context @ slope.T
 
     def log_joint(self, mixture: Mixture) -> Tensor:
@@ -64,7 +64,7 @@ class RegressionSteps(Steps):
     def maximise(self, responsibilities: Tensor, before: Mixture | None = None) -> Mixture:
         """Ridge regression of each component in closed form, and some steps of the gate from where it was."""
         shares = responsibilities.unbind(1)
-        lines = (regression_line(self.weights, self.context, share) for share in shares)
+        lines = (regression(self.weights, self.context, share) for share in shares)
         locs, slopes, covariances = map(torch.stack, zip(*lines, strict=True))
         own = shrunk(covariances, responsibilities.sum(0), self.prior_flights)
         logits, gate = self._gate.newton(responsibilities, before)
@@ -104,9 +104,7 @@ class Gate:
         return table[0], table[1:].T.clone()
 
 
-def regression(
-    weights: Tensor, context: Tensor, share: Tensor, ridge: float = RIDGE, jitter: float = JITTER
-) -> tuple[Tensor, Tensor, Tensor]:
+def regression(weights: Tensor, context: Tensor, share: Tensor, ridge: float = RIDGE) -> tuple[Tensor, Tensor, Tensor]:
     """Weighted ridge regression of the weights on the context.
 
     Args:
@@ -114,31 +112,16 @@ def regression(
         context: (n, c), float64; c may be zero.
         share: (n,) how much each flight counts.
         ridge: How many flights the prior of zero slopes counts as.
-        jitter: Added to the variances.
 
     Returns:
-        loc (d,), slope (d, c) and the lower Cholesky factor (d, d) of the residuals' covariance.
-
-    Example:
-        >>> context = torch.tensor([[-1.0], [0.0], [1.0]]).double()
-        >>> loc, slope, factor = regression(3 * context + 1, context, torch.ones(3).double(), ridge=0.0)
-        >>> round(float(loc), 6), round(float(slope), 6)
-        (1.0, 3.0)
-    """
-    loc, slope, covariance = regression_line(weights, context, share, ridge)
-    return loc, slope, cholesky_or_small(covariance, jitter)
-
-
-def regression_line(
-    weights: Tensor, context: Tensor, share: Tensor, ridge: float = RIDGE
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Result of :func:`regression`, with the residuals' covariance (d, d) in place of its factor.
+        loc (d,), slope (d, c) and the residuals' covariance (d, d).
 
     Example:
         >>> context = torch.tensor([[-1.0], [0.0], [1.0]]).double()
         >>> residual = torch.tensor([[2.0], [-4.0], [2.0]]).double()
-        >>> round(float(regression_line(3 * context + residual, context, torch.ones(3).double(), ridge=0.0)[2]), 6)
-        8.0
+        >>> loc, slope, covariance = regression(3 * context + residual, context, torch.ones(3).double(), ridge=0.0)
+        >>> round(float(loc.abs()), 6), round(float(slope), 6), round(float(covariance), 6)
+        (0.0, 3.0, 8.0)
     """
     count = share.sum().clamp(min=1e-9)
     mean_w, mean_c = share @ weights / count, share @ context / count

@@ -177,8 +177,7 @@ class SamplerGraph(nn.Module):
             As :class:`DescentGraph`, with the ``weights`` (n, d).
         """
         with ExactConstants():
-            entry = self.descents.entry(entry_fl)
-            weights = self.draw(noise, entry, uniform, context)
+            weights = self.draw(noise, uniform, context)
         found: dict[str, Tensor] = self.descents(weights, entry_fl, neighbour)
         return {**found, "weights": weights.to(self.descents.dtype)}
 

@@ -1,8 +1,8 @@
 """Rejection sampling of plausible descents, with or without a context, within a draw budget.
 
-A sample keeps its level of entry, its context, its air and its mixture component until one of its draws is plausible:
-they were learnt as shares of plausible flights, and drawing them anew would bias those shares. The bounds themselves
-are in :mod:`descentflow.representation.plausibility`.
+A sample keeps its level of entry, its context and its air until one of its draws is plausible: they were learnt as
+shares of plausible flights, and drawing them anew would bias those shares. The bounds themselves are in
+:mod:`descentflow.representation.plausibility`.
 """
 
 from collections.abc import Callable
@@ -23,12 +23,10 @@ from descentflow.representation.representation import Representation
 
 BATCH = 10_000
 """Draws decoded at once: 10,000 descents on 228 levels are 18 MB a quantity."""
-MAX_TRIES = 16
-"""Draws after which a sample is drawn of another component: one that is hardly plausible would take the budget."""
 
 
 class Sampler(Protocol):
-    """Whatever draws standardised weights repeatably; a density may also have an ``entry_gate``.
+    """Whatever draws standardised weights repeatably.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
@@ -108,7 +106,7 @@ def sample_descents(
         while len(pending) and drawn < budget:
             now, left = pending[: budget - drawn], budget - drawn
             times = max(min(tries, BATCH // len(now), left // len(now)), 1)
-            of_draws, flown = wanted.fly(now, times, tries, drawn)
+            of_draws, flown = wanted.fly(now, times, drawn)
             rules = parts.plausibility.broken_rules(flown).cpu()
             good = ~rules.any(1).reshape(times, -1)
             drawn, plausible, broken = drawn + good.numel(), plausible + int(good.sum()), broken + rules.sum(0)
@@ -149,10 +147,9 @@ class _Wanted:
         entry: Tensor | None,
         air: LevelAir | AirWhereFlown | None,
     ) -> None:
-        """Choose entry levels and airs; components are drawn with the first draws."""
+        """Choose entry levels and airs."""
         self.model, self.parts, self.seed, self.context, self.air = model, parts, seed, context, air
         self.generator = torch.Generator().manual_seed(seed)
-        self.gate = None if context is not None else getattr(model, "entry_gate", None)
         everyone = torch.arange(n)
         # By a generator of its own, so that weights and entries are those of the seed in any air.
         n_airs = len(air) if isinstance(air, LevelAir) else 1
@@ -167,25 +164,23 @@ class _Wanted:
             self.entry = entry[self.air_row]
         else:
             self.entry = entry[torch.randint(len(entry), (n,), generator=self.generator)]
-        self.component = torch.zeros(n, dtype=torch.long)
 
     def airs(self, samples: Tensor) -> LevelAir | None:
         """Airs of samples; None in standard air, or where it depends on the place."""
         return self.air.rows(self.air_row[samples]) if isinstance(self.air, LevelAir) else None
 
-    def fly(self, now: Tensor, times: int, tries: int, drawn: int) -> tuple[Tensor, Trajectories]:
+    def fly(self, now: Tensor, times: int, drawn: int) -> tuple[Tensor, Trajectories]:
         """Weights and descents of so many draws for each of these samples (m,): one of each, then one of each again.
 
         Args:
             now: Whose draws they are.
             times: Draws for each.
-            tries: Draws that each of them had before.
             drawn: Draws that all had.
         """
         samples, decoder = now.repeat(times), self.parts.decoder
-        component = self._components(now, times, tries)
-        context = None if self.context is None else self.context[samples % len(self.context)]
-        weights = self._weights(component, context, len(samples))
+        weights = self._weights(
+            None if self.context is None else self.context[samples % len(self.context)], len(samples)
+        )
         entry = self.entry[samples].to(weights.device)
         uniform = torch.rand(len(samples), generator=self.generator, dtype=torch.float64)
         residual = decoder.residuals.draw(weights, entry, uniform)
@@ -196,25 +191,6 @@ class _Wanted:
             flown = self.air.fly(decoder.aircraft, flown)
         return weights, flown
 
-    def _components(self, now: Tensor, times: int, tries: int) -> Tensor | None:
-        """The mixture component of each draw, where entry levels have their own shares.
-
-        A sample has the same for its first draws, then others for every few.
-        """
-        if self.gate is None:
-            return None
-        if 0 < tries < MAX_TRIES:
-            return self.component[now].repeat(times)
-        others = now.repeat(-(-times // MAX_TRIES))
-        component = self.gate.draw(self.entry[others], self.generator)
-        self.component[now] = component[: len(now)]
-        which = (torch.arange(times) // MAX_TRIES)[:, None] * len(now) + torch.arange(len(now))
-        chosen: Tensor = component[which.flatten()]
-        return chosen
-
-    def _weights(self, component: Tensor | None, context: Tensor | None, n: int) -> Tensor:
+    def _weights(self, context: Tensor | None, n: int) -> Tensor:
         seed = int(torch.randint(2**31, (), generator=self.generator))
-        if component is not None:
-            found: Tensor = self.model.sample_of(component, seed)  # type: ignore[attr-defined]  # what has a gate has it
-            return found
         return self.model.sample(n, seed) if context is None else self.model.sample(n, seed, context)

@@ -16,29 +16,6 @@ LEAST_PRECISION = 1e-9
 """Precision below which a direction counts as not seen; the weights have unit variance."""
 CHUNK = 2048
 """Flights whose d x d posteriors are held at once."""
-BLOCK, ROW = 512, 128
-"""Places of a :class:`Block`, which then stays in the processor's cache, and of a row of it."""
-
-
-@dataclass(frozen=True)
-class Block:
-    """Flights that share few matrices, as rows of one matrix each: then a matrix is multiplied by all of its flights.
-
-    Attributes:
-        index: (r, m) which flights; a place that is not taken repeats the row's first one.
-        taken: (r, m) 1 or 0.
-        points: (r, m, d), as in :class:`Evidence`.
-        shift: (r, m, d) precision times point.
-        precisions: (r, d, d).
-        log_scale: (r,), as in :class:`Evidence`.
-    """
-
-    index: Tensor
-    taken: Tensor
-    points: Tensor
-    shift: Tensor
-    precisions: Tensor
-    log_scale: Tensor
 
 
 # Lightning's precision of 64 bits copies a batch field by field, which a frozen class does not let it.
@@ -128,49 +105,9 @@ class Evidence:
         for index in torch.split(self.group.argsort(stable=True), size):
             yield index, self.rows(index)
 
-    def blocks(self) -> Iterator[Block]:
-        """All flights, those with the same matrix in rows that are padded to a power of two.
-
-        Example:
-            >>> evidence = Evidence(torch.randn(6, 2), torch.tensor([0, 1, 0, 2, 0, 2]), torch.eye(2).expand(3, 2, 2))
-            >>> [block.index.tolist() for block in evidence.blocks()]
-            [[[1]], [[3, 5]], [[0, 2, 4, 0]]]
-        """
-        order = self.group.argsort(stable=True).cpu()
-        rows: list[Tensor] = []
-        for mine in torch.split(order, torch.bincount(self.group, minlength=len(self.precisions)).tolist()):
-            rows += torch.split(mine, ROW)
-        width_of = torch.tensor([1 << (len(row) - 1).bit_length() for row in rows])
-        for width in width_of.unique().tolist():  # type: ignore[no-untyped-call]
-            alike = [rows[i] for i in (width_of == width).nonzero()[:, 0].tolist()]
-            for start in range(0, len(alike), max(BLOCK // width, 1)):
-                yield self._block(alike[start : start + max(BLOCK // width, 1)], width)
-
-    def _block(self, rows: list[Tensor], width: int) -> Block:
-        counts = torch.tensor([len(row) for row in rows])
-        places = torch.arange(width).expand(len(rows), -1)
-        taken = places < counts[:, None]
-        first = counts.cumsum(0) - counts
-        index = torch.cat(rows)[first[:, None] + torch.where(taken, places, 0)].to(self.group.device)
-        flight = index[:, 0]
-        return Block(
-            index, taken.to(self.points), self.points[index], self.shift[index], self.precisions[self.group[flight]],
-            self.log_scale[flight],
-        )  # fmt: skip
-
     def to(self, device: torch.device | str) -> "Evidence":
         """The same on another device (Lightning moves batches by this)."""
         return Evidence(self.points.to(device), self.group.to(device), self.precisions.to(device))
-
-
-def as_evidence(weights: Tensor | Evidence) -> Evidence:
-    """Evidence as it is, or that of known weights (n, d).
-
-    Example:
-        >>> as_evidence(torch.zeros(2, 3)).known
-        True
-    """
-    return weights if isinstance(weights, Evidence) else Evidence.of_weights(weights)
 
 
 def _times(matrices: Tensor, vectors: Tensor, group: Tensor) -> Tensor:

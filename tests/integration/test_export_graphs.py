@@ -43,7 +43,7 @@ def ours(model: Density, sampler: SamplerGraph, inputs: dict[str, Tensor]) -> tu
     component = None
     if sampler.draw.picks:
         assert isinstance(sampler.draw, MixtureDraw)
-        component = sampler.draw.component(entry, inputs["uniform"])
+        component = sampler.draw.component(inputs["uniform"])
     noise, weights = weights_of(model, 5, len(entry), component)
     inputs["noise"] = noise.to(inputs["noise"])
     residual = PARTS.decoder.residuals.draw(weights, entry, inputs["neighbour"])

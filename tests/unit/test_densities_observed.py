@@ -11,12 +11,12 @@ from torch.distributions import MultivariateNormal
 
 from descentflow.densities.density import Density
 from descentflow.densities.em import fit_mixture, steps_of
-from descentflow.densities.evidence_steps import EvidenceSteps
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.importance import estimate, propose
 from descentflow.densities.mixture import GaussianMixtureDensity
-from descentflow.densities.mixture_parameters import Mixture, block_posteriors, log_observed, posteriors
-from descentflow.representation.evidence import BLOCK, Evidence
+from descentflow.densities.mixture_parameters import Mixture, log_observed, posteriors
+from descentflow.densities.one_gaussian import drawn_weights, one_gaussian
+from descentflow.representation.evidence import Evidence
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
 
 D, K, C = 3, 2, 2
@@ -87,27 +87,6 @@ def test_the_posterior_is_the_conditional_of_the_joint_gaussian() -> None:
             )
 
 
-@pytest.mark.parametrize("context", [False, True])
-def test_flights_that_share_a_matrix_have_the_posteriors_that_each_has_alone(context: bool) -> None:
-    """Rows are padded, and those of more than a few flights are broken: four masks of 90, 20, 5 and 1 flights."""
-    mixture, weights = truth(context=context), drawn(truth(), 116)
-    given = normal(116, C, seed=4) if context else None
-    group = torch.repeat_interleave(torch.arange(4), torch.tensor([90, 20, 5, 1]))[torch.randperm(116)]
-    seen = 3.0 * torch.tensor([[1, 1, 1], [1, 1, 0], [1, 0, 0], [0, 1, 1]], dtype=torch.float64)
-    evidence = Evidence.of_information(torch.diag_embed(seen), seen[group] * weights, group)
-    expected, blocks = posteriors(mixture, evidence, given), list(evidence.blocks())
-    counted = torch.zeros(116, dtype=torch.float64)
-    for block in blocks:
-        found = block_posteriors(mixture, block, given)
-        counted.index_add_(0, block.index.flatten(), block.taken.flatten())
-        torch.testing.assert_close(found.log_joint.permute(1, 2, 0), expected.log_joint[block.index])
-        torch.testing.assert_close(found.means.permute(1, 2, 0, 3), expected.means[block.index])
-        covariances = expected.covariances[evidence.group[block.index[:, 0]]]
-        torch.testing.assert_close(found.covariances.transpose(0, 1), covariances)
-    assert bool((counted == 1).all()), "each flight once"
-    assert max(block.index.numel() for block in blocks) <= BLOCK
-
-
 def test_scores_are_log_densities_where_weights_are_seen_precisely_and_zero_where_nothing_is() -> None:
     mixture, weights = truth(), drawn(truth(), 30)
     one = torch.zeros(30, dtype=torch.long)
@@ -147,7 +126,7 @@ def test_gradients_are_those_of_finite_differences(context: bool) -> None:
 def test_the_single_gaussian_is_the_one_that_direct_optimisation_finds() -> None:
     """L-BFGS on the likelihood written out coordinate by coordinate, from the standard normal."""
     evidence, seen, mask = gappy(drawn(truth(), 150))
-    one = EvidenceSteps(evidence, jitter=0.0).single
+    one = one_gaussian(evidence, jitter=0.0)
     loc, factor = torch.zeros(D).double().requires_grad_(), torch.eye(D).double().requires_grad_()
     optimizer = torch.optim.LBFGS([loc, factor], max_iter=300, line_search_fn="strong_wolfe", tolerance_grad=1e-9)
 
@@ -168,10 +147,9 @@ def test_the_single_gaussian_is_the_one_that_direct_optimisation_finds() -> None
 
 def test_where_nothing_is_missing_the_optimum_is_scikit_learns() -> None:
     weights = drawn(truth(), 400)
-    precise = Evidence(weights, torch.zeros(400, dtype=torch.long), 1e9 * torch.eye(D, dtype=torch.float64)[None])
-    fitted, likelihood = fit_mixture(precise, K, seed=0, tolerance=1e-9)
+    fitted, likelihood = fit_mixture(weights, K, seed=0, tolerance=1e-9)
     theirs = SklearnMixture(K, random_state=0, n_init=5, tol=1e-9, max_iter=5000).fit(weights.numpy())
-    # The same maximum: what is left are a blur of 3e-5 standard deviations and both tolerances.
+    # The same maximum, to both tolerances.
     assert likelihood == pytest.approx(float(theirs.score(weights.numpy())), abs=1e-4)
     order = fitted.locs[:, 0].argsort()
     expected = torch.from_numpy(theirs.means_[theirs.means_[:, 0].argsort()])
@@ -180,14 +158,12 @@ def test_where_nothing_is_missing_the_optimum_is_scikit_learns() -> None:
 
 @pytest.mark.parametrize("context", [False, True])
 def test_steps_never_lose_likelihood(context: bool) -> None:
-    evidence, _, _ = gappy(drawn(truth(), 300))
-    given = normal(300, C, seed=4) if context else None
-    # Without the ridge and the jitter, which are penalties; the gate is a Newton step that cannot lose either.
-    steps = EvidenceSteps(evidence, given, ridge=0.0, jitter=0.0)
+    steps = steps_of(drawn(truth(), 300), normal(300, C, seed=4) if context else None)
     mixture, previous = steps.maximise(torch.rand(300, K, generator=torch.Generator().manual_seed(0)).double()), -1e9
     for _ in range(40):
         mixture, likelihood = steps.improve(mixture)
-        assert likelihood >= previous - (1e-4 if context else 1e-10)  # the gate keeps its own small ridge
+        # The jitter, and with a context the ridge, are small penalties.
+        assert likelihood >= previous - (1e-4 if context else 1e-6)
         previous = likelihood
 
 
@@ -195,38 +171,28 @@ def test_some_of_many_flights_find_the_start_and_all_of_them_the_end(monkeypatch
     """With as few as 300 of 2,000 flights to begin with, the optimum is that of all flights."""
     context = normal(2000, C, seed=4)
     for given in (None, context):
-        for flights in (gappy(drawn(truth(), 2000))[0], drawn(truth(), 2000)):
-            whole, likelihood = fit_mixture(flights, K, context=given, seed=0, n_restarts=3)
-            with monkeypatch.context() as fewer:
-                fewer.setattr("descentflow.densities.em.STARTING_FLIGHTS", 300)
-                found, again = fit_mixture(flights, K, context=given, seed=0, n_restarts=3)
-            assert again == pytest.approx(likelihood, abs=2e-4)
-            torch.testing.assert_close(found.locs.sort(0).values, whole.locs.sort(0).values, rtol=0, atol=0.05)
-
-
-def test_a_step_that_was_looked_at_is_not_computed_twice(monkeypatch: pytest.MonkeyPatch) -> None:
-    evidence, _, _ = gappy(drawn(truth(), 50))
-    steps, mixture = EvidenceSteps(evidence), truth(5)
-    expected, likelihood = EvidenceSteps(evidence).improve(mixture)
-    looked = float(steps.expectation(mixture)[1])
-    with monkeypatch.context() as none:
-        none.setattr(EvidenceSteps, "_gather", None)
-        found, again = steps.improve(mixture)
-    assert looked == again == likelihood
-    assert torch.equal(found.scale_trils, expected.scale_trils)
-    mixture.locs.add_(1.0)  # in place, as a density's parameters are set
-    assert steps.improve(mixture)[1] != likelihood
-
-
-def log_observed_mean(steps: EvidenceSteps, mixture: Mixture) -> Tensor:
-    return log_observed(mixture, steps.evidence, steps.context).mean()
+        weights = drawn(truth(), 2000)
+        whole, likelihood = fit_mixture(weights, K, context=given, seed=0, n_restarts=3)
+        with monkeypatch.context() as fewer:
+            fewer.setattr("descentflow.densities.em.STARTING_FLIGHTS", 300)
+            found, again = fit_mixture(weights, K, context=given, seed=0, n_restarts=3)
+        assert again == pytest.approx(likelihood, abs=2e-4)
+        torch.testing.assert_close(found.locs.sort(0).values, whole.locs.sort(0).values, rtol=0, atol=0.05)
 
 
 def test_with_a_context_known_weights_and_precise_ones_give_the_same() -> None:
     context = normal(500, C, seed=4)
     weights = 0.3 + context @ normal(C, D, seed=5) + 0.5 * normal(500, D)
     precise = Evidence(weights, torch.zeros(500, dtype=torch.long), 1e9 * torch.eye(D, dtype=torch.float64)[None])
-    ours, theirs = (fit_mixture(x, 1, context=context, seed=0)[0] for x in (precise, weights))
+    ours = one_gaussian(precise, context)
+    for theirs in (
+        one_gaussian(Evidence.of_weights(weights), context),
+        fit_mixture(weights, 1, context=context, seed=0)[0],
+    ):
+        same(ours, theirs)
+
+
+def same(ours: Mixture, theirs: Mixture) -> None:
     for found, expected in zip(
         (ours.locs, ours.slopes, ours.scale_trils), (theirs.locs, theirs.slopes, theirs.scale_trils), strict=True
     ):
@@ -235,16 +201,11 @@ def test_with_a_context_known_weights_and_precise_ones_give_the_same() -> None:
 
 def test_chunks_and_order_of_flights_do_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
     evidence, _, _ = gappy(drawn(truth(), 100))
-    steps, first = steps_of(evidence), truth(5)
-    expected, likelihood = steps.improve(first)
+    expected = one_gaussian(evidence)
     monkeypatch.setattr(Evidence.chunks, "__defaults__", (7,))
-    monkeypatch.setattr("descentflow.representation.evidence.BLOCK", 8)
-    monkeypatch.setattr("descentflow.representation.evidence.ROW", 4)
     turned = evidence.rows(torch.arange(99, -1, -1))
-    found, again = steps_of(turned).improve(first)
-    assert again == pytest.approx(likelihood, rel=1e-12)
-    torch.testing.assert_close(found.scale_trils, expected.scale_trils, rtol=1e-9, atol=1e-9)
-    torch.testing.assert_close(log_observed(first, turned).flip(0), log_observed(first, evidence))
+    torch.testing.assert_close(one_gaussian(turned).scale_trils, expected.scale_trils, rtol=1e-6, atol=1e-9)
+    torch.testing.assert_close(log_observed(truth(5), turned).flip(0), log_observed(truth(5), evidence))
 
 
 def test_spread_that_gaps_hide_is_recovered() -> None:
@@ -252,11 +213,12 @@ def test_spread_that_gaps_hide_is_recovered() -> None:
     mixture = truth()
     weights = drawn(mixture, 4000)
     evidence, _, _ = gappy(weights, noise=0.3)
-    fitted, _ = fit_mixture(evidence, K, seed=0)
+    one = one_gaussian(evidence)
+    fitted, _ = fit_mixture(drawn_weights(one, evidence, seed=0), K, seed=0)
     spread = _deviation(fitted)
     # Deviation of 2,000 normals: 1.6 %; three of that, and as much for two components that share it.
     assert float((spread / weights.std(0) - 1).abs().max()) < 0.06
-    filled = torch.stack([EvidenceSteps(evidence).points_to_group(0).std(0)])
+    filled = posteriors(one, evidence).means[:, 0].std(0)
     assert float((filled / weights.std(0)).min()) < 0.9
 
 
@@ -305,10 +267,9 @@ def test_the_bound_that_flows_are_trained_by_is_below_the_likelihood_and_rises_w
 
 
 def test_svis_loss_is_the_likelihood_with_the_component_summed_out() -> None:
-    density = GaussianMixtureDensity(D, K)
+    density, weights = GaussianMixtureDensity(D, K), drawn(truth(), 30)
     density.mixture = truth()
-    evidence, _, _ = gappy(drawn(truth(), 30))
-    torch.testing.assert_close(density.negative_elbo(evidence), -density.log_observed(evidence).sum())
+    torch.testing.assert_close(density.negative_elbo(weights), -density.log_prob(weights).sum())
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,8 @@ from torch import Tensor
 
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import FL_M
-from descentflow.densities.em import fit_mixture
 from descentflow.densities.mixture import GaussianMixtureDensity
+from descentflow.densities.one_gaussian import one_gaussian
 from descentflow.generation.rejection import sample_descents
 from descentflow.physics.airspeed import cas_to_tas_mps
 from descentflow.representation.fit_representation import fit_representation
@@ -143,7 +143,7 @@ def test_samples_of_few_flights_can_be_flown(n: int, seed: int) -> None:
     train = toys.flights(n, seed)
     parts = fit_representation(train, toys.AIRCRAFT, Split(train.flight_ids, (), ()))
     density = GaussianMixtureDensity(parts.decoder.dimension, 1)
-    density.mixture = fit_mixture(evidence_of(parts.decoder, train), 1, seed=0)[0]
+    density.mixture = one_gaussian(evidence_of(parts.decoder, train))
     samples = sample_descents(density, parts, 1000, seed=0)
     flown = samples.trajectories
     change = acceleration_mps2(flown.tas_mps, flown.rate_mps, flown.levels_fl * FL_M).abs() / G0_MPS2

@@ -40,7 +40,7 @@ ASKED: list[dict[str, object]] = [
 
 
 def generator(seed: int = 5, **settings: object) -> df.Generator:
-    return df.Generator(toy.mixture(True), seed=seed, **settings)
+    return df.Generator(toy.mixture(), seed=seed, **settings)
 
 
 def same(one: object, other: object) -> bool:
@@ -83,7 +83,7 @@ def test_threads_share_a_generator() -> None:
 
 def test_another_process_draws_the_same(tmp_path: Path) -> None:
     """Of the checkpoint, and of the generator itself when it is pickled."""
-    density = toy.mixture(True)
+    density = toy.mixture()
     torch.save(content_of(density), tmp_path / "mixture.ckpt")
     one = df.Generator(tmp_path / "mixture.ckpt", seed=5)
     (tmp_path / "one.pickle").write_bytes(pickle.dumps(one))
@@ -181,7 +181,7 @@ def test_a_time_needs_a_level_of_entry() -> None:
 
 def test_two_values_that_one_component_of_speed_cannot_both_have() -> None:
     """Without deviations of speed, as many values as components of CAS are free; one more is what they imply."""
-    density, parts = toy.mixture(True), Representation.from_state(toy.state())
+    density, parts = toy.mixture(), Representation.from_state(toy.state())
     held = parts.decoder.residuals
     of_drag = held.numbers[:, : len(held.drag)]
     parts.decoder.residuals = Residuals(held.drag, held.speed[:0], held.weights, of_drag, held.entry)
@@ -212,18 +212,18 @@ def test_what_was_flown_conditions_as_prediction_does() -> None:
     """Times to the bottom against those of the predictor; p > 1e-4 fails one right sampler in 10,000."""
     table, real = flown_table(0, 300)
     found = generator().next_batch(800, flown=table).trajectories
-    ahead = DescentPredictor(toy.mixture(True)).predict(real, 300.0, 800).trajectories
+    ahead = DescentPredictor(toy.mixture()).predict(real, 300.0, 800).trajectories
     assert set(found.entry.tolist()) == {index(300)}
     for level in (0, 20):
         own, theirs = found.time_s[:, level].numpy(), ahead.time_s[:, level].numpy()
         assert ks_2samp(own, theirs).pvalue > toy.RARE
-    assert float(found.time_s[:, 0].std()) < 0.5 * float(toy.samples(False, 350).time_s[:, 0].std())
+    assert float(found.time_s[:, 0].std()) < 0.5 * float(toy.samples(350).time_s[:, 0].std())
 
 
 def test_what_was_flown_and_a_time_and_a_speed_ahead() -> None:
     """The same predictions, cut to what is asked."""
     table, real = flown_table(0, 320)
-    ahead = DescentPredictor(toy.mixture(True)).predict(real, 320.0, 20_000).trajectories
+    ahead = DescentPredictor(toy.mixture()).predict(real, 320.0, 20_000).trajectories
     low, high = ahead.time_s[:, 5].quantile(torch.tensor([0.3, 0.5]).double()).tolist()
     speed = float(cas_kt(ahead, 290).median())
     kept = (ahead.time_s[:, 5] > low) & (ahead.time_s[:, 5] < high) & ((cas_kt(ahead, 290) - speed).abs() < 0.3)

@@ -7,7 +7,6 @@ compared with samples within a band so narrow that the law hardly changes across
 """
 
 import generator_toys as toy
-import pytest
 import torch
 from generator_toys import cas_kt, comparisons, cut, distance_nm, index, p_values, samples
 
@@ -17,32 +16,30 @@ from descentflow.representation.decoder.trajectories import Trajectories, concat
 N = 1500
 
 
-def compare(
-    asked: dict[str, object], brute: Trajectories, *, gated: bool = False, n: int = N, within: float = 0.0
-) -> df.Generator:
-    found = df.Generator(toy.mixture(gated), seed=3).next_batch(n, **asked)
+def compare(asked: dict[str, object], brute: Trajectories, *, n: int = N, within: float = 0.0) -> df.Generator:
+    found = df.Generator(toy.mixture(), seed=3).next_batch(n, **asked)
     compared = comparisons(found.trajectories, brute)
     assert all(distance < within or p > toy.RARE for distance, p in compared.values()), compared
     return found
 
 
 def test_nothing_asked_is_sampling() -> None:
-    compare({}, samples(False, None))
+    compare({}, samples(None))
 
 
 def test_a_level_of_entry() -> None:
-    compare({"entry_fl": 350}, samples(False, 350))
+    compare({"entry_fl": 350}, samples(350))
 
 
 def test_a_speed() -> None:
-    brute = cut(samples(False, 350), lambda t: (cas_kt(t, 290) - 290).abs() < 0.5)
+    brute = cut(samples(350), lambda t: (cas_kt(t, 290) - 290).abs() < 0.5)
     found = compare({"entry_fl": 350, "cas_kt": {290: 290}}, brute)
     assert float((cas_kt(found.trajectories, 290) - 290).abs().max()) < 1e-9
     assert found.proposals == 1
 
 
 def test_a_speed_within_a_band() -> None:
-    brute = cut(samples(False, 350), lambda t: (cas_kt(t, 290) > 280) & (cas_kt(t, 290) < 295))
+    brute = cut(samples(350), lambda t: (cas_kt(t, 290) > 280) & (cas_kt(t, 290) < 295))
     found = compare({"entry_fl": 350, "cas_kt": {290: (280, 295)}}, brute)
     assert found.proposals == 1
 
@@ -53,7 +50,7 @@ def test_two_speeds_and_one_side_open() -> None:
 
     found = compare(
         {"entry_fl": 350, "cas_kt": {280: (None, 300)}, "mach": (0.765, 0.78)},
-        cut(samples(False, 350), meets),
+        cut(samples(350), meets),
         within=0.1,
     )
     assert found.proposals > 1
@@ -65,24 +62,13 @@ def test_a_mach_number_at_whatever_level_the_descent_begins() -> None:
         own = t.mach.gather(1, t.entry[:, None])[:, 0]
         return (own > 0.77) & (own < 0.775)
 
-    compare({"mach": (0.77, 0.775)}, cut(samples(False, None), meets), within=0.1)
-
-
-@pytest.mark.parametrize("entry_fl", [320, 350, None])
-def test_components_known_by_the_level_of_entry(entry_fl: int | None) -> None:
-    """Of the second component every other draw is not plausible; its share is of flights that are."""
-    compare({"entry_fl": entry_fl}, samples(True, entry_fl), gated=True)
-    brute = cut(samples(True, entry_fl), lambda t: (cas_kt(t, 290) > 280) & (cas_kt(t, 290) < 295))
-    asked = {"entry_fl": entry_fl, "cas_kt": {290: (280, 295)}}
-    if entry_fl is None:  # a speed at FL290 is of those that enter above it
-        brute = brute.subset(brute.entry >= index(290))
-    compare(asked, brute, gated=True)
+    compare({"mach": (0.77, 0.775)}, cut(samples(None), meets), within=0.1)
 
 
 def test_a_time_at_a_level() -> None:
     """Each descent is asked for the time of one sample, so that both have the same times."""
-    times = samples(False, 350).time_s[:, index(305)]
-    brute = cut(samples(False, 350), lambda t: (t.time_s[:, index(305)] - times.median()).abs() < 2)
+    times = samples(350).time_s[:, index(305)]
+    brute = cut(samples(350), lambda t: (t.time_s[:, index(305)] - times.median()).abs() < 2)
     one, asked = df.Generator(toy.mixture(), seed=3), brute.time_s[:400, index(305)].tolist()
     found = [one.next(entry_fl=350, time_s=time_s, level=305) for time_s in asked]
     flown = concatenate([each.trajectories for each in found])
@@ -92,26 +78,24 @@ def test_a_time_at_a_level() -> None:
 
 
 def test_a_time_within_a_band_and_a_speed() -> None:
-    times = samples(False, 350).time_s[:, 0]
+    times = samples(350).time_s[:, 0]
     low, high = float(times.quantile(0.7)), float(times.quantile(0.9))
 
     def meets(t: Trajectories) -> torch.Tensor:
         return (t.time_s[:, 0] > low) & (t.time_s[:, 0] < high) & ((cas_kt(t, 290) - 285).abs() < 1)
 
-    compare(
-        {"entry_fl": 350, "time_s": (low, high), "level": 270, "cas_kt": {290: 285}}, cut(samples(False, 350), meets)
-    )
+    compare({"entry_fl": 350, "time_s": (low, high), "level": 270, "cas_kt": {290: 285}}, cut(samples(350), meets))
 
 
 def test_a_distance_at_a_level() -> None:
-    low, high = distance_nm(samples(False, 350), 290).quantile(torch.tensor([0.2, 0.3]).double()).tolist()
-    brute = cut(samples(False, 350), lambda t: (distance_nm(t, 290) > low) & (distance_nm(t, 290) < high))
+    low, high = distance_nm(samples(350), 290).quantile(torch.tensor([0.2, 0.3]).double()).tolist()
+    brute = cut(samples(350), lambda t: (distance_nm(t, 290) > low) & (distance_nm(t, 290) < high))
     compare({"entry_fl": 350, "distance_nm": (low, high), "level": 290}, brute)
 
 
 def test_a_level_within_a_band_at_a_time() -> None:
-    at_310 = float(samples(False, 350).time_s[:, index(310)].quantile(0.4))
-    brute = cut(samples(False, 350), lambda t: (t.time_s[:, index(305)] > at_310) & (t.time_s[:, index(312)] < at_310))
+    at_310 = float(samples(350).time_s[:, index(310)].quantile(0.4))
+    brute = cut(samples(350), lambda t: (t.time_s[:, index(305)] > at_310) & (t.time_s[:, index(312)] < at_310))
     compare({"entry_fl": 350, "time_s": at_310, "level": (305, 312)}, brute)
 
 
@@ -119,8 +103,8 @@ def test_a_density_that_is_no_mixture() -> None:
     """Gaussians fitted to its draws propose, its log density decides."""
     found = df.Generator(toy.Opaque(toy.mixture()), seed=3)
     free = found.next_batch(1000, entry_fl=350)
-    assert min(p_values(free.trajectories, samples(False, 350)).values()) > toy.RARE
-    brute = cut(samples(False, 350), lambda t: (cas_kt(t, 290) - 290).abs() < 0.5)
+    assert min(p_values(free.trajectories, samples(350)).values()) > toy.RARE
+    brute = cut(samples(350), lambda t: (cas_kt(t, 290) - 290).abs() < 0.5)
     asked = found.next_batch(500, entry_fl=350, cas_kt={290: 290})
     assert min(p_values(asked.trajectories, brute).values()) > toy.RARE
     assert asked.proposals > 1

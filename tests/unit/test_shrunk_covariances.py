@@ -7,7 +7,7 @@ from sklearn.mixture import GaussianMixture as SklearnMixture
 from descentflow.densities.em import fit_mixture, steps_of
 from descentflow.densities.em_steps import shrunk
 from descentflow.densities.mixture_parameters import log_observed
-from descentflow.representation.evidence import Evidence, as_evidence
+from descentflow.representation.evidence import Evidence
 
 D = 5
 
@@ -36,15 +36,13 @@ def test_the_shared_covariance_stays_the_same() -> None:
 
 
 @pytest.mark.parametrize("context", [False, True])
-@pytest.mark.parametrize("precise", [False, True])
-def test_with_very_many_prior_flights_all_components_are_alike(context: bool, precise: bool) -> None:
+def test_with_very_many_prior_flights_all_components_are_alike(context: bool) -> None:
     weights, given = drawn(300, 1), normal(300, 1, seed=3) if context else None
-    flights = Evidence(weights, torch.zeros(300, dtype=torch.long), 1e4 * torch.eye(D).double()[None])
-    steps = steps_of(flights if precise else weights, given, 1e9)
+    steps = steps_of(weights, given, 1e9)
     labels = torch.nn.functional.one_hot(torch.arange(300) % 3, 3).double()
     factors = steps.maximise(labels).scale_trils
     torch.testing.assert_close(factors[1], factors[0], rtol=1e-6, atol=1e-9)
-    own = steps_of(flights if precise else weights, given).maximise(labels).scale_trils
+    own = steps_of(weights, given).maximise(labels).scale_trils
     assert not torch.allclose(own[1], own[0], rtol=1e-2)
 
 
@@ -58,16 +56,9 @@ def test_the_limit_is_scikit_learns_tied_mixture() -> None:
     torch.testing.assert_close(found, torch.from_numpy(tied.covariances_), rtol=1e-2, atol=1e-3)
 
 
-@pytest.mark.parametrize("blurred", [False, True])
-def test_flights_not_seen_are_more_probable_where_few_teach(blurred: bool) -> None:
+def test_flights_not_seen_are_more_probable_where_few_teach() -> None:
     """Eight components of 120 flights: with five flights of what they share, others are more probable by half a nat."""
-
-    def of(weights: torch.Tensor) -> Evidence:
-        n = len(weights)
-        precision = 100.0 * torch.eye(D).double()[None]
-        return Evidence(weights, torch.zeros(n, dtype=torch.long), precision) if blurred else as_evidence(weights)
-
-    train, others = of(drawn(120, 5)), of(drawn(2000, 6))
+    train, others = drawn(120, 5), Evidence.of_weights(drawn(2000, 6))
     held = {
         prior: float(log_observed(fit_mixture(train, 8, seed=0, n_restarts=2, prior_flights=prior)[0], others).mean())
         for prior in (0.0, 5.0)

@@ -64,10 +64,9 @@ export class Descents {
   /**
    * n plausible descents. `entry_fl`: where all of them start, as the training flights did if absent; `context`: the
    * encoded numbers of a conditional model (see `about.context`). What the model does not accept is drawn again with the
-   * same entry level, and the same component where entry levels have their own, so that both stay as frequent as among flights.
+   * same entry level, so that levels stay as frequent as among flights.
    */
   async draw(n, { entry_fl = null, context = null, budget = Math.max(100 * n, 10000) } = {}) {
-    const gated = this.about.redraw.endsWith("same entry_fl and uniform");
     let waiting = Array.from({ length: n }, (_, i) => this.request(i, entry_fl, context));
     const samples = new Array(n);
     let drawn = 0;
@@ -78,20 +77,14 @@ export class Descents {
         if (found.accepted.data[row]) samples[request.place] = this.sample(found, row);
         return !found.accepted.data[row];
       });
-      waiting = waiting.map((request) => {
-        const fresh = this.request(request.place, request.entry_fl, context);
-        fresh.tries = request.tries + 1;
-        // After 20 tries another component: one that hardly ever flies would take the budget.
-        if (gated && fresh.tries % 20) fresh.uniform = request.uniform;
-        return fresh;
-      });
+      waiting = waiting.map((request) => this.request(request.place, request.entry_fl, context));
     }
     if (waiting.length) throw new Error(`${n - waiting.length} of ${n} descents accepted after ${drawn} draws`);
     return { samples, drawn };
   }
 
   request(place, entry_fl, context) {
-    return { place, entry_fl: entry_fl ?? this.entry(), uniform: this.random.uniform(), context, tries: 0 };
+    return { place, entry_fl: entry_fl ?? this.entry(), uniform: this.random.uniform(), context };
   }
 
   /** One call of the model: its outputs as they are, a row for each request. */

@@ -9,7 +9,6 @@ from scipy.special import ndtri
 from torch import Tensor
 
 from descentflow.densities.density import Density
-from descentflow.densities.entry_gate import EntryGate
 from descentflow.densities.gaussian import TransformedDensity
 from descentflow.generation.conditional.constraints import Request, SpeedAsked
 from descentflow.generation.conditional.draws import Proposed
@@ -183,8 +182,6 @@ def conditioned_target(request: Request, latent: LatentDensity, density: Density
     n = len(latent.means)
     component, entry = np.tile(np.arange(n), len(entries)), np.repeat(entries, n)
     own = np.tile(latent.log_probs, len(entries))
-    if request.flown is None and (gate := _gate(density)) is not None:
-        own = _log_gated(gate, entries).ravel()
     shares = own if request.entry is not None else own + log_entries[entry]
     # Values before bands.
     asked = tuple(sorted(request.speeds, key=lambda speed: speed.low < speed.high))
@@ -226,18 +223,6 @@ def _entries(request: Request, log_entries: Array) -> np.ndarray:
         return np.array([request.entry])
     lowest = max((speed.level for speed in request.speeds), default=-1)
     return np.flatnonzero(np.isfinite(log_entries) & (np.arange(len(log_entries)) >= lowest))
-
-
-def _gate(density: Density) -> EntryGate | None:
-    """Shares of components by level of entry, of a mixture that knows them."""
-    return None if density.mixture is None or density.n_context else getattr(density, "entry_gate", None)
-
-
-def _log_gated(gate: EntryGate, entries: np.ndarray) -> Array:
-    """Log shares (E, K) of the components at levels of entry."""
-    with np.errstate(divide="ignore"):
-        found: Array = np.log(gate.of(torch.from_numpy(entries)).numpy())
-    return found
 
 
 def _asked(

@@ -12,11 +12,10 @@ from torch import Tensor
 
 from descentflow.core.arguments import checked_arguments
 from descentflow.core.errors import ConfigError, DescentflowWarning
-from descentflow.densities.evidence_steps import EvidenceSteps
 from descentflow.densities.flow import FlowDensity, MaskedAffineFlowDensity, SplineFlowDensity
 from descentflow.densities.importance import estimate, propose, widened
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.regression_steps import regression
+from descentflow.densities.one_gaussian import one_gaussian
 from descentflow.training.models.latent_model import Batch, LatentModel, training_flights
 from descentflow.training.models.optimizers import FlowSteps, SplineSteps, adam_with_cosine
 
@@ -107,7 +106,7 @@ class _Flow(LatentModel[F], ABC):
             if self.density.whitened:
                 self._wide = self.density.wide_gaussian()
             else:
-                self._wide = widened(EvidenceSteps(*training_flights(self)).single)
+                self._wide = widened(one_gaussian(*training_flights(self)))
         return self._wide
 
     def on_validation_epoch_end(self) -> None:
@@ -130,14 +129,9 @@ class _Flow(LatentModel[F], ABC):
         """AdamW with a cosine that ends with the last epoch; before it, the Gaussian of the training flights."""
         evidence, context = training_flights(self)
         if self.density.whitened and not self._restored:
-            if evidence.known:
-                given = evidence.points[:, :0] if context is None else context
-                start = regression(evidence.points, given, torch.ones_like(evidence.points[:, 0]))
-            else:
-                one = EvidenceSteps(evidence, context).single
-                slope = evidence.points.new_zeros(self.density.dimension, 0) if one.slopes is None else one.slopes[0]
-                start = one.locs[0], slope, one.scale_trils[0]
-            self.density.whiten(*start)
+            one = one_gaussian(evidence, context)
+            slope = evidence.points.new_zeros(self.density.dimension, 0) if one.slopes is None else one.slopes[0]
+            self.density.whiten(one.locs[0], slope, one.scale_trils[0])
         # Built-in floats: the optimizer's state keeps them, and a checkpoint holds primitives only.
         decay = float(self.steps.weight_decay + self.steps.shrinkage / len(evidence))
         few = self.density.whitened and len(evidence) < FEWEST_FLIGHTS * self.density.dimension

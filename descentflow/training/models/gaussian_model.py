@@ -4,10 +4,9 @@ import torch
 from jsonargparse.typing import ClosedUnitInterval, NonNegativeFloat
 
 from descentflow.core.arguments import checked_arguments
-from descentflow.densities.evidence_steps import EvidenceSteps
 from descentflow.densities.gaussian import GaussianDensity
-from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.regression_steps import RIDGE, regression
+from descentflow.densities.one_gaussian import one_gaussian
+from descentflow.densities.regression_steps import RIDGE
 from descentflow.training.models.latent_model import Batch, LatentModel, training_flights
 from descentflow.training.models.optimizers import ClosedForm
 
@@ -17,8 +16,8 @@ class Gaussian(LatentModel[GaussianDensity]):
 
     ``log p(w) = log N(w; loc, scale_tril scale_tril')``; with a context, ridge regression of the mean on it and
     the covariance of the residuals. The likelihood is that of what was observed
-    (:class:`~descentflow.densities.evidence_steps.EvidenceSteps`); with ``data.gaps: filled`` the weights count as
-    known, and mean and covariance are theirs.
+    (:func:`~descentflow.densities.one_gaussian.one_gaussian`); with ``data.gaps: filled`` the weights count as known,
+    and mean and covariance are theirs.
 
     Example:
         >>> from descentflow.training.fit import fit
@@ -55,15 +54,7 @@ class Gaussian(LatentModel[GaussianDensity]):
     @torch.no_grad()
     def _maximise(self) -> None:
         evidence, context = training_flights(self)
-        if evidence.known:
-            given = evidence.points[:, :0] if context is None else context.to(evidence.points)
-            share = torch.ones_like(evidence.points[:, 0])
-            loc, slope, factor = regression(evidence.points, given, share, self.ridge, self.jitter)
-            self.density.mixture = Mixture(
-                share[:1], loc[None], factor[None], slope[None] if self.density.n_context else None
-            )
-        else:
-            self.density.mixture = EvidenceSteps(evidence, context, ridge=self.ridge, jitter=self.jitter).single
+        self.density.mixture = one_gaussian(evidence, context, ridge=self.ridge, jitter=self.jitter)
         train = self.log_observed(evidence) if context is None else self.log_observed(evidence, context)
         self.log("train/nll", -train.mean(), on_epoch=True, on_step=False, sync_dist=True, batch_size=len(evidence))
 

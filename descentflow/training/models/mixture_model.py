@@ -2,26 +2,21 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any, Literal
 
 import torch
 from jsonargparse.typing import NonNegativeFloat, PositiveFloat, PositiveInt
-from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.utilities.types import OptimizerLRSchedulerConfig
 from torch import Tensor
 
 from descentflow.core.arguments import checked_arguments
-from descentflow.core.files import whole_file
 from descentflow.core.progress import stage
-from descentflow.densities.checkpoint import UNFINISHED, section_of
 from descentflow.densities.component_search import FLIGHTS_PER_PARAMETER, Criterion, select_mixture
 from descentflow.densities.em import best_start, fit_mixture, steps_of
 from descentflow.densities.em_steps import Steps
-from descentflow.densities.entry_gate import learn_gate
 from descentflow.densities.mixture import GaussianMixtureDensity
-from descentflow.representation.read_checkpoint import SECTION, read_checkpoint
-from descentflow.training.datamodule import data_of
+from descentflow.densities.mixture_parameters import Mixture
+from descentflow.densities.one_gaussian import drawn_weights, one_gaussian
 from descentflow.training.models.latent_model import Batch, LatentModel, training_flights
 from descentflow.training.models.optimizers import ClosedForm, adam_with_cosine
 
@@ -32,10 +27,11 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
     """Trains a Gaussian mixture, see :class:`GaussianMixtureDensity`.
 
     Trained by expectation maximisation (``em``, the default: each epoch is one E and M step over the whole training
-    part, by the likelihood of what was observed) or by stochastic variational inference with an enumerated ELBO
-    (``svi``). The number of components is chosen by an information criterion, unless it is set: by Akaike's, which asks
-    what is most probable of flights not seen yet. Of few flights its mixtures are closer to held-out ones than those of
-    the Bayesian criterion, the paper's, where covariances are shrunk towards the one that components share.
+    part) or by stochastic variational inference with an enumerated ELBO (``svi``), on weights drawn given what was
+    observed (:mod:`~descentflow.densities.one_gaussian`): once, or anew in each batch. ``train/nll`` is theirs. The
+    number of components is chosen by an information criterion, unless it is set: by Akaike's, which asks what is most
+    probable of flights not seen yet. Of few flights its mixtures are closer to held-out ones than those of the Bayesian
+    criterion, the paper's, where covariances are shrunk towards the one that components share.
 
     Example:
         >>> from descentflow.training.fit import fit
@@ -53,7 +49,6 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         learning_rate: PositiveFloat = 0.005,
         seed: int = 0,
         extend: bool = True,
-        by_entry: bool = True,
         criterion: Criterion = "aic",
         prior_flights: NonNegativeFloat = 5.0,
     ) -> None:
@@ -68,7 +63,6 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
             seed: Of the starts.
             extend: Try more components than 15 flights per parameter allow where the criterion decides for that cap,
                 down to two flights per parameter, of many flights to 32 components; the paper stops at the cap.
-            by_entry: Learn the components' proportions by bins of the entry level; not with a context or filled gaps.
             criterion: ``aic``, or ``bic`` as in the paper.
             prior_flights: Flights of the covariance that components share, added to each one's own
                 (:mod:`descentflow.densities.em_steps`); zero for maximum likelihood. ``svi`` has it in the
@@ -81,10 +75,10 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         self.n_clusters, self.n_restarts, self.tolerance = n_clusters, n_restarts, tolerance
         # A built-in float: the optimizer's state keeps it, and a checkpoint holds primitives only.
         self.learning_rate, self.seed, self.extend = float(learning_rate), seed, extend
-        self.by_entry = by_entry
         self.criterion, self.prior_flights = criterion, float(prior_flights)
-        self._restored = self._unfinished = False
+        self._restored = False
         self._steps: Steps | None = None
+        self._gaussian: Mixture | None = None
         self._chosen: int | None = None
 
     def choose_as(self, fitted: LatentModel[GaussianMixtureDensity]) -> None:
@@ -97,23 +91,29 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
 
     def _initialise(self) -> None:
         """Choose the number of mixture components and the starting point from the training flights."""
-        flights, context = training_flights(self)
+        weights, context = self._training_weights()
         starts = {"seed": self.seed, "n_restarts": self.n_restarts}
         options: dict[str, Any] = {"context": context, "prior_flights": self.prior_flights, **starts}
         chosen = self._chosen
         if self.n_clusters is not None:
-            best = fit_mixture(flights, self.n_clusters, **options)[0]
+            best = fit_mixture(weights, self.n_clusters, **options)[0]
         else:
             with self._progress("number of components") as show:
                 selection = select_mixture(
-                    flights, progress=show, extend=self.extend, criterion=self.criterion, only=chosen, **options
+                    weights, progress=show, extend=self.extend, criterion=self.criterion, only=chosen, **options
                 )
             best = selection.mixture
             if chosen is None:
                 self._say(selection.values, best.n_components, selection.cap_binds)
         if self.training_method == "svi":
-            best = best_start(flights, best.n_components, **options)
+            best = best_start(weights, best.n_components, **options)
         self.density.mixture = best
+
+    def _training_weights(self) -> tuple[Tensor, Tensor | None]:
+        """Weights of the training flights, drawn given what was observed of each, and their context."""
+        evidence, context = training_flights(self)
+        self._gaussian = one_gaussian(evidence, context)
+        return drawn_weights(self._gaussian, evidence, self.seed, context), context
 
     @contextmanager
     def _progress(self, what: str) -> Iterator[Callable[[int], None]]:
@@ -134,10 +134,12 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
     def training_step(self, batch: Batch, batch_index: int) -> Tensor | None:
         """One EM step over all training flights in the epoch's last step, or the enumerated ELBO of a batch."""
         if self.training_method == "svi":
-            evidence = batch[0]
+            if self._gaussian is None:
+                self._gaussian = one_gaussian(*training_flights(self))
+            weights = drawn_weights(self._gaussian, batch[0], None, *batch[1:])
             with self.converging():
-                loss = self.density.negative_elbo(evidence, *batch[1:]) / len(evidence)
-            self.log("train/nll", loss, on_epoch=True, on_step=False, sync_dist=True, batch_size=len(evidence))
+                loss = self.density.negative_elbo(weights, *batch[1:]) / len(weights)
+            self.log("train/nll", loss, on_epoch=True, on_step=False, sync_dist=True, batch_size=len(weights))
             return loss
         if self.trainer.is_last_batch:
             self.optimizers().step(closure=self._em_step)  # type: ignore[union-attr]
@@ -146,53 +148,17 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
     @torch.no_grad()
     def _em_step(self) -> None:
         if self._steps is None:
-            self._steps = steps_of(*training_flights(self), self.prior_flights)
+            self._steps = steps_of(*self._training_weights(), self.prior_flights)
         improved, before = self._steps.improve(self.density.mixture)
         self.density.mixture = improved
         after = float(self._steps.expectation(self.density.mixture)[1])
-        n_flights = len(data_of(self.trainer).evidence("train"))
-        self.log("train/nll", -before, on_epoch=True, on_step=False, sync_dist=True, batch_size=n_flights)
+        self.log("train/nll", -before, on_epoch=True, on_step=False, sync_dist=True, batch_size=1)
         if abs(after - before) < self.tolerance:
             self.trainer.should_stop = True
 
     def on_train_end(self) -> None:
-        """Learn what goes with the components, in each checkpoint that is kept too, and let the training flights go.
-
-        It takes as long as an epoch, so that it is done once; checkpoints of a fit that is going on say they lack it.
-        """
-        last = {name: value.clone() for name, value in self.state_dict().items()}
-        read = {}
-        kept = [one for one in self.trainer.checkpoint_callbacks if isinstance(one, ModelCheckpoint)]
-        names = {name for one in kept for name in (*one.best_k_models, one.best_model_path, one.last_model_path)}
-        paths = [Path(name) for name in sorted(names) if name and Path(name).is_file()]
-        for path in paths if self.trainer.is_global_zero else ():
-            content = read_checkpoint(path)
-            self.load_state_dict(read := content["state_dict"])
-            self._learn_with_components_held()
-            content |= {SECTION: section_of(self.density), UNFINISHED: False}
-            with whole_file(path) as temporary:
-                torch.save(content, temporary)
-        if not read or any(not torch.equal(read[name], last[name]) for name in last):
-            self.load_state_dict(last)
-            self._learn_with_components_held()
-        self._unfinished, self._steps = False, None
-
-    @torch.no_grad()
-    def _learn_with_components_held(self) -> None:
-        """Learn the gate of entry levels, where weights are not known and there is no context."""
-        flights, context = training_flights(self)
-        density, mixture, data = self.density, self.density.mixture, data_of(self.trainer)
-        density.entry_gate = None
-        if flights.known or not self.by_entry or context is not None:
-            return
-        steps = self._steps if self._steps is not None else steps_of(flights, context)
-        joint = steps.log_joint(mixture).to(mixture.probs) - mixture.probs.log()
-        density.entry_gate = learn_gate(data.profiles("train").entry_level, joint, mixture.probs)
-
-    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """As every model, and whether the gate is still to be learnt."""
-        super().on_save_checkpoint(checkpoint)
-        checkpoint[UNFINISHED] = self._unfinished
+        """Let the training flights go."""
+        self._steps = self._gaussian = None
 
     def configure_optimizers(self) -> torch.optim.Optimizer | OptimizerLRSchedulerConfig:
         """Adam for SVI; for EM an optimizer whose step is the M step.
@@ -200,9 +166,6 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         The parameters have their final shape only once the number of components is known, so it is chosen here,
         which Lightning calls after a checkpoint was restored and before the first step.
         """
-        self._unfinished = True
-        # Of a checkpoint from which training goes on: learnt again when it ends.
-        self.density.entry_gate = None
         if not self._restored:
             self._initialise()
         if self.training_method == "svi":

@@ -14,6 +14,7 @@ from descentflow.core.errors import DescentflowError
 from descentflow.core.units import FL_M
 from descentflow.densities.component_search import select_mixture
 from descentflow.densities.mixture import GaussianMixtureDensity
+from descentflow.densities.one_gaussian import drawn_weights, one_gaussian
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.scores import score
 from descentflow.generation.rejection import sample_descents
@@ -145,7 +146,9 @@ def _representation(train: Profiles, aircraft: PerformanceModel, scale: DragScal
 def _one_share(
     parts: Representation, train: Profiles, test: Profiles, transition_fl: float, share: float, fold: int
 ) -> list[_FoldScore]:
-    mixture = select_mixture(evidence_of(parts.decoder, train), seed=fold, n_restarts=RESTARTS).mixture
+    evidence = evidence_of(parts.decoder, train)
+    weights = drawn_weights(one_gaussian(evidence), evidence, fold)
+    mixture = select_mixture(weights, seed=fold, n_restarts=RESTARTS).mixture
     density = GaussianMixtureDensity(mixture.locs.shape[1], len(mixture.probs))
     density.mixture = mixture
     about: dict[str, Any] = {

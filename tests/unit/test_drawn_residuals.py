@@ -1,4 +1,4 @@
-"""Samples whose component depends on where they enter, and that have the drag and CAS that components leave out."""
+"""Samples that enter where flights do, and that have the drag and CAS that components leave out."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -6,14 +6,13 @@ from pathlib import Path
 import pytest
 import torch
 import toys
-from scipy.stats import binomtest, chisquare
+from scipy.stats import chisquare
 
 from descentflow.core.errors import CheckpointError
 from descentflow.densities.checkpoint import load_model
-from descentflow.densities.entry_gate import EntryGate, learn_gate
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.generation.rejection import MAX_TRIES, sample_descents
+from descentflow.generation.rejection import sample_descents
 from descentflow.representation.fit_representation import (
     RepresentationSettings,
     fit_representation,
@@ -26,7 +25,6 @@ from descentflow.training.models.gaussian_model import Gaussian
 
 PARTS = toys.representation(400)
 D = PARTS.decoder.dimension
-GATE = EntryGate(torch.tensor([150]), torch.tensor([[0.8, 0.2], [0.3, 0.7]]).double())
 
 
 def mixture(far: float, scale: float = 0.1) -> GaussianMixtureDensity:
@@ -36,31 +34,7 @@ def mixture(far: float, scale: float = 0.1) -> GaussianMixtureDensity:
     locs[:, 0] = torch.tensor([-1.0, far])
     trils = scale * torch.eye(D, dtype=torch.float64).expand(2, D, D)
     density.mixture = Mixture(torch.tensor([0.5, 0.5]).double(), locs, trils)
-    density.entry_gate = GATE
     return density
-
-
-def share_of_second(weights: torch.Tensor) -> tuple[int, int]:
-    return int((weights[:, 0] > 0).sum()), len(weights)
-
-
-@pytest.mark.parametrize(("entry", "share"), [(140, 0.2), (180, 0.7)])
-@pytest.mark.parametrize("far", [1.0, 4.0])
-def test_components_are_as_frequent_as_the_gate_says_also_where_most_are_rejected(
-    entry: int, share: float, far: float
-) -> None:
-    """Exact binomial test; p < 1e-4 fails one right sampler in 10,000."""
-    density = mixture(far, scale=1.0 if far > 1 else 0.1)
-    n = 2000
-    samples = sample_descents(density, PARTS, n, 0, entry=torch.tensor([entry]))
-    # With scale 1 the components overlap: the first is below the middle between both, nearly always.
-    second = int((samples.weights[:, 0] > (far - 1) / 2).sum())
-    if far > 1:
-        assert samples.report.acceptance < 0.95
-        # Truncation moves some of each beyond the middle.
-        assert abs(second / n - share) < 0.1
-    else:
-        assert binomtest(second, n, share).pvalue > 1e-4
 
 
 def test_entry_levels_are_as_frequent_as_among_the_flights_whatever_is_rejected() -> None:
@@ -73,35 +47,6 @@ def test_entry_levels_are_as_frequent_as_among_the_flights_whatever_is_rejected(
     drawn = torch.bincount(torch.bucketize(samples.trajectories.entry, edges), minlength=4).double()
     seen = expected > 0
     assert chisquare(drawn[seen].numpy(), expected[seen].numpy()).pvalue > 1e-4
-
-
-def test_a_component_that_cannot_fly_gives_way() -> None:
-    density = mixture(100.0)
-    samples = sample_descents(density, PARTS, 200, 0)
-    assert bool((samples.weights[:, 0] < 50).all())
-    assert samples.report.drawn > 200 + 20 * MAX_TRIES
-
-
-def test_the_gate_travels_with_the_density_and_not_with_other_components() -> None:
-    density = mixture(1.0)
-    again = GaussianMixtureDensity(D, **density.settings())
-    assert again.entry_gate is not None
-    torch.testing.assert_close(again.entry_gate.shares, GATE.shares)
-    assert GaussianMixtureDensity(D, 2).settings() == {"n_clusters": 2}  # as in checkpoints of before
-    density.mixture = density.mixture
-    assert density.entry_gate is None
-
-
-def test_a_gate_is_learnt_from_what_flights_show() -> None:
-    """Flights below the middle are of the first component with 0.8: four standard errors of 500 flights are 0.07."""
-    generator = torch.Generator().manual_seed(0)
-    entry = torch.arange(1000)
-    first = torch.rand(1000, generator=generator) < torch.where(entry < 500, 0.8, 0.3)
-    told = torch.stack([torch.where(first, 0.0, -3.0), torch.where(first, -3.0, 0.0)], 1).double()
-    found = learn_gate(entry, told, torch.tensor([0.5, 0.5]).double())
-    share = torch.stack([found.shares[:2, 0].mean(), found.shares[2:, 0].mean()])
-    # What a likelihood ratio of e^3 leaves open: shares of the components behind the flights, not of those shown.
-    assert float((share - torch.tensor([0.8, 0.3])).abs().max()) < 0.07
 
 
 def with_residual() -> tuple[Representation, Profiles]:

@@ -1,0 +1,105 @@
+"""One Gaussian of flights that show only some levels, and their weights drawn given what they show.
+
+Every other density is fitted to such draws (multiple imputation, Rubin 1987): unlike expected weights, those of gappy
+flights are then spread as widely as those of complete ones.
+"""
+
+import torch
+from torch import Tensor
+
+from descentflow.densities.em_steps import JITTER, cholesky_or_small
+from descentflow.densities.importance import LEAST_VARIANCE
+from descentflow.densities.mixture_parameters import Mixture, posteriors
+from descentflow.densities.regression_steps import RIDGE, regression
+from descentflow.representation.evidence import Evidence
+
+MOST_STEPS, TOLERANCE = 1000, 1e-9
+"""EM steps at most, and the gain (nats per flight) at which they end."""
+
+
+@torch.no_grad()
+def one_gaussian(
+    evidence: Evidence, context: Tensor | None = None, *, ridge: float = RIDGE, jitter: float = JITTER
+) -> Mixture:
+    """The Gaussian of greatest marginal likelihood, its mean regressed on a context if there is one.
+
+    Extreme deconvolution of one component (Bovy, Hogg and Roweis 2011, doi:10.1214/10-AOAS439): the E step gives the
+    posterior mean and covariance of each flight's weights, the M step takes them in place of the weights.
+
+    Args:
+        evidence: Of n flights.
+        context: (n, c), if there is one.
+        ridge: How many flights the prior of zero slopes counts as.
+        jitter: Added to the variances.
+
+    Returns:
+        A mixture of one component.
+
+    Example:
+        >>> points = torch.tensor([[0.0], [1.0], [10.0], [11.0]]).double()
+        >>> blurred = Evidence(points, torch.zeros(4, dtype=torch.long), torch.full((1, 1, 1), 4.0).double())
+        >>> found = one_gaussian(blurred)  # each seen with variance 1/4
+        >>> round(float(found.scale_trils) ** 2, 3)  # variance of the points less that
+        25.0
+    """
+    points = evidence.points
+    d = points.shape[1]
+    given = points[:, :0] if context is None else context.to(points)
+    gate = given.new_zeros(1, given.shape[1])
+
+    def maximise(means: Tensor, spread: Tensor) -> Mixture:
+        """Regression of means (n, d), whose covariance is so much wider."""
+        loc, slope, covariance = regression(means, given, torch.ones_like(means[:, 0]), ridge)
+        factor = cholesky_or_small(covariance + spread, jitter)
+        line = () if context is None else (slope[None], gate)
+        return Mixture(points.new_ones(1), loc[None], factor[None], *line)
+
+    if evidence.known:
+        return maximise(points, points.new_zeros(d, d))
+    line = () if context is None else (points.new_zeros(1, d, given.shape[1]), gate)
+    eye = torch.eye(d, dtype=points.dtype, device=points.device)
+    one, before = Mixture(points.new_ones(1), points.new_zeros(1, d), eye[None], *line), -float("inf")
+    chunks = list(evidence.chunks())
+    for _ in range(MOST_STEPS):
+        means, spread, likelihood = torch.empty_like(points), points.new_zeros(d, d), 0.0
+        for index, rows in chunks:
+            found = posteriors(one, rows, None if context is None else given[index])
+            means[index] = found.means[:, 0]
+            counts = torch.bincount(rows.group, minlength=len(rows.precisions)).to(points)
+            spread += (counts[:, None, None] * found.covariances[:, 0]).sum(0)
+            likelihood += float(found.log_joint.sum())
+        if likelihood / len(points) - before < TOLERANCE:
+            break
+        one, before = maximise(means, spread / len(points)), likelihood / len(points)
+    return one
+
+
+@torch.no_grad()
+def drawn_weights(
+    gaussian: Mixture, evidence: Evidence, seed: int | None = None, context: Tensor | None = None
+) -> Tensor:
+    """Weights (n, d) of flights, each drawn given what was observed of it under one Gaussian; known ones as they are.
+
+    Args:
+        gaussian: A mixture of one.
+        evidence: Of n flights.
+        seed: Of the draws; torch's global generator if absent.
+        context: (n, c) where the Gaussian follows one.
+
+    Example:
+        >>> gaussian = Mixture(torch.ones(1), torch.zeros(1, 1), torch.ones(1, 1, 1))
+        >>> alike = torch.zeros(10_000, dtype=torch.long)
+        >>> seen = Evidence(torch.full((10_000, 1), 4.0), alike, torch.full((1, 1, 1), 3.0))
+        >>> drawn_weights(gaussian, seen, seed=0).mean().round(decimals=1)
+        tensor(3.)
+    """
+    if evidence.known:
+        return evidence.points
+    drawn = torch.empty_like(evidence.points)
+    generator = None if seed is None else torch.Generator(drawn.device).manual_seed(seed)
+    white = torch.randn(drawn.shape, generator=generator, dtype=drawn.dtype, device=drawn.device)
+    for index, rows in evidence.chunks():
+        found = posteriors(gaussian, rows, None if context is None else context[index])
+        factor = cholesky_or_small(found.covariances[:, 0], LEAST_VARIANCE)[rows.group]
+        drawn[index] = found.means[:, 0] + (factor @ white[index][..., None])[..., 0]
+    return drawn

@@ -7,7 +7,6 @@ from descentflow.physics.atmosphere import (
     density_kg_m3,
     geometric_altitude_m,
     isa_fraction,
-    pressure_altitude_m,
     pressure_pa,
     speed_of_sound_mps,
     temperature_k,
@@ -50,11 +49,6 @@ def test_pressure_takes_no_deviation_and_density_does():
     assert density_kg_m3(6000.0, 15.0) < density_kg_m3(6000.0)
     product = density_kg_m3(6000.0, 15.0) * temperature_k(6000.0, 15.0)
     torch.testing.assert_close(product, density_kg_m3(6000.0) * temperature_k(6000.0), rtol=1e-14, atol=0)
-
-
-def test_pressure_altitude_inverts_pressure_across_the_tropopause():
-    altitude = torch.linspace(-500.0, 20000.0, 400, dtype=torch.float64)
-    torch.testing.assert_close(pressure_altitude_m(pressure_pa(altitude)), altitude, rtol=0, atol=1e-8)
 
 
 @pytest.mark.parametrize("deviation", [-15.0, 0.0, 20.0])

@@ -53,18 +53,6 @@ def test_time_does_not_depend_on_the_grid():
     torch.testing.assert_close(coarse, fine[[0, 73, 280]], rtol=1e-8, atol=0)
 
 
-def test_time_of_a_naive_trapezoid_converges_to_it():
-    def trapezoid(step):
-        altitude = torch.arange(100.0, 380.0 + step / 2, step, dtype=DOUBLE) * FL_M
-        return torch.trapezoid(-1 / nominal_state(JET, altitude).rate_mps, altitude).item()
-
-    exact = nominal_descent(JET, GRID).time_s[0].item()
-    errors = [abs(trapezoid(step) / exact - 1) for step in (1.0, 0.1, 0.01)]
-    assert errors[0] < 5e-4
-    # First order only, because the rate jumps inside cells: that is why the nominal descent ends its cells at jumps.
-    assert errors[2] < 5e-6
-
-
 def test_time_falls_from_the_bottom_to_zero_at_the_top():
     descent = nominal_descent(JET, GRID)
     assert descent.time_s[-1].item() == 0.0

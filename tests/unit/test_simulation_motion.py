@@ -62,23 +62,25 @@ def test_fixed_path_against_an_ode_solver(deviation: float) -> None:
     assert state.height_m.item() == pytest.approx(exact[2], abs=1e-4)
 
 
-def test_steady_rate_at_constant_cas_against_the_closed_form() -> None:
-    """Energy: (Thr - D) V = m g dh/dt + m V dV/dt, with dV/dh of constant CAS by finite difference."""
+@pytest.mark.parametrize("wind_slope", [0.0, 0.004])
+def test_steady_rate_at_constant_cas_against_the_closed_form(wind_slope: float) -> None:
+    """Energy: (Thr - D) V = m g dh/dt + m V d(V + w)/dt, with dV/dh of constant CAS by finite difference."""
     p = draw(16, replace(QUIET, cd0_spread=0.03))
+    p = replace(p, wind_slope_per_s=torch.full_like(p.mass_kg, wind_slope))
     flown = fly(AIRCRAFT, p, QUIET)
     altitude, tas = flown.altitude_m, flown.tas_mps
     cas_slope = (cas_to_tas_mps(p.cas_mps, altitude + 1) - cas_to_tas_mps(p.cas_mps, altitude - 1)) / 2
-    expected = (flown.thrust_n - flown.drag_n) * tas / p.mass_kg / (G0_MPS2 + tas * cas_slope)
+    expected = (flown.thrust_n - flown.drag_n) * tas / p.mass_kg / (G0_MPS2 + tas * (cas_slope + wind_slope))
     # Only where the Mach phase and the capture of its successor are long over.
     quiet = flown.flying & (flown.label == 1) & (altitude < 6000) & (altitude > 3300) & (p.top_m > 9000)
     rate = tas * torch.sin(flown.gamma)
     assert int(quiet.sum()) > 1000
     # The law holds CAS to 0.02 m/s while drag and thrust drift; the rate follows within half a per cent.
-    torch.testing.assert_close(rate[quiet], expected[quiet], rtol=5e-3, atol=0)
+    torch.testing.assert_close(rate[quiet], expected[quiet], rtol=6e-3, atol=0)
 
 
-@pytest.mark.parametrize(("deviation", "slope"), [(0.0, 0.0), (10.0, 0.0)])
-def test_energy_changes_by_the_work_of_thrust_and_drag(deviation: float, slope: float) -> None:
+@pytest.mark.parametrize("deviation", [0.0, 10.0])
+def test_energy_changes_by_the_work_of_thrust_and_drag(deviation: float) -> None:
     config = replace(QUIET, deviation_mean_k=deviation, level_off_share=1.0, managed_share=1.0)
     p = draw(8, config)
     flown = fly(AIRCRAFT, p, config)
@@ -89,24 +91,6 @@ def test_energy_changes_by_the_work_of_thrust_and_drag(deviation: float, slope: 
     flying = flown.flying[1:]
     # Trapezia of 1 s: their error is that of the thrust's bends.
     torch.testing.assert_close(work[flying], change[flying], rtol=1e-4, atol=2e-5 * float(energy.max()))
-
-
-def test_wind_that_grows_with_height_steepens_nothing_but_the_energy() -> None:
-    """Descending out of a tailwind adds airspeed: at held CAS the descent must be shallower by the closed form."""
-    calm = draw(16, QUIET)
-    windy = replace(calm, wind_slope_per_s=torch.full_like(calm.mass_kg, 0.004))
-    rates = []
-    for p in (calm, windy):
-        flown = fly(AIRCRAFT, p, QUIET)
-        tas, altitude = flown.tas_mps, flown.altitude_m
-        quiet = flown.flying & (flown.label == 1) & (altitude < 6000) & (altitude > 3300) & (p.top_m > 9000)
-        slope = (cas_to_tas_mps(p.cas_mps, altitude + 1) - cas_to_tas_mps(p.cas_mps, altitude - 1)) / 2
-        drive = (flown.thrust_n - flown.drag_n) * tas / p.mass_kg
-        expected = drive / (G0_MPS2 + tas * (slope + p.wind_slope_per_s))
-        rate = tas * torch.sin(flown.gamma)
-        torch.testing.assert_close(rate[quiet], expected[quiet], rtol=6e-3, atol=0)
-        rates.append(rate[quiet].mean())
-    assert rates[1] > 0.97 * rates[0]  # both negative: shallower with the wind
 
 
 def test_hot_air_stretches_geometric_height() -> None:

@@ -110,15 +110,6 @@ def test_a_share_of_the_flights_and_none_of_the_others() -> None:
     assert fits(cas[np.isfinite(cas)], "norm", -15, 2)
 
 
-def test_a_flight_has_the_same_whoever_flies_with_it() -> None:
-    causes = {"speed_brake": {"spread_fl": 10.0}, "temperature": {"spread_k": 2.0, "daily_spread_k": 3.0}}
-    whole = drawn(**causes)
-    inject, config = Injection(A320, causes, 2), WorldConfig(low_top_share=0.0)
-    alone = inject(draw_parameters(A320, [37], 2, config))
-    for name, values in whole.planted.items():
-        assert alone.planted[name][0].equal(values[37]) or (alone.planted[name][0].isnan() and values[37].isnan())
-
-
 def test_a_path_is_planned_for_the_speeds_and_forces_that_the_flight_meets() -> None:
     """Causes act in one order: less drag makes the idle path shallower, and the held one with it."""
     path = {"share": 1.0, "of_idle": 0.9}

@@ -114,9 +114,7 @@ def test_labels_say_what_happens(world: World) -> None:
 def test_level_offs_last_as_planned(world: World) -> None:
     lasted = world.truth.filter(pl.col("label") == "level_off").group_by("flight_id").agg(pl.len() * 4.0)
     both = lasted.join(world.flights, on="flight_id")
-    assert (both["literal"] if "literal" in both else both["len"]).to_list() == pytest.approx(
-        both["level_off_s"].to_list(), abs=6
-    )
+    assert both["len"].to_list() == pytest.approx(both["level_off_s"].to_list(), abs=6)
     heights = world.truth.filter(pl.col("label") == "level_off").join(world.flights, on="flight_id")
     assert (heights["altitude_m"] / FL_M - heights["level_off_fl"]).abs().max() < 0.6
 

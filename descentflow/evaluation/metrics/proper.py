@@ -4,8 +4,7 @@ KS and Wasserstein distances of finite samples are above zero even between sampl
 small ones. These are not: the fair scores (Ferro, 2014, doi:10.1002/qj.2270) compare samples of any sizes, and may
 fall below zero.
 
-:func:`crps` and :func:`energy_scores` take the samples as one forecast of all flights; :func:`crps_each` and
-:func:`energy_score_each` take samples that differ from flight to flight, as a conditional density draws them.
+Both take the samples as one forecast of all flights.
 """
 
 import torch

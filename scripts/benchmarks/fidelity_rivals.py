@@ -1,4 +1,4 @@
-"""Generators without physics, of the same flights: a mixture on principal components, and a smoothed bootstrap."""
+"""Generators without physics, of the same flights: two mixtures, and a smoothed bootstrap."""
 
 import warnings
 
@@ -8,6 +8,7 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.experimental import enable_iterative_imputer  # noqa: F401 (makes the import below possible)
 from sklearn.impute import IterativeImputer
 from sklearn.mixture import GaussianMixture
+from sklearn.preprocessing import StandardScaler
 
 from benchmarks.fidelity_vectors import Array, Vectors
 
@@ -16,6 +17,8 @@ EXPLAINED = 0.99
 MOST_COMPONENTS = 10
 FLIGHTS_EACH = 5
 """Flights for each component of a mixture, at least."""
+COMPONENTS_OF_TRAFFIC = 3
+"""Of the mixture in traffic's own example of its ``Generation``."""
 
 
 class Components:
@@ -27,6 +30,7 @@ class Components:
             warnings.simplefilter("ignore", ConvergenceWarning)
             filled = IterativeImputer(sample_posterior=True, max_iter=5, n_nearest_features=10, random_state=seed)
             whole = np.asarray(filled.fit_transform(train.whole))
+        self.whole = whole
         self.train, self.mean, self.spread = train, whole.mean(0), np.maximum(whole.std(0), 1e-9)
         standard = (whole - self.mean) / self.spread
         self.pca = PCA(EXPLAINED, svd_solver="full").fit(standard)
@@ -35,7 +39,10 @@ class Components:
 
     def vectors(self, weights: Array, left: Array, entry_fl: Array) -> Vectors:
         """Descents of weights and of what components leave out, up to their entry levels."""
-        whole = (self.pca.inverse_transform(weights) + left) * self.spread + self.mean
+        return self.up_to((self.pca.inverse_transform(weights) + left) * self.spread + self.mean, entry_fl)
+
+    def up_to(self, whole: Array, entry_fl: Array) -> Vectors:
+        """Descents of whole vectors, up to their entry levels."""
         cas, log_s = np.split(whole, [len(self.train.edges_fl)], axis=1)
         above = self.train.edges_fl > entry_fl[:, None]
         return Vectors(
@@ -64,8 +71,29 @@ def mixture_on_components(train: Vectors, n: int, seed: int) -> Vectors:
     fits = [GaussianMixture(k, reg_covar=1e-2, n_init=2, random_state=seed).fit(joint) for k in numbers]
     drawn = min(fits, key=lambda one: one.bic(joint)).sample(n)[0] * scale
     left = parts.left[rng.integers(0, len(joint), n)]
-    lowest, highest = train.edges_fl[0] + 11, train.edges_fl[-1] + 9
-    return parts.vectors(drawn[:, :-1], left, np.clip(np.round(drawn[:, -1] + entry.mean()), lowest, highest))
+    return parts.vectors(drawn[:, :-1], left, _on_grid(drawn[:, -1] + entry.mean(), train))
 
 
-RIVALS = {"mixture on PCA": mixture_on_components, "smoothed bootstrap": smoothed_bootstrap}
+def as_traffic_does(train: Vectors, n: int, seed: int) -> Vectors:
+    """``traffic.algorithms.generation.Generation`` of the same numbers: each flight's in a row, scaled, a mixture.
+
+    Written out, for traffic does not import beside pandas 3; gaps are drawn first, which it cannot have.
+    """
+    parts, rng = Components(train, seed), np.random.default_rng(seed)
+    scaler = StandardScaler()
+    entry = train.entry_fl + rng.uniform(-0.5, 0.5, len(train))
+    rows = scaler.fit_transform(np.column_stack([parts.whole, entry]))
+    mixture = GaussianMixture(min(COMPONENTS_OF_TRAFFIC, len(train)), random_state=seed).fit(rows)
+    drawn = scaler.inverse_transform(mixture.sample(n)[0])
+    return parts.up_to(drawn[:, :-1], _on_grid(drawn[:, -1], train))
+
+
+def _on_grid(entry_fl: Array, train: Vectors) -> Array:
+    return np.clip(np.round(entry_fl), train.edges_fl[0] + 11, train.edges_fl[-1] + 9)
+
+
+RIVALS = {
+    "mixture on PCA": mixture_on_components,
+    "as traffic does": as_traffic_does,
+    "smoothed bootstrap": smoothed_bootstrap,
+}

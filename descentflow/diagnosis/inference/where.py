@@ -182,13 +182,17 @@ def where(compared: Compared, transition_fl: float, seed: int) -> list[GapCell]:
 
 
 def _slices(compared: Compared, transition_fl: float) -> list[Slice]:
-    """All flights with all cells, and the slower and faster half with those of the rate."""
+    """All flights with all cells, and the slower and faster half with those of the rate, where both sides have some."""
     cas = compared.state.cas_mps.mean(1)
     slow = cas <= cas.median()
     known = cells(compared, transition_fl)
     of_rate = [cell for cell in known if cell.quantity == "rate"]
     found = [Slice(ALL, compared.y, torch.ones_like(slow), known)]
     for name, part in (("slower half", slow), ("faster half", ~slow)) if of_rate else ():
+        # A simulator of one speed may have no flight in a half.
+        sides = [compared.real[part]] if bool(compared.real.all()) else [compared.real[part], ~compared.real[part]]
+        if min(int(side.sum()) for side in sides) < MIN_SEEN:
+            continue
         found.append(Slice(name, torch.where(part[:, None], compared.y, torch.nan), part, of_rate))
     return found
 

@@ -8,8 +8,9 @@ from torch import Tensor, nn
 from torch.overrides import TorchFunctionMode
 
 from descentflow.core.errors import ConfigError
-from descentflow.core.units import FPM_MPS, KT_MPS, NM_M
+from descentflow.core.units import NM_M
 from descentflow.densities.density import Density
+from descentflow.generation.sample_tables import flown_quantities
 from descentflow.representation.decoder.trajectories import Trajectories, fly, through_air_m
 from descentflow.representation.own_air import check_standard_air
 from descentflow.representation.plausibility import RULES, Plausibility
@@ -21,7 +22,8 @@ PRECISIONS: dict[str, torch.dtype] = {"float64": torch.float64, "float32": torch
 OFF_GRID = "entry_off_grid"
 ALL_RULES = (*RULES, OFF_GRID)
 """Reasons to reject a draw: the sampler's own rules, and an entry level that the model does not have."""
-PROFILES = ("time_s", "CAS", "Mach", "TAS", "vertical_rate", "drag_n", "distance_nm")
+FUEL = ("thrust_n", "fuel_flow_kg_s", "fuel_kg", "co2_kg")
+PROFILES = ("time_s", "CAS", "Mach", "TAS", "vertical_rate", "drag_n", *FUEL, "distance_nm")
 """Outputs (n, L) with the names and units of the tables of samples."""
 
 
@@ -43,6 +45,8 @@ class ExactConstants(TorchFunctionMode):
         kwargs: Mapping[str, Any] | None = None,
     ) -> Any:
         """Call the function with such numbers among its positional arguments replaced."""
+        if func is torch.full and isinstance(args[1], float):
+            return torch.tensor(args[1], **(kwargs or {})).expand(args[0])
         if any(isinstance(arg, torch.Tensor) for arg in args):
             args = tuple(_tensor(arg) if _is_rounded(arg) else arg for arg in args)
         return func(*args, **(kwargs or {}))
@@ -109,26 +113,15 @@ class DescentGraph(nn.Module):
         residual = None if neighbour is None else self.decoder.residuals.draw(weights, entry, neighbour)
         drag_n, cas_mps = self.decoder.curves(weights, residual)
         time_s, mach, tas_mps, rate_mps = fly(self.grid, drag_n, cas_mps, entry)
-        return Trajectories(self.decoder.levels_fl, entry, time_s, cas_mps, mach, tas_mps, rate_mps, drag_n)
+        values = (time_s, cas_mps, mach, tas_mps, rate_mps, drag_n)
+        return Trajectories(self.decoder.levels_fl, entry, *values, self.decoder.aircraft)
 
     def _outputs(self, flown: Trajectories, entry_fl: Tensor) -> dict[str, Tensor]:
         levels_fl = self.decoder.levels_fl
         off_grid = (entry_fl.double() < levels_fl[0]) | (entry_fl.double() > levels_fl[-1]) | entry_fl.isnan()
         broken = torch.cat([self.plausibility.broken_rules(flown), off_grid[:, None]], 1)
-        values = (
-            flown.time_s,
-            flown.cas_mps / KT_MPS,
-            flown.mach,
-            flown.tas_mps / KT_MPS,
-            flown.rate_mps / FPM_MPS,
-            flown.drag_n,
-            through_air_m(flown) / NM_M,
-        )
-        mask = flown.mask
-        profiles = {
-            name: torch.where(mask, value, torch.nan).to(self.dtype)
-            for name, value in zip(PROFILES, values, strict=True)
-        }
+        values = {**flown_quantities(flown), "distance_nm": through_air_m(flown) / NM_M}
+        profiles = {name: torch.where(flown.mask, values[name], torch.nan).to(self.dtype) for name in PROFILES}
         return {"level_fl": levels_fl.to(self.dtype).clone(), **profiles, "accepted": ~broken.any(1), "broken": broken}
 
 

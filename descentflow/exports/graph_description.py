@@ -8,7 +8,7 @@ from torch import Tensor
 from descentflow.core.version import __version__
 from descentflow.densities.density import Density
 from descentflow.exports.columns import COLUMNS
-from descentflow.exports.descent_graph import ALL_RULES, PROFILES, Precision, SamplerGraph
+from descentflow.exports.descent_graph import ALL_RULES, FUEL, PROFILES, Precision, SamplerGraph
 from descentflow.representation.context import Column
 
 FORMAT = "descentflow-sampler"
@@ -98,7 +98,7 @@ def _inputs(example: dict[str, Tensor], precision: Precision) -> dict[str, Any]:
     }
 
 
-IN_AIR = ("TAS", "distance_nm")
+IN_AIR = ("TAS", *FUEL, "distance_nm")
 """Outputs that the temperature of the air would change."""
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import polars as pl
+from torch import Tensor
 
 from descentflow.air.level_air import LevelAir
 from descentflow.core.files import whole_file
@@ -44,12 +45,18 @@ the track) if they are flown in an air of their own, the last four if a path or 
 as ``timestamp`` in place of ``unix_s``, seconds since 1970."""
 
 
-def _quantities(flown: Trajectories, positions: Positions | None, air: LevelAir | None) -> dict[str, np.ndarray]:
-    """Each quantity of :data:`UNITS` as (n, L) float64, on ascending levels."""
-    altitude_ft = (flown.levels_fl * 100).expand(flown.time_s.shape)
-    tensors = {
+def flown_quantities(flown: Trajectories) -> dict[str, Tensor]:
+    """Quantities of :data:`UNITS` that need no air and no path, as (n, L); fuel where the model is known.
+
+    Example:
+        >>> from descentflow.generation.sample import sample
+        >>> found = flown_quantities(sample("best.ckpt", 3, entry_fl=330).trajectories)
+        >>> round(float((found["co2_kg"] / found["fuel_kg"])[0, 0]), 2)
+        3.16
+    """
+    found = {
         "time_s": flown.time_s,
-        "altitude_ft": altitude_ft,
+        "altitude_ft": (flown.levels_fl * 100).expand(flown.time_s.shape),
         "CAS": flown.cas_mps / KT_MPS,
         "Mach": flown.mach,
         "TAS": flown.tas_mps / KT_MPS,
@@ -57,11 +64,16 @@ def _quantities(flown: Trajectories, positions: Positions | None, air: LevelAir 
         "drag_n": flown.drag_n,
     }
     burnt = burn_of(flown)
-    if burnt is not None:
-        fuel_kg = burnt_kg(burnt.flow_kg_s, flown.time_s, flown.mask)
-        tensors |= {"thrust_n": burnt.thrust_n, "fuel_flow_kg_s": burnt.flow_kg_s, "fuel_kg": fuel_kg}
-        tensors["co2_kg"] = CO2_PER_FUEL * fuel_kg
-    found = {name: tensor.detach().cpu().double().numpy() for name, tensor in tensors.items()}
+    if burnt is None:
+        return found
+    fuel_kg = burnt_kg(burnt.flow_kg_s, flown.time_s, flown.mask)
+    fuel = {"thrust_n": burnt.thrust_n, "fuel_flow_kg_s": burnt.flow_kg_s, "fuel_kg": fuel_kg}
+    return {**found, **fuel, "co2_kg": CO2_PER_FUEL * fuel_kg}
+
+
+def _quantities(flown: Trajectories, positions: Positions | None, air: LevelAir | None) -> dict[str, np.ndarray]:
+    """Each quantity of :data:`UNITS` as (n, L) float64, on ascending levels."""
+    found = {name: tensor.detach().cpu().double().numpy() for name, tensor in flown_quantities(flown).items()}
     if air is not None:
         found |= {"deviation_k": air.deviation_k.numpy(), "tailwind": air.tailwind_mps.numpy() / KT_MPS}
     tailwind = 0.0 if air is None else air.tailwind_mps

@@ -154,8 +154,7 @@ class Bada3Aircraft(Speeds):
         ct1, ct2, ct3 = self.ct1, self.ct2, self.ct3
         if self.engine == "jet":
             thrust = ct1 * (1 - altitude_ft / ct2 + ct3 * altitude_ft * altitude_ft)
-            if tas.shape != thrust.shape:
-                thrust, _ = broadcast(thrust, tas)
+            thrust, _ = broadcast(thrust, tas)
         elif self.engine == "turboprop":
             thrust = ct1 / (tas / KT_MPS) * (1 - altitude_ft / ct2) + ct3
         else:

@@ -7,7 +7,7 @@
 //   const { samples, drawn } = await descents.draw(100, { entry_fl: 330 });
 //   samples[0].time_s, samples[0].level_fl, samples[0].CAS, ...    // from the entry level down
 
-const PROFILES = ["time_s", "CAS", "Mach", "TAS", "vertical_rate", "drag_n", "distance_nm"];
+const PROFILES = ["time_s", "CAS", "Mach", "TAS", "vertical_rate", "drag_n", "thrust_n", "fuel_flow_kg_s", "fuel_kg", "co2_kg", "distance_nm"];
 
 /** Random numbers that a seed repeats: sfc32, its state filled by splitmix32. */
 export class Random {

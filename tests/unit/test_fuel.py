@@ -14,7 +14,10 @@ from scipy.stats import wasserstein_distance
 from descentflow.aircraft_types.registry import AnyAircraft, aircraft
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import FL_M, FT_M, KT_MPS
+from descentflow.diagnosis.correction.corrected_descents import corrected_descents
+from descentflow.diagnosis.correction.corrected_simulator import sampled_descents
 from descentflow.diagnosis.correction.costs import costs_of
+from descentflow.diagnosis.correction.effects_in_flights import AddedEffects
 from descentflow.effects import EFFECTS
 from descentflow.evaluation.evaluation_report import verdict
 from descentflow.evaluation.metrics.classifier import Detection
@@ -25,9 +28,10 @@ from descentflow.generation.sample_tables import to_frame, write_samples
 from descentflow.physics.airspeed import cas_to_tas_mps
 from descentflow.physics.energy import descent_rate_mps, energy_share_factor_local
 from descentflow.physics.fuel import CO2_PER_FUEL, burn
-from descentflow.representation.decoder.trajectories import Trajectories, integrate
+from descentflow.representation.decoder.trajectories import Trajectories, burn_of, integrate
 from descentflow.representation.profiles import Profiles, profiles_from_frame
 from descentflow.simulation.world import simulate
+from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.prepare import prepare
 
 TYPES = ("A320", "AT76", *DUMMIES)
@@ -187,3 +191,23 @@ def test_prepared_descents_keep_the_fuel_flow_of_rows() -> None:
     prepared = prepare(rows.with_columns(fuel_flow=0.1 + pl.col("altitude") / 1e5), typecode="A320").frame
     wanted = 0.1 + 100 * prepared["level_fl"].to_numpy() / 1e5
     assert prepared["fuel_flow"].to_numpy() == pytest.approx(wanted, abs=1e-6)
+
+
+def test_corrected_flights_burn_what_their_rates_ask_for() -> None:
+    own, model = prepare(simulate("A320", 12, seed=1)), model_of("A320")
+    powered = AddedEffects(EFFECTS, {"idle_thrust": torch.tensor([8.0])}, 60e3, Cleaning(), seed=0)
+    before, after = (
+        corrected_descents(own, model, replace(powered, theta=theta)).frame for theta in ({}, powered.theta)
+    )
+    row = after.filter(pl.col("level_fl") == 250).row(0, named=True)
+    near = after.filter(flight_id=row["flight_id"]).filter(pl.col("level_fl").is_between(235, 265)).sort("level_fl")
+    slope = (near["IAS"][-1] - near["IAS"][0]) * KT_MPS / (30 * FL_M)
+    asked = burn(model, row["IAS"] * KT_MPS, 250 * FL_M, row["vertical_rate"] * FT_M / 60, slope, mass_kg=60e3)
+    assert row["fuel_flow"] == pytest.approx(float(asked.flow_kg_s), rel=1e-6)
+    # Engines with more thrust at idle make slower descents, which ask for thrust of the type's engines.
+    assert after["fuel_flow"].mean() > 1.1 * before["fuel_flow"].mean()
+    levels = torch.arange(150, 200).double()
+    shape = torch.full((2, 50), 140.0).double()
+    flown = integrate(model, levels, levels * FL_M, 300 * shape, shape, torch.tensor([49, 49]))
+    sampled = sampled_descents(flown, "A320").frame.filter(flight_id="sample-000000").sort("level_fl")
+    assert sampled["fuel_flow"].to_numpy() == pytest.approx(burn_of(flown).flow_kg_s[0].numpy())  # type: ignore[union-attr]

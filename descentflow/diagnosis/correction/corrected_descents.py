@@ -1,6 +1,7 @@
 """The corrected simulator of a diagnosis: its own flights with the causes in them, or its checkpoint and samples."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,12 +9,14 @@ import polars as pl
 from torch import Tensor
 
 from descentflow.core.errors import DataError
-from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, with_effects
+from descentflow.core.units import FPM_MPS
+from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, state_of_levels, with_effects
 from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.findings.correction_found import FLIGHTS, Corrections
 from descentflow.diagnosis.simulator import Simulator
 from descentflow.measurements.level_channels import LevelGrid
 from descentflow.measurements.quantity_registry import CHANNELS
+from descentflow.physics.fuel import burn
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.surveillance.descents.prepared_descents import Descents, top_levels, write_descents
 from descentflow.surveillance.descents.store import SCHEMA_VERSION
@@ -27,8 +30,8 @@ KEPT = ("schema_version", "descentflow", "settings", "typecodes", "inputs")
 def corrected_descents(flights: Descents, aircraft: PerformanceModel, added: AddedEffects) -> Descents:
     """Prepared descents of a simulator with effects in them, times integrated again.
 
-    Positions are left out: at another rate a level is reached somewhere else. The description names the effects that
-    were put in.
+    Positions are left out: at another rate a level is reached somewhere else. The fuel flow is that of the coefficients
+    at the corrected speeds and rates, also where the flights report one. The description names the effects put in.
 
     Args:
         flights: Prepared descents of the simulator.
@@ -55,7 +58,7 @@ def corrected_descents(flights: Descents, aircraft: PerformanceModel, added: Add
     frame = flights.frame
     low, high = (int(bound) for bound in frame.select(low=pl.min("level_fl"), high=pl.max("level_fl")).row(0))
     grid = LevelGrid.of_frame(frame, low, high, [c for c in CHANNELS if c in frame.columns])
-    moved = grid and with_effects(grid, aircraft, added)
+    moved = grid and _with_fuel(with_effects(grid, aircraft, added), aircraft, added)
     if not (moved and bool(moved.mask.any())):
         raise DataError(
             "no level left of the simulator's flights with the causes in them",
@@ -72,6 +75,14 @@ def corrected_descents(flights: Descents, aircraft: PerformanceModel, added: Add
     }
     defaults = {"schema_version": SCHEMA_VERSION, "inputs": []}
     return Descents(table, {**defaults, **described, "bottom_fl": low, "top_fl": top_levels(table), "corrected": made})
+
+
+def _with_fuel(grid: LevelGrid, aircraft: PerformanceModel, added: AddedEffects) -> LevelGrid:
+    """The flights with the fuel flow of the type's model at their speeds and rates."""
+    state = state_of_levels(grid, aircraft, added)
+    rate_mps = grid.values["vertical_rate"] * FPM_MPS
+    asked = burn(aircraft, state.cas_mps, state.altitude_m, rate_mps, state.cas_slope_per_s, mass_kg=added.mass_kg)
+    return replace(grid, values={**grid.values, "fuel_flow": asked.flow_kg_s})
 
 
 def _table(grid: LevelGrid, frame: pl.DataFrame) -> pl.DataFrame:
@@ -97,7 +108,7 @@ def _table(grid: LevelGrid, frame: pl.DataFrame) -> pl.DataFrame:
     order = [name for name in frame.columns if name in joined.columns]
     absent = [name for name in ("Mach",) if name not in joined.columns]
     joined = joined.with_columns(pl.lit(None, pl.Float64).alias(name) for name in absent)
-    return joined.select(*order, *absent)
+    return joined.select(*order, *absent, *({"fuel_flow"} - set(order)))
 
 
 def correction_made(

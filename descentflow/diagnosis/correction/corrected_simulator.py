@@ -20,7 +20,7 @@ from descentflow.effects.effect import NONE
 from descentflow.generation.rejection import sample_descents
 from descentflow.measurements.quantities import Quantities, grid_of
 from descentflow.representation.correction import Correction
-from descentflow.representation.decoder.trajectories import Trajectories
+from descentflow.representation.decoder.trajectories import Trajectories, burn_of
 from descentflow.representation.plausibility import Plausibility
 from descentflow.representation.read_checkpoint import HELD_OUT, SECTION
 from descentflow.representation.representation import Representation
@@ -154,7 +154,7 @@ def samples_with(
 
 
 def sampled_descents(flown: Trajectories, typecode: str, settings: dict[str, float | None] | None = None) -> Descents:
-    """Prepared descents of samples: IAS, Mach, TAS in standard air and the rate, on every level below their entry.
+    """Prepared descents of samples: IAS, Mach, TAS in standard air, rate and fuel flow, on levels below their entry.
 
     Args:
         flown: Sampled descents.
@@ -178,6 +178,9 @@ def sampled_descents(flown: Trajectories, typecode: str, settings: dict[str, flo
         "Mach": flown.mach,
         "TAS": flown.tas_mps / KT_MPS,
     }
+    burnt = burn_of(flown)
+    if burnt is not None:
+        channels["fuel_flow"] = burnt.flow_kg_s
     columns = {name: value.detach().double().cpu().numpy()[:, ::-1][seen] for name, value in channels.items()}
     table = pl.DataFrame({"row": row, "level_fl": levels, **columns}).with_columns(
         flight_id="sample-" + pl.col("row").cast(pl.String).str.zfill(6),

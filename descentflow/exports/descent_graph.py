@@ -174,9 +174,9 @@ class SamplerGraph(nn.Module):
         found: dict[str, Tensor] = self.descents(weights, entry_fl, neighbour)
         return {**found, "weights": weights.to(self.descents.dtype)}
 
-    def example_inputs(self, n: int, seed: int = 0) -> dict[str, Tensor]:
+    def example_inputs(self, n: int) -> dict[str, Tensor]:
         """Inputs of :meth:`forward` for n descents that start as the training flights did (contexts are zero)."""
-        generator, dtype = torch.Generator().manual_seed(seed), self.descents.dtype
+        generator, dtype = torch.Generator().manual_seed(0), self.descents.dtype
         bounds, levels_fl = self.descents.plausibility, self.descents.decoder.levels_fl
 
         def normal(width: int) -> Tensor:

@@ -183,17 +183,13 @@ class Bands:
         return (self.grid.altitude_m[top][:, None] - self.altitude_m).clamp(min=0.0)
 
 
-def short_scale_noise(grid: LevelGrid, *, least: bool = True) -> dict[str, Tensor]:
+def short_scale_noise(grid: LevelGrid) -> dict[str, Tensor]:
     """Logarithm (n,) of the noise of one report of each channel, as far as the mean of the levels around shows it.
 
     Of the quietest 80 % of a flight's levels, so that steps of the flight itself do not count. Levels are interpolated
     between rows: what rows that are far apart lose by it is made up for (:func:`kept_of_noise`), so that equal noise is
-    equal however fast a flight descends.
-
-    Args:
-        grid: Flights on levels.
-        least: Whether less than the rounding of a report counts as that: a simulator that writes numbers without noise
-            differs from flights by their noise, and not by the number of digits.
+    equal however fast a flight descends. Less than the rounding of a report counts as that: a simulator that writes
+    numbers without noise differs from flights by their noise, and not by the number of digits.
 
     Example:
         >>> from descentflow.surveillance.descents.prepared_descents import read_descents
@@ -211,7 +207,7 @@ def short_scale_noise(grid: LevelGrid, *, least: bool = True) -> dict[str, Tenso
     whole = grid.mask.double().unfold(1, 2 * STENCIL + 1, 1).amin(-1) > 0
     kept, found = kept_of_noise(grid), {}
     for name, values in series.items():
-        rounding = least_noise(name) if least else 0.0
+        rounding = least_noise(name)
         middle = values[:, STENCIL:-STENCIL]
         left = middle - (values[:, : -2 * STENCIL] + values[:, 2 * STENCIL :]) / 2
         seen = whole & left.isfinite()

@@ -6,7 +6,7 @@ from torch import Tensor
 
 from descentflow.core.tensors import Number
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
-from descentflow.physics.energy import energy_share_factor, energy_share_factor_local
+from descentflow.physics.energy import energy_share_factor
 from descentflow.physics.performance_model import PerformanceModel
 
 
@@ -31,23 +31,17 @@ def idle_state(
     cas_mps: Tensor,
     altitude_m: Tensor,
     deviation_k: Number = 0.0,
-    *,
-    wind_gradient_per_s: Number = 0.0,
-    cas_gradient_per_s: Tensor | None = None,
 ) -> IdleState:
     """State of a clean descent at idle (paper, section 2.1: BADA's formulae unchanged but for drag and CAS).
 
     Above the type's transition altitude the energy share factor is BADA's for constant Mach, below it the one
-    for constant CAS (BADA 3 user manual, section 3.2), whatever the CAS does between levels; with
-    the slope of the CAS it is the exact one.
+    for constant CAS (BADA 3 user manual, section 3.2), whatever the CAS does between levels.
 
     Args:
         aircraft: Coefficients.
         cas_mps: (..., L) calibrated airspeed.
         altitude_m: (L,) pressure altitude.
         deviation_k: ISA temperature deviation.
-        wind_gradient_per_s: dw/dHp of the along-track wind, positive from behind; broadcasts against the CAS.
-        cas_gradient_per_s: (..., L) dCAS/dHp for the exact energy share factor; BADA's if absent.
 
     Returns:
         Each (..., L).
@@ -60,9 +54,5 @@ def idle_state(
     """
     mach = cas_to_mach(cas_mps, altitude_m)
     tas_mps = mach_to_tas_mps(mach, altitude_m, deviation_k)
-    if cas_gradient_per_s is None:
-        above = aircraft.holds_mach(altitude_m)
-        share = energy_share_factor(mach, altitude_m, above, deviation_k, wind_gradient_per_s)
-    else:
-        share = energy_share_factor_local(cas_mps, altitude_m, cas_gradient_per_s, wind_gradient_per_s, deviation_k)
+    share = energy_share_factor(mach, altitude_m, aircraft.holds_mach(altitude_m), deviation_k)
     return IdleState(mach, tas_mps, aircraft.idle_thrust_n(altitude_m, tas_mps, deviation_k), share)

@@ -150,7 +150,7 @@ def standardised_decoder(
     return DescentDecoder(aircraft, train.levels_fl, *bases, drag_scale, raw.mean(0), scale, mass_kg)
 
 
-def fit_residuals(decoder: DescentDecoder, train: Profiles, seed: int = 0) -> Residuals:
+def fit_residuals(decoder: DescentDecoder, train: Profiles) -> Residuals:
     """The residual of training flights, by a decoder whose components are those of a probabilistic PCA.
 
     The curves are the directions of the probabilistic PCA beyond the kept components, made as large at each level as
@@ -161,7 +161,6 @@ def fit_residuals(decoder: DescentDecoder, train: Profiles, seed: int = 0) -> Re
     Args:
         decoder: With the components kept.
         train: Training flights on its grid.
-        seed: Of the draws.
 
     Example:
         >>> from descentflow.representation.encode_flights import encode_flights
@@ -174,7 +173,7 @@ def fit_residuals(decoder: DescentDecoder, train: Profiles, seed: int = 0) -> Re
         True
     """
     weights = decoder.encode(train)
-    shown, generator = decoder.drag_scale.observed(train), torch.Generator().manual_seed(seed)
+    shown, generator = decoder.drag_scale.observed(train), torch.Generator().manual_seed(0)
     some = torch.arange(0, len(train), -(-len(train) // MOST_FLIGHTS))
     curves, numbers = [], []
     for basis, values, kept in zip(decoder.bases.values(), shown.values, decoder.profiles(weights), strict=True):

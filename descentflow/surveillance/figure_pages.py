@@ -121,10 +121,10 @@ MAX_DRAWN_FLIGHTS = 100
 DESCENT_PANELS = {"IAS": "IAS (kt)", "vertical_rate": "Vertical rate (ft/min)"}
 
 
-def descents_figure(descents: pl.DataFrame, *, seed: int = 0) -> Figure:
+def descents_figure(descents: pl.DataFrame) -> Figure:
     """Draw up to 100 flights."""
     names = descents["flight_id"].unique().sort().to_list()
-    drawn = np.random.default_rng(seed).permutation(names)[:MAX_DRAWN_FLIGHTS].tolist()
+    drawn = np.random.default_rng(0).permutation(names)[:MAX_DRAWN_FLIGHTS].tolist()
     figure = Figure(figsize=(8.4, 4.2), layout="constrained")
     axes = figure.subplots(1, 2, sharey=True)
     tidy(axes)

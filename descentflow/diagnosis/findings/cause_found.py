@@ -179,14 +179,14 @@ class Cause:
     takes_away: dict[str, float] = field(default_factory=dict)
     alternatives: list[Alternative] = field(default_factory=list)
 
-    def in_flights(self, *, whole: bool = False) -> str:
-        """Flights that have it, with the 90 % interval of their share if ``whole``; empty where all have."""
+    def in_flights(self) -> str:
+        """Flights that have it; empty where all have."""
         share = self.share_of_flights
         if share is None:
             return ""
         if percent(share.estimate) == percent(1.0):
             return "in nearly all flights"
-        return f"in {share if whole else percent(share.estimate)} of the flights"
+        return f"in {percent(share.estimate)} of the flights"
 
     def __str__(self) -> str:
         """Its name and its size."""

@@ -27,7 +27,6 @@ def profiles_figure(
     nominal: DescentSet,
     *,
     n_lines: int = 60,
-    seed: int = 0,
     title: str = "",
 ) -> Figure:
     """Drag, CAS and time against flight level: held-out flights, then the samples of each model.
@@ -41,7 +40,6 @@ def profiles_figure(
         samples: Name of each model and its samples; one column each, in this order.
         nominal: The nominal BADA descent.
         n_lines: Single descents drawn in a column, picked at random.
-        seed: Of the picking.
         title: Written above all, for instance the type.
 
     Returns:
@@ -68,7 +66,7 @@ def profiles_figure(
     means = (real.levels_fl, *_means(real))
     for column, (name, descents) in enumerate(columns.items()):
         axes[0, column].set_title(name, fontsize=10)
-        for ax, curves in zip(axes[:, column], _curves(descents, n_lines, seed), strict=True):
+        for ax, curves in zip(axes[:, column], _curves(descents, n_lines), strict=True):
             ax.plot(curves, np.asarray(descents.levels_fl), color=GREY, linewidth=0.6, alpha=0.45)
         _draw(axes[:, column], *plain, color=BLACK, linewidth=1.6, label="nominal BADA")
         _draw(axes[:, column], *means, color=BLUE, linestyle="--", linewidth=1.8, label="mean of held out")
@@ -104,9 +102,9 @@ def since_entry_s(descents: DescentSet) -> Tensor:
     return descents.time_s - descents.time_s.gather(1, entry)
 
 
-def _curves(descents: DescentSet, n_lines: int, seed: int) -> tuple[np.ndarray, ...]:
+def _curves(descents: DescentSet, n_lines: int) -> tuple[np.ndarray, ...]:
     """The picked descents as columns, for one call of ``plot``."""
-    picked = torch.randperm(len(descents), generator=torch.Generator().manual_seed(seed))[:n_lines]
+    picked = torch.randperm(len(descents), generator=torch.Generator().manual_seed(0))[:n_lines]
     return tuple(values.T.numpy() for values in _fields(descents.subset(picked)))
 
 

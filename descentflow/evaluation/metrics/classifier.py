@@ -94,10 +94,10 @@ class Detection:
         looked = "; ".join(map(str, self.most_looked_at()))
         return f"{told}; exchanged between flights and samples, the AUC loses {looked}" if looked else told
 
-    def most_looked_at(self, n: int = 3) -> list[Importance]:
-        """The bands that matter most, largest first."""
+    def most_looked_at(self) -> list[Importance]:
+        """The three bands that matter most, largest first."""
         bands = self.importance[len(QUANTITIES) :]
-        return sorted(bands, key=lambda one: -one.loss)[:n]
+        return sorted(bands, key=lambda one: -one.loss)[:3]
 
 
 QUANTITIES = {"CAS": "cas_mps", "rate": "rate_mps"}

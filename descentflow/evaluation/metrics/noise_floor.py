@@ -79,7 +79,7 @@ def split_distances(
 
 
 def split_profile_scores(
-    statistic: ProfileStatistic, samples: Values, real: Values, *, seed: int = 0, n_splits: int = 20, size: int = SIZE
+    statistic: ProfileStatistic, samples: Values, real: Values, *, seed: int = 0, n_splits: int = 20
 ) -> tuple[Tensor, Tensor]:
     """Means (n_splits,) of a statistic of whole profiles: of samples and of other flights, over the same flights.
 
@@ -94,7 +94,7 @@ def split_profile_scores(
         >>> same.shape, floor.shape
         (torch.Size([4]), torch.Size([4]))
     """
-    dealt = splits(samples, real, seed, n_splits, size)
+    dealt = splits(samples, real, seed, n_splits, SIZE)
     return _means(statistic.compute, partial(_take, samples), partial(_take, real), dealt)
 
 
@@ -105,7 +105,6 @@ def split_descent_scores(
     *,
     seed: int = 0,
     n_splits: int = 20,
-    size: int = SIZE,
 ) -> tuple[Tensor, Tensor]:
     """As :func:`split_profile_scores`, of a statistic of whole descents; of no more splits than it wants.
 
@@ -118,7 +117,7 @@ def split_descent_scores(
         (torch.Size([3]), torch.Size([3]))
     """
     seen = [(one.mask, one.mask) for one in (samples, real)]
-    dealt = splits(seen[0], seen[1], seed, min(n_splits, statistic.most_splits), size)
+    dealt = splits(seen[0], seen[1], seed, min(n_splits, statistic.most_splits), SIZE)
     return _means(statistic.compute, samples.subset, real.subset, dealt)
 
 

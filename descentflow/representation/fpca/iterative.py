@@ -33,7 +33,7 @@ class IterativeFit:
 
     Example:
         >>> curves = torch.randn(30, 1).double() * torch.linspace(0, 1, 50).double()
-        >>> fitted = iterate(curves, torch.ones(30, 50, dtype=torch.bool), 0.9, max_iterations=50)
+        >>> fitted = iterate(curves, torch.ones(30, 50, dtype=torch.bool), 0.9)
         >>> float(fitted.eigenvalues[0] / fitted.eigenvalues.sum()) > 0.999  # one mode explains all
         True
     """
@@ -46,23 +46,20 @@ class IterativeFit:
     growth: float
 
 
-def iterate(
-    values: Tensor, mask: Tensor, explained_variance: float, *, max_iterations: int = MAX_ITERATIONS
-) -> IterativeFit:
+def iterate(values: Tensor, mask: Tensor, explained_variance: float) -> IterativeFit:
     """Fill the gaps by reconstruction until its mean and covariance settle (appendix A, steps 1-5).
 
     Args:
         values: (n, L) float64.
         mask: (n, L) observed.
         explained_variance: Share of variance whose modes rebuild the missing levels.
-        max_iterations: Where it ends even if it has not settled.
 
     Example:
         >>> shape = torch.linspace(0, 1, 50).double()
         >>> curves = torch.randn(30, 1).double() * shape + torch.randn(30, 1).double() * shape**2
         >>> mask = torch.ones(30, 50, dtype=torch.bool)
         >>> mask[:10, 40:] = False  # ten flights lack the upper levels
-        >>> fitted = iterate(curves, mask, 0.9, max_iterations=50)
+        >>> fitted = iterate(curves, mask, 0.9)
         >>> fitted.converged, fitted.eigenvectors.shape, fitted.growth < 1.1
         (True, torch.Size([50, 50]), True)
     """
@@ -70,7 +67,7 @@ def iterate(
     centred = torch.where(mask, values - mean, 0.0)
     covariance = pairwise_covariance(centred, mask)
     previous, quiet, n_iterations, observed = mean, 0, 0, covariance.trace()
-    while n_iterations < max_iterations and quiet < QUIET_ITERATIONS:
+    while n_iterations < MAX_ITERATIONS and quiet < QUIET_ITERATIONS:
         n_iterations += 1
         eigenvalues, eigenvectors = _eigen(covariance)
         k = number_of_components(explained_share(eigenvalues), explained_variance)

@@ -9,7 +9,7 @@ into parts, and each judges what was fitted to the others. The weight is the one
 probable; then the length is the one that misses their tops least where these are hidden.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -190,9 +190,7 @@ def spared(mask: Tensor, hidden: Tensor) -> Tensor:
     return hidden & ((mask & ~hidden).sum(0) >= MIN_SHARE_SHOWN * len(mask))
 
 
-def missed(
-    centred: Tensor, seen: Tensor, hidden: Tensor, loadings: Tensor, noise: Tensor, lengths: Sequence[float] = LENGTHS
-) -> list[float]:
+def missed(centred: Tensor, seen: Tensor, hidden: Tensor, loadings: Tensor, noise: Tensor) -> list[float]:
     """Sum of the squared errors on hidden levels, of what is expected there given the others, for each length.
 
     A probabilistic PCA takes the residual of its components for white noise, independent from level to level. It is
@@ -206,7 +204,6 @@ def missed(
         hidden: (n, L) levels that are asked for.
         loadings: (L, q).
         noise: Noise variance.
-        lengths: Levels that count as one.
 
     Example:
         >>> centred = torch.tensor([[2.0, 2.0]]).double()
@@ -219,7 +216,7 @@ def missed(
     projected, grams = torch.where(seen, centred, 0.0) @ loadings, level_products(groups, loadings)
     asked = torch.where(hidden, centred, 0.0)
     errors = []
-    for length in lengths:
+    for length in LENGTHS:
         latent, _, _ = posterior_given(projected, groups, grams, noise * length)
         expected = latent @ loadings.T
         errors.append(float(torch.linalg.vector_norm(expected.mul_(hidden) - asked)) ** 2)

@@ -7,8 +7,7 @@ flights were held out, and is averaged over many splits. Ratios then compare bet
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
-from typing import TypeVar
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -19,7 +18,8 @@ from descentflow.evaluation.metrics.level_distances import Distances, joined, le
 from descentflow.evaluation.metrics.score_registry import level_statistics
 from descentflow.evaluation.metrics.statistic_kinds import DescentStatistic, ProfileStatistic
 
-T = TypeVar("T")
+Some = Values | DescentSet
+"""Descents, or one quantity of them: values and mask."""
 SIZE = 200
 """Flights on each side. A type needs twice as many held-out flights; of one with fewer, half are on each side."""
 MIN_VALUES = 4
@@ -78,49 +78,6 @@ def split_distances(
     return joined(same), joined(noise)
 
 
-def split_profile_scores(
-    statistic: ProfileStatistic, samples: Values, real: Values, *, seed: int = 0, n_splits: int = 20
-) -> tuple[Tensor, Tensor]:
-    """Means (n_splits,) of a statistic of whole profiles: of samples and of other flights, over the same flights.
-
-    The splits are those of :func:`split_distances`. A flight that one of the two cannot be scored against is left out
-    of both means; a split with fewer than ``MIN_VALUES`` others is NaN.
-
-    Example:
-        >>> from descentflow.evaluation.metrics.score_registry import STATISTICS
-        >>> values = torch.randn(60, 5).double()
-        >>> samples, real = (values[:30], values[:30] < 9), (values[30:], values[30:] < 9)
-        >>> same, floor = split_profile_scores(STATISTICS["energy"], samples, real, n_splits=4)
-        >>> same.shape, floor.shape
-        (torch.Size([4]), torch.Size([4]))
-    """
-    dealt = splits(samples, real, seed, n_splits, SIZE)
-    return _means(statistic.compute, partial(_take, samples), partial(_take, real), dealt)
-
-
-def split_descent_scores(
-    statistic: DescentStatistic,
-    samples: DescentSet,
-    real: DescentSet,
-    *,
-    seed: int = 0,
-    n_splits: int = 20,
-) -> tuple[Tensor, Tensor]:
-    """As :func:`split_profile_scores`, of a statistic of whole descents; of no more splits than it wants.
-
-    Example:
-        >>> from descentflow.evaluation.metrics.score_registry import STATISTICS
-        >>> from descentflow.generation.sample import sample
-        >>> one, two = (DescentSet.of_trajectories(sample("best.ckpt", 60, seed=s).trajectories) for s in (1, 2))
-        >>> same, floor = split_descent_scores(STATISTICS["auc"], one, two, n_splits=100)
-        >>> same.shape, floor.shape
-        (torch.Size([3]), torch.Size([3]))
-    """
-    seen = [(one.mask, one.mask) for one in (samples, real)]
-    dealt = splits(seen[0], seen[1], seed, min(n_splits, statistic.most_splits), SIZE)
-    return _means(statistic.compute, samples.subset, real.subset, dealt)
-
-
 def matched_size(samples: Values, real: Values, size: int = SIZE) -> int:
     """Flights on each side: ``size``, or fewer where fewer than twice as many were observed or there are fewer samples.
 
@@ -154,16 +111,13 @@ def splits(samples: Values, real: Values, seed: int, n_splits: int, size: int) -
 
 
 def _means(
-    compute: Callable[[T, T], Tensor],
-    of_samples: Callable[[Tensor], T],
-    of_real: Callable[[Tensor], T],
-    dealt: tuple[Tensor, Tensor, Tensor],
+    compute: Callable[[Any, Any], Tensor], samples: Some, real: Some, dealt: tuple[Tensor, Tensor, Tensor]
 ) -> tuple[Tensor, Tensor]:
     """Means (n_splits,) over the flights that both samples and other flights can be scored against."""
     found = []
     for drawn, first, second in zip(*dealt, strict=True):
-        scored = of_real(first)
-        same, floor = (compute(one, scored) for one in (of_samples(drawn), of_real(second)))
+        scored = _take(real, first)
+        same, floor = (compute(one, scored) for one in (_take(samples, drawn), _take(real, second)))
         both = ~(same.isnan() | floor.isnan())
         enough = int(both.sum()) >= MIN_VALUES
         found.append([values[both].mean() if enough else values.new_tensor(torch.nan) for values in (same, floor)])
@@ -176,8 +130,8 @@ def _seen(values: Values) -> Tensor:
     return torch.nonzero(values[1].any(1))[:, 0]
 
 
-def _take(values: Values, index: Tensor) -> Values:
-    return values[0][index], values[1][index]
+def _take(some: Some, index: Tensor) -> Some:
+    return some.subset(index) if isinstance(some, DescentSet) else (some[0][index], some[1][index])
 
 
 def _beside(values: Values, index: Tensor) -> Values:
@@ -244,33 +198,29 @@ def compare(
     return Comparison(whole_distances(samples, real), same, noise, matched_size(samples, real))
 
 
-def compare_profiles(
-    statistic: ProfileStatistic, samples: Values, real: Values, seed: int, n_splits: int
+def compare_flights(
+    statistic: ProfileStatistic | DescentStatistic, samples: Some, real: Some, seed: int, n_splits: int
 ) -> Comparison:
-    """As :func:`compare`, by a statistic of whole profiles."""
-    name, whole = statistic.name, _enough_flights(statistic.compute(samples, real))
-    if not statistic.has_floor:
-        return Comparison({name: whole}, {}, {}, matched_size(samples, real))
-    same, floor = split_profile_scores(statistic, samples, real, seed=seed, n_splits=n_splits)
-    return Comparison({name: whole}, {name: same[:, None]}, {name: floor[:, None]}, matched_size(samples, real))
+    """As :func:`compare`, by a statistic of whole profiles or of whole descents, over no more splits than it wants.
 
-
-def compare_descents(
-    statistic: DescentStatistic, samples: DescentSet, real: DescentSet, seed: int, n_splits: int
-) -> Comparison:
-    """As :func:`compare`, by a statistic of whole descents.
+    A flight that samples or other flights cannot be scored against is left out of both means; a split with fewer than
+    ``MIN_VALUES`` others is NaN.
 
     Example:
         >>> from descentflow.evaluation.metrics.score_registry import STATISTICS
         >>> from descentflow.generation.sample import sample
         >>> one, two = (DescentSet.of_trajectories(sample("best.ckpt", 60, seed=s).trajectories) for s in (1, 2))
-        >>> compare_descents(STATISTICS["joint_energy"], one, two, seed=0, n_splits=2).n_each
+        >>> compare_flights(STATISTICS["joint_energy"], one, two, seed=0, n_splits=2).n_each
         30
     """
-    name, whole = statistic.name, _enough_flights(statistic.compute(samples, real))
-    same, floor = split_descent_scores(statistic, samples, real, seed=seed, n_splits=n_splits)
-    n_each = matched_size((samples.mask, samples.mask), (real.mask, real.mask))
-    return Comparison({name: whole}, {name: same[:, None]}, {name: floor[:, None]}, n_each)
+    compute: Callable[[Any, Any], Tensor] = statistic.compute
+    drawn, seen = ((one.mask, one.mask) if isinstance(one, DescentSet) else one for one in (samples, real))
+    whole, n_each = {statistic.name: _enough_flights(compute(samples, real))}, matched_size(drawn, seen)
+    if not statistic.has_floor:
+        return Comparison(whole, {}, {}, n_each)
+    dealt = splits(drawn, seen, seed, min(n_splits, statistic.most_splits), SIZE)
+    same, floor = ({statistic.name: side[:, None]} for side in _means(compute, samples, real, dealt))
+    return Comparison(whole, same, floor, n_each)
 
 
 def whole_distances(samples: Values, real: Values) -> dict[str, Tensor]:

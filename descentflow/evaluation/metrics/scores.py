@@ -8,7 +8,7 @@ from torch import Tensor
 
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.evaluation.metrics.noise_floor import compare, compare_descents, compare_profiles
+from descentflow.evaluation.metrics.noise_floor import compare, compare_flights
 from descentflow.evaluation.metrics.score_registry import (
     FUEL,
     QUANTITIES,
@@ -21,7 +21,6 @@ from descentflow.evaluation.metrics.score_registry import (
 )
 from descentflow.evaluation.metrics.score_table import LevelScores, Score, ScoreTable
 from descentflow.evaluation.metrics.scored_quantity import ScoredQuantity
-from descentflow.evaluation.metrics.statistic_kinds import DescentStatistic
 
 
 def score(
@@ -98,14 +97,15 @@ def score(
         if quantity.by_level:
             levels += [found.by_level(statistic) for statistic in level_statistics()]
             for statistic in profile_statistics():
-                compared = compare_profiles(statistic, sampled, observed, seed, n_splits)
+                compared = compare_flights(statistic, sampled, observed, seed, n_splits)
                 profiles = ScoredQuantity(quantity, real.levels_fl, sampled, observed, compared, one)
                 whole.append(profiles.profile_row(profile_of(quantity), statistic))
                 by_flight[profile_of(quantity).name, statistic.name] = compared.whole[statistic.name]
-    for one_of_descents in descent_statistics(costly=costly):
-        descents = _of_descents(one_of_descents, samples, real, seed, n_splits)
-        whole.append(descents.profile_row(WHOLE, one_of_descents))
-        by_flight[WHOLE.name, one_of_descents.name] = descents.found.whole[one_of_descents.name]
+    both = WHOLE.quantity.of(samples), WHOLE.quantity.of(real)
+    for of_descents in descent_statistics(costly=costly):
+        compared = compare_flights(of_descents, samples, real, seed, n_splits)
+        whole.append(ScoredQuantity(WHOLE.quantity, real.levels_fl, *both, compared).profile_row(WHOLE, of_descents))
+        by_flight[WHOLE.name, of_descents.name] = compared.whole[of_descents.name]
     return ScoreTable((*rows, *whole), tuple(levels), by_flight)
 
 
@@ -117,14 +117,6 @@ def n_comparisons(n_splits: int) -> int:
         60
     """
     return len(QUANTITIES) * n_splits
-
-
-def _of_descents(
-    statistic: DescentStatistic, samples: DescentSet, real: DescentSet, seed: int, n_splits: int
-) -> ScoredQuantity:
-    quantity = WHOLE.quantity
-    compared = compare_descents(statistic, samples, real, seed, n_splits)
-    return ScoredQuantity(quantity, real.levels_fl, quantity.of(samples), quantity.of(real), compared)
 
 
 def _check(samples: DescentSet, real: DescentSet, nominal: DescentSet, transition_fl: float, n_splits: int) -> None:

@@ -54,6 +54,7 @@ class Statistic:
             has none.
         in_figure: Whether it is drawn by level.
         needs: The fewest flights that a statistic of whole profiles or descents needs, in words.
+        most_splits: Most splits behind the matched size and noise floor of one of whole profiles or descents.
 
     Example:
         >>> from descentflow.evaluation.metrics.score_registry import QUANTITIES, STATISTICS
@@ -71,6 +72,7 @@ class Statistic:
     of_one: Callable[[Values, Values], Tensor] | None = None
     in_figure: bool = False
     needs: str = "4 flights with samples at all of their levels"
+    most_splits: int = 1000
 
     def unit_of(self, quantity: Quantity) -> str:
         """Unit of the statistic of a quantity."""
@@ -135,7 +137,6 @@ class DescentStatistic(Statistic):
 
     Attributes:
         costly: Whether it is left out where scores are wanted often: while a model trains, and of corrected simulators.
-        most_splits: Most splits behind its matched size and noise floor.
 
     Example:
         >>> from descentflow.evaluation.metrics.score_registry import STATISTICS
@@ -145,7 +146,6 @@ class DescentStatistic(Statistic):
 
     compute: Callable[[DescentSet, DescentSet], Tensor] = joint_energy_scores
     costly: bool = False
-    most_splits: int = 1000
 
 
 @dataclass(frozen=True)

@@ -121,20 +121,24 @@ class ConditionedTarget:
         """Hold what was conditioned."""
         self.latent, self.entry, self.speeds = latent, entry, speeds
         self.point, self.decoder = point, decoder
-        self.width = 3 + latent.means.shape[1] + speeds.rows.n_rows
+        self.width = 4 + latent.means.shape[1] + speeds.rows.n_rows
         self.held_gain, _ = gain_of(latent.weights_alone, speeds.rows)
         shares = speeds.log_probs if point is None else point.log_probs
-        self.up_to = np.exp(shares - log_total(shares)).cumsum()
+        # Cells are Gaussians, level of entry by level of entry.
+        by_entry = np.exp(shares - log_total(shares)).reshape(len(np.unique(entry)), -1)
+        self.up_to = by_entry.sum(1).cumsum()
+        self.of_entry = by_entry.cumsum(1) / np.maximum(by_entry.sum(1, keepdims=True), 1e-300)
         equal = speeds.in_closed_form and point is None
         self.proposals = PROPOSALS_OF_A_STAND_IN if latent.prior is not None else 1 if equal else PROPOSALS
 
     @torch.no_grad()
     def propose(self, uniform: Array) -> Proposed:
         """One proposal for each row."""
-        cell = np.minimum(np.searchsorted(self.up_to, uniform[:, 0], side="right"), len(self.up_to) - 1)
+        row = np.minimum(np.searchsorted(self.up_to, uniform[:, 0], side="right"), len(self.up_to) - 1)
+        cell = row * self.of_entry.shape[1] + (uniform[:, -2, None] > self.of_entry[row, :-1]).sum(1)
         end, entry = 2 + self.latent.means.shape[1], torch.from_numpy(self.entry[cell])
         u = (self.latent.roots[cell] @ ndtri(uniform[:, 2:end])[:, :, None])[:, :, 0]
-        u, log_weight = self.speeds.meet(cell, u, uniform[:, end:-1])
+        u, log_weight = self.speeds.meet(cell, u, uniform[:, end:-2])
         # With another residual the weights meet the same speeds.
         own = self.latent.with_residuals(cell, entry, u, uniform[:, -1])
         off = self.speeds.rows.matrix[cell] @ (u - own)[:, :, None]

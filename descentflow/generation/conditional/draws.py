@@ -17,16 +17,16 @@ from descentflow.representation.representation import Representation
 
 FIRST_STREAM = 1 << 32
 """Streams of random numbers below it are those of corrections."""
-CELL_STREAM = FIRST_STREAM + (1 << 20)
-"""Of the numbers that choose Gaussian and level of entry."""
+ENTRY_STREAM = FIRST_STREAM + (1 << 20)
+"""Of the numbers that choose levels of entry."""
 LEAST_UNIFORM = 2.0**-54
 """In place of a uniform number that is zero, half of the next: its normal is finite."""
 MORE = 4
 """Factor by which proposals grow where too few were effective."""
 ROUNDS, ROUNDS_OF_EQUALS = 4, 5
 """Sizes that are tried, with weights and without: where one draw in 20 is plausible, one in 40 million fails."""
-KEPT_ROUNDS = 3
-"""Rounds (21 draws) in which draws of equal weight keep their Gaussian and level of entry, as samples do."""
+KEPT_ROUNDS = 4
+"""Rounds (85 draws) in which draws of equal weight keep their level of entry, as samples do."""
 LEAST_EFFECTIVE = 8.0
 """Effective proposals that a weighted draw is chosen among, at least."""
 ROWS_AT_ONCE = 4096
@@ -47,7 +47,7 @@ class Proposed(NamedTuple):
 
 
 class Target(Protocol):
-    """Latent draws: uniform numbers (n, ``width``) in (0, 1) make n proposals; the first chooses Gaussian and entry.
+    """Latent draws: uniform numbers (n, ``width``) in (0, 1) make n proposals; the first chooses the entry.
 
     ``proposals`` are made for each draw at first: 1 where all have the same weight.
     """
@@ -191,7 +191,7 @@ class _Search:
         which, width = self.numbers[group], self.target.width + 1
         uniform = uniform_of(self.seed, which, size * width, FIRST_STREAM + attempt).reshape(-1, width)
         if self.equal and attempt < KEPT_ROUNDS:
-            uniform[:, 0] = uniform_of(self.seed, which, 1, CELL_STREAM)[:, 0].repeat(size)
+            uniform[:, 0] = uniform_of(self.seed, which, 1, ENTRY_STREAM)[:, 0].repeat(size)
         proposed = self.target.propose(uniform[:, :-1])
         log_weight = proposed.log_weight.reshape(-1, size)
         if not self.equal:

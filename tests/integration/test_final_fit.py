@@ -41,12 +41,14 @@ def others(descents: Path) -> Descents:
 
 
 def assert_equal(first: Density, second: Density) -> None:
-    ours, theirs = first.state_dict(), second.state_dict()
+    ours, theirs = ({**one.state_dict(), **dict(one.representation.named_buffers())} for one in (first, second))
     assert all(torch.equal(ours[name], theirs[name]) for name in ours.keys() | theirs.keys())
     assert first.representation.split == second.representation.split
 
 
-@pytest.mark.parametrize(("model", "config"), [("gaussian", "gaussian"), ("mixture", "gmm"), ("flow", "flow")])
+@pytest.mark.parametrize(
+    ("model", "config"), [("gaussian", "gaussian"), ("mixture", "gmm"), ("flow", "flow"), ("spline", "spline")]
+)
 def test_python_and_the_command_line_leave_the_same_two_fits(
     model: str, config: str, tmp_path: Path, descents: Path
 ) -> None:

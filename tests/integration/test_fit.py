@@ -53,17 +53,6 @@ def assert_equal(first: Density, second: Density) -> None:
     assert first.representation.cleaning == second.representation.cleaning
 
 
-@pytest.mark.parametrize(
-    ("model", "config", "epochs", "seed"),
-    [("gaussian", "gaussian", 1, 0), ("mixture", "gmm", 3, 1), ("flow", "flow", 4, 2), ("spline", "spline", 2, 0)],
-)
-def test_fit_trains_what_the_command_line_trains(
-    model: str, config: str, epochs: int, seed: int, tmp_path: Path, descents: Path
-) -> None:
-    expected = by_command(tmp_path, descents, config, epochs, seed)
-    assert_equal(fit(descents, model, max_epochs=epochs, seed=seed).density, expected)
-
-
 def test_a_settings_file_of_ones_own(tmp_path: Path, descents: Path) -> None:
     own = tmp_path / "own.yaml"
     own.write_text(

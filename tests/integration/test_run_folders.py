@@ -160,9 +160,9 @@ def test_runs_of_a_logger_that_shares_its_folder_have_folders_of_their_own(here:
         assert main(["validate", "--ckpt_path", checkpoint]) == 0
 
 
-@pytest.mark.parametrize(("model", "precision"), [("Gaussian", "64"), ("MaskedAffineFlow", "64")])
-def test_models_train_in_64_bits(here: Path, descents: Path, model: str, precision: str) -> None:
-    words = ["fit", "--model", model, "--data.descents", str(descents), *QUICK, "--trainer.precision", precision]
+@pytest.mark.parametrize("model", ["Gaussian", "MaskedAffineFlow"])
+def test_models_train_in_64_bits(here: Path, descents: Path, model: str) -> None:
+    words = ["fit", "--model", model, "--data.descents", str(descents), *QUICK, "--trainer.precision", "64"]
     assert main([*words, "--trainer.max_epochs", "2"]) == 0
 
 

@@ -24,7 +24,6 @@ from flying.flight_plans import FlightPlan
 Array = NDArray[np.float64]
 
 KEYS = ("cas_des", "mach_des", "rocd_des")
-Spreads = Mapping[str, Mapping[str, float]]
 SLOWEST_FPM = 500.0
 """Drawn rates are no slower."""
 STEP_S = 1.0

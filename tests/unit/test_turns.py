@@ -6,13 +6,13 @@ from typing import Any
 import polars as pl
 import pytest
 import torch
-from flight_toys import steady_sides
+from example_sides import example_sides
 from torch import Tensor
 
 from descentflow.aircraft_types.registry import aircraft
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import FL_M, KT_MPS
-from descentflow.diagnosis.inference.two_sides import compare
+from descentflow.diagnosis.inference.two_sides import Compared, compare
 from descentflow.effects import EFFECTS
 from descentflow.effects.flight_state import log_rate
 from descentflow.measurements.level_channels import LevelGrid
@@ -24,6 +24,16 @@ from descentflow.surveillance.prepare import prepare
 TURN, BRAKES = EFFECTS["turn"], EFFECTS["speed_brake"]
 LEVELS = torch.arange(100.0, 301.0, dtype=torch.float64)
 FALL_MPS = 10.0
+
+
+def steady_sides(n: int) -> Compared:
+    """Flights of both sides without an effect, whose rates are alike in shape to 15 % of the example's noise."""
+    sides = example_sides(n=n)
+    rate = sides.of("rate")
+    level = sides.y[:, rate].mean(1, keepdim=True)
+    y = sides.y.clone()
+    y[:, rate] = level + 0.15 * (y[:, rate] - level)
+    return replace(sides, y=y)
 
 
 def circling(bank_deg: float, tas_mps: float, **channels: Tensor) -> LevelGrid:

@@ -174,5 +174,3 @@ FOREIGN = StudyWorld(
     # The drag due to Mach of the business jet adds 4 % to the rate at the very top.
     only={"wave_drag": ("787-8", "MD11", "B747")},
 )
-WORLDS = (OWN, FOREIGN)
-"""Both."""

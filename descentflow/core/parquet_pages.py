@@ -36,7 +36,7 @@ def check_pages(source: Path | bytes) -> None:
         try:
             if footer < len(MAGIC):
                 raise DamagedParquetError("a footer longer than the file")
-            for group in _Thrift(content, footer).struct()[4]:
+            for group in _Thrift(content, footer).value()[4]:
                 for chunk in group[1]:
                     if 3 in chunk:
                         _check_column(content, chunk[3])
@@ -70,7 +70,7 @@ def _check_column(content: Bytes, column: Fields) -> None:
     end, seen = place + size, 0
     while seen < values and place < end:
         reader = _Thrift(content, place)
-        header = reader.struct()
+        header = reader.value()
         counts = [
             header[kind][field] for kind, fields in COUNTS_OF_A_PAGE.items() if kind in header for field in fields
         ]
@@ -86,39 +86,32 @@ class _Thrift:
     def __init__(self, content: Bytes, place: int) -> None:
         self.content, self.place = content, place
 
-    def struct(self, depth: int = 0) -> Fields:
-        """Fields of a structure by their numbers."""
-        fields: Fields = {}
-        number = 0
-        while head := self._byte():
-            kind = head & 15
-            number = number + (head >> 4) if head >> 4 else self._integer()
-            fields[number] = kind == TRUE if kind in (TRUE, FALSE) else self._value(kind, depth)
-        return fields
-
-    def _value(self, kind: int, depth: int) -> Any:
+    def value(self, kind: int = STRUCT, depth: int = 0) -> Any:
+        """A value of a kind: of a structure its fields by their numbers."""
         if depth > DEEPEST:
             raise ValueError
         if kind in (SHORT, INT, LONG):
-            return self._integer()
+            return _signed(self._varint())
         if kind in (LIST, SET):
-            return self._list(depth + 1)
+            head = self._byte()
+            found = []
+            for _ in range(head >> 4 if head >> 4 < 15 else self._varint()):
+                if self.place >= len(self.content):
+                    raise IndexError
+                found.append(self.value(head & 15, depth + 1))
+            return found
         if kind == STRUCT:
-            return self.struct(depth + 1)
+            fields: Fields = {}
+            number = 0
+            while head := self._byte():
+                own = head & 15
+                number = number + (head >> 4) if head >> 4 else _signed(self._varint())
+                fields[number] = own == TRUE if own in (TRUE, FALSE) else self.value(own, depth + 1)
+            return fields
         # Names, statistics and flags are of no interest here.
         length = self._varint() if kind == BINARY else {TRUE: 1, FALSE: 1, BYTE: 1, DOUBLE: 8}[kind]
         self.place += length
         return None
-
-    def _list(self, depth: int) -> list[Any]:
-        head = self._byte()
-        length = head >> 4 if head >> 4 < 15 else self._varint()
-        found = []
-        for _ in range(length):
-            if self.place >= len(self.content):
-                raise IndexError
-            found.append(self._value(head & 15, depth))
-        return found
 
     def _varint(self) -> int:
         value = shift = 0
@@ -129,11 +122,11 @@ class _Thrift:
                 raise ValueError
         return value | byte << shift
 
-    def _integer(self) -> int:
-        """A signed number, written as 0, -1, 1, -2 and so on."""
-        value = self._varint()
-        return (value >> 1) ^ -(value & 1)
-
     def _byte(self) -> int:
         self.place += 1
         return self.content[self.place - 1]
+
+
+def _signed(value: int) -> int:
+    """A signed number, written as 0, -1, 1, -2 and so on."""
+    return (value >> 1) ^ -(value & 1)

@@ -1,7 +1,5 @@
 """Profiles against flight level as quantile bands with single descents before them: `descentflow sample --figure`."""
 
-from collections.abc import Mapping
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -18,7 +16,6 @@ LINES = 30
 OUTER, INNER = "#f6d9c6", "#e9a87c"
 """5 to 95 %, and 25 to 75 %: also on paper without colour one is lighter than the other."""
 CAS, RATE = "CAS (kt)", "Vertical rate (ft/min)"
-Curves = Mapping[str, np.ndarray]
 """Label of a quantity with its unit -> (n, L), NaN where a descent is not."""
 
 

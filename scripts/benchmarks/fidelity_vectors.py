@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 from sklearn.ensemble import HistGradientBoostingClassifier
 from sklearn.metrics import roc_auc_score
 from sklearn.model_selection import StratifiedKFold, cross_val_predict
@@ -20,8 +21,8 @@ STEP = 10
 """Flight levels of a bin."""
 COARSE = 3
 """Bins of the coarse features: 3,000 ft."""
-ALTITUDE_NOISE_FT, IAS_NOISE_KT = 11.0, 0.3
-"""Of reports, put on samples beside fine features: of the altitude, and of IAS before it is rounded to 1 kt."""
+IAS_NOISE_KT = 0.3
+"""Noise of reports of IAS before it is rounded to 1 kt, put on samples beside fine features."""
 TREES = {"max_iter": 60, "learning_rate": 0.1, "max_leaf_nodes": 8, "min_samples_leaf": 10, "random_state": 0}
 LEAST_COMMON = 6
 """Numbers that two descents must both show to be compared."""
@@ -80,9 +81,19 @@ def rounded(of: Vectors) -> Vectors:
     return Vectors(of.edges_fl, np.round(of.cas_kt), of.log_s, of.entry_fl)
 
 
-def reported(samples: Vectors, rng: np.random.Generator) -> Vectors:
-    """Samples as reports would show them."""
-    off = rng.normal(0.0, ALTITUDE_NOISE_FT, samples.cas_kt.shape) / (100 * STEP)
+def altitude_noise_ft(of: Vectors) -> float:
+    """Independent noise of the altitude at each edge, by the median size of third differences of the log times.
+
+    They are fourth differences of that noise, which widen its variance 70 times; smooth changes of the rate leave none.
+    """
+    found = np.diff(of.log_s, 3, axis=1)
+    found = found[np.isfinite(found)]
+    return float(np.median(np.abs(found)) / (norm.ppf(0.75) * 70**0.5) * 100 * STEP) if len(found) else 0.0
+
+
+def reported(samples: Vectors, rng: np.random.Generator, noise_ft: float) -> Vectors:
+    """Samples as reports would show them, with so much noise of the altitude."""
+    off = rng.normal(0.0, noise_ft, samples.cas_kt.shape) / (100 * STEP)
     cas = samples.cas_kt + rng.normal(0.0, IAS_NOISE_KT, samples.cas_kt.shape)
     return rounded(Vectors(samples.edges_fl, cas, samples.log_s + np.log1p(np.diff(off)), samples.entry_fl))
 

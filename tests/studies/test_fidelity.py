@@ -6,7 +6,16 @@ import toys
 from scipy.spatial.distance import cdist
 
 from benchmarks.fidelity_rivals import RIVALS
-from benchmarks.fidelity_vectors import Vectors, auc, coarse, energy_distance, reported, vectors_of, with_gaps_of
+from benchmarks.fidelity_vectors import (
+    Vectors,
+    altitude_noise_ft,
+    auc,
+    coarse,
+    energy_distance,
+    reported,
+    vectors_of,
+    with_gaps_of,
+)
 
 
 def flights(n: int, seed: int) -> Vectors:
@@ -36,6 +45,14 @@ def test_times_of_bins_are_those_between_their_edges() -> None:
     assert coarse(found).log_s.shape[1] == found.log_s.shape[1] // 3
 
 
+def test_noise_that_was_put_on_is_measured() -> None:
+    """Of smooth flights, 300 with some 20 third differences each: known to 2 %, and what bends adds to its square."""
+    smooth = flights(300, 4)
+    noisy = reported(smooth, np.random.default_rng(0), 20.0)
+    expected = (20.0**2 + altitude_noise_ft(smooth) ** 2) ** 0.5
+    assert abs(altitude_noise_ft(noisy) / expected - 1) < 0.08
+
+
 def test_the_classifier_separates_what_differs_alone() -> None:
     """An AUC of 100 pairs a repeat is known to 0.04; five repeats share the flights."""
     one, same = flights(200, 1), flights(200, 2)
@@ -50,4 +67,4 @@ def test_rivals_are_near_the_flights_that_they_learnt_from() -> None:
     for rival in RIVALS.values():
         drawn = with_gaps_of(rival(train, 400, 0), train, np.random.default_rng(2))
         assert abs(np.nanmean(drawn.cas_kt) - np.nanmean(train.cas_kt)) < 3
-        assert torch.tensor(reported(drawn, np.random.default_rng(3)).cas_kt).nan_to_num().frac().abs().max() == 0
+        assert torch.tensor(reported(drawn, np.random.default_rng(3), 11.0).cas_kt).nan_to_num().frac().abs().max() == 0

@@ -25,7 +25,7 @@ from descentflow.surveillance.read_rows import read_rows
 from descentflow.surveillance.rows.drop_report import DropReport
 
 NOMINAL, BOTTOM_FL = "A320", 60
-"""Whose coefficients give the signatures of effects: flights of all types are taken, which both halves have alike."""
+"""The type whose coefficients give signatures of effects, for flights of all types, and the lowest level."""
 BIAS_KT, LATE_S, FACTOR = 8.0, 10.0, 1.2
 Bias = Callable[[pl.DataFrame], pl.DataFrame]
 

@@ -16,7 +16,6 @@ LINES = 30
 OUTER, INNER = "#f6d9c6", "#e9a87c"
 """5 to 95 %, and 25 to 75 %: also on paper without colour one is lighter than the other."""
 CAS, RATE = "CAS (kt)", "Vertical rate (ft/min)"
-"""Label of a quantity with its unit -> (n, L), NaN where a descent is not."""
 
 
 def curves_of(flown: Trajectories) -> dict[str, np.ndarray]:

@@ -116,7 +116,11 @@ def diagnose(
     opened = Inputs(
         real, simulator, typecode, bada_dir, nearest_type, any_type, air, columns, simulator_columns, say
     ).open()
-    made = opened.provenance({"seed": str(seed), "channels": ", ".join(wanted)})
+    asked = {"seed": str(seed), "channels": ", ".join(wanted)}
+    source = opened.simulator.aircraft.source
+    asked |= {"coefficients": source} if source.startswith("BADA") else {}
+    asked |= {} if bada_dir is None else {"bada_dir": Path(bada_dir).name}
+    made = opened.provenance(asked)
     made = replace(made, user_files=user_files)
     if out is not None:
         check_no_other_report(out, previous, made)

@@ -182,8 +182,11 @@ def repair_command(found: Findings) -> str:
     of_coefficients = any(one.effect in EFFECTS and EFFECTS[one.effect].of_coefficients for one in found.causes)
     if made is None or found.corrected_file.endswith(".ckpt") or not of_coefficients:
         return ""
-    code = found.details.typecode
-    return f"descentflow repair {_typed(made.real)} --aircraft {quote(code)} --out {quote(code)}.toml"
+    licence, _, model = made.settings.get("coefficients", "").partition(" file ")
+    code = quote(model if licence.startswith("BADA 4") else found.details.typecode)
+    folder = f" --bada-dir {quote(made.settings.get('bada_dir', 'BADA'))}" if licence else ""
+    ending = "html" if licence.startswith("BADA 4") else "toml"
+    return f"descentflow repair {_typed(made.real)} --aircraft {code}{folder} --out {code}.{ending}"
 
 
 def _typed(used: InputUsed) -> str:

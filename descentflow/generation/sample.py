@@ -127,6 +127,8 @@ def _along_path(field: str | Path, plan: GroundPlan) -> "Iterator[AirAlongPath]"
 
 def _check_memory(n: int, n_levels: int) -> None:
     """All samples are in memory together: more than the machine has of it end in hours without a word."""
+    if not hasattr(os, "sysconf"):
+        return  # Windows gives no more than it has, so that torch refuses at once
     each = n_levels * QUANTITIES * torch.float64.itemsize
     most = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // each
     if n > most:

@@ -10,7 +10,8 @@ FRONT_DOOR = """
 import os, sys, warnings
 for name in {blocked}:
     sys.modules[name] = None
-for name in ("fork", "geteuid", "O_CLOEXEC", "O_DIRECTORY", "O_NOFOLLOW"):
+for name in ("fork", "geteuid", "killpg", "setsid", "sched_getaffinity", "sysconf",
+             "O_CLOEXEC", "O_DIRECTORY", "O_NOFOLLOW"):
     delattr(os, name)
 warnings.filterwarnings("ignore", "only soft file lock", UserWarning)  # Windows has locks of its own
 
@@ -27,6 +28,9 @@ run("fit", "--model", "Gaussian", "--data.descents", "descents.parquet", *short)
 best = "runs/Gaussian/version_0/checkpoints/best.ckpt"
 run("sample", best, "-n", "20", "--out", "samples.parquet")
 model = df.fit(df.prepare("rows.parquet", typecode="A320"), model="gaussian")
+df.diagnose("rows.parquet", "A320", out="gap")
+df.evaluate(model, "descents.parquet")
+next(iter(df.Generator(model).next().trajectories.time_s))
 print(len(df.sample(model, n=20, seed=0)))
 """
 

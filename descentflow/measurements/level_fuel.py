@@ -90,8 +90,8 @@ def write_level_flight(descents: Descents, folder: Path, bada_dir: str | Path | 
     found = with_fuel(descents.level_flight, bada_dir)
     flights = by_flight(found)
     check_folder(folder, *FILES).mkdir(exist_ok=True)
-    write_table(flights, folder / FILES[0])
-    write_table(found, folder / FILES[1])
+    for table, name in ((flights, FILES[0]), (found, FILES[1])):
+        write_table(table.with_columns(pl.col(pl.Float64).round(3)), folder / name)
     with whole_file(folder / FILES[2]) as temporary:
         temporary.write_bytes(png(level_flight_figure(side_by_side({"flights": descents.report.notes})), 110))
     columns = [flights[name] for name in ("level_s", "fuel_kg", "idle_fuel_kg")]

@@ -11,7 +11,7 @@ from lxml import etree
 
 import descentflow as df
 from descentflow.core.errors import AircraftError, ConfigError
-from descentflow.diagnosis.report.page import repair_command
+from descentflow.diagnosis.report.page import next_command, repair_command
 from descentflow.physics.airspeed import tas_to_mach
 from descentflow.repairs.repair_found import Repair
 from descentflow.surveillance.descents.prepared_descents import Descents
@@ -89,6 +89,7 @@ def test_the_holders_file_is_changed_where_it_was_repaired_and_nowhere_else(foun
 def test_a_diagnosis_names_the_repair_of_the_model_itself(descents: Descents) -> None:
     found = df.diagnose(descents, typecode=MODEL, bada_dir=dummies())
     assert repair_command(found) == f"descentflow repair FLIGHTS --aircraft {MODEL} --bada-dir DUMMY --out {MODEL}.html"
+    assert next_command(found).startswith("descentflow diagnose --real FLIGHTS --bada-dir DUMMY --simulator")
 
 
 def test_what_cannot_be_written_is_refused(descents: Descents, tmp_path: Path) -> None:

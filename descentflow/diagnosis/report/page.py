@@ -161,7 +161,8 @@ def next_command(found: Findings, folder: str | Path = "gap", real: str = "", si
     place = Path(folder)
     if found.corrected_file.endswith(".ckpt"):
         return f"descentflow sample {quote(str(place / found.corrected_file))} -n 1000 --out samples.parquet"
-    again = f"descentflow diagnose --real {real or _typed(made.real)}"
+    folder = f" --bada-dir {quote(made.settings['bada_dir'])}" if "bada_dir" in made.settings else ""
+    again = f"descentflow diagnose --real {real or _typed(made.real)}{folder}"
     out = quote(f"{place}-next")
     if found.causes:
         return f"{again} --simulator FLOWN_AGAIN --previous {quote(str(place / 'gap.json'))} --out {out}"

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import torch
 
+from descentflow.core.errors import DataError
 from descentflow.diagnosis.inference.assumptions import ASSUMED
 from descentflow.diagnosis.inference.flight_effects import FlightShapes, differing
 from descentflow.diagnosis.inference.linear_gaussian import Array
 from descentflow.diagnosis.inference.moments import moments
 from descentflow.diagnosis.inference.signatures import Signatures
-from descentflow.diagnosis.inference.two_sides import MIN_FLIGHTS, compare
+from descentflow.diagnosis.inference.two_sides import compare
 from descentflow.effects import EFFECTS
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.repairs.flight_evidence import Evidence
@@ -36,11 +37,12 @@ def unusual_shifts(evidence: Evidence, aircraft: PerformanceModel) -> tuple[Arra
         ((120, 11), {})
     """
     found = np.zeros(evidence.log_rate.shape)
-    if int(evidence.seen.sum(0).max()) < MIN_FLIGHTS:
-        return found, {}
     log_rate = evidence.quantities.physics["log_rate"]
     physics = {**evidence.quantities.physics, "log_rate": torch.where(evidence.seen, log_rate, torch.nan)}
-    compared = compare(None, replace(evidence.quantities, physics=physics), aircraft)
+    try:
+        compared = compare(None, replace(evidence.quantities, physics=physics), aircraft)
+    except DataError:
+        return found, {}
     if "rate" not in compared.quantities():
         return found, {}
     known = moments(compared, ASSUMED)

@@ -16,6 +16,8 @@ from descentflow.aircraft_types.bada3.opf_file import opf_of, read_opf, write_op
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.cli.entry import main
 from descentflow.core.errors import ConfigError, DataError
+from descentflow.diagnosis.inference.two_sides import compare
+from descentflow.measurements.quantities import CHANNELS, quantities_of
 from descentflow.repairs.repair_found import COEFFICIENTS, Repair
 from descentflow.surveillance.descents.prepared_descents import Descents, write_descents
 
@@ -123,6 +125,12 @@ def test_the_page_shows_both_and_the_command_writes_the_same(
 def test_flights_that_tell_nothing_are_refused(change: object, aircraft: str, words: str, descents: Descents) -> None:
     with pytest.raises(DataError, match=words):
         df.repair(change(descents.frame), aircraft=aircraft)  # type: ignore[operator]
+
+
+def test_nothing_is_compared_where_no_band_has_ten_flights(descents: Descents) -> None:
+    few = descents.frame.filter(pl.col("flight_id").is_in(descents.frame["flight_id"].unique().sort().head(9)))
+    with pytest.raises(DataError, match="at least 10 flights"):
+        compare(None, quantities_of(few, 150, 340, CHANNELS), TRUE)
 
 
 def test_the_files_that_are_repaired_are_not_written_over(descents: Descents, bada: Path) -> None:

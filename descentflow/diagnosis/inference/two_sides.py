@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import torch
 from torch import Tensor
 
+from descentflow.core.errors import DataError
 from descentflow.core.units import FL_M
 from descentflow.diagnosis.inference.assumptions import ASSUMED, Assumptions
 from descentflow.diagnosis.inference.compared_state import by_own_turns, report_delay_s, state_of, turned_more
@@ -139,6 +140,9 @@ def compare(
         aircraft: Coefficients of the simulator.
         assumed: Constants.
 
+    Raises:
+        DataError: If no quantity is shown by ten flights of each side in one band.
+
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
         >>> from descentflow.measurements.quantities import CHANNELS, quantities_of
@@ -194,6 +198,12 @@ def compare(
             shown, *known = _drawn_in(sides, assumed.extreme, assumed.negligible_shift(name))
             normal = known[0] if anchored else (shown - shown.nanmean())[stand_in]
             columns.append(torch.cat([normal, shown]))
+    if not columns:
+        raise DataError(
+            f"no quantity that {MIN_FLIGHTS} of {len(real)} real flights show in one band",
+            expected=f"at least {MIN_FLIGHTS} flights on both sides through the same levels",
+            mend="give more flights",
+        )
     y = torch.stack(columns, 1)
     scale = _spread(y, is_real)
     return Compared(

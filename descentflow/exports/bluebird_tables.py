@@ -31,13 +31,14 @@ def tables(samples: pl.DataFrame) -> tuple[dict[str, Any], dict[str, Any]]:
 
     bluebird flies rate ``r(h) + d``, with one offset ``d`` of a truncated normal for each flight. ``r(h)`` is the
     harmonic mean rate by level times a factor, and factor and spread are those at which mean and spread of the time
-    from the median entry level to the lowest are the samples'.
+    from the median entry level to the lowest are the samples'. Where none has a part at constant Mach number (CAS), that
+    of the highest (lowest) level holds.
 
     Args:
         samples: Table of samples.
 
     Raises:
-        DataError: If fewer than 30 samples enter at the median entry level or above, or none has a constant speed.
+        DataError: If fewer than 30 samples enter at the median entry level or above.
 
     Example:
         >>> from descentflow.generation.sample import sample
@@ -101,12 +102,17 @@ def _speeds(samples: pl.DataFrame, levels: Array) -> tuple[Array, Array, pl.Data
         mach=pl.col("Mach").filter(on_mach).mean(), cas=pl.col("CAS").filter(~on_mach).mean(), share=on_mach.mean()
     )
     by_level = by_level.sort("level_fl")
+    # Flights of low levels have no part at constant Mach number: that of their highest level never limits them.
+    of_sample = samples.sort("level_fl").group_by("sample_id")
+    ends = of_sample.agg(mach=pl.col("Mach").last(), cas_kt=pl.col("CAS").first())
     found = []
-    for name, most in (("cas", by_level["share"] < 0.5), ("mach", by_level["share"] >= 0.5)):
+    for name, column, most in (("cas", "cas_kt", by_level["share"] < 0.5), ("mach", "mach", by_level["share"] >= 0.5)):
         known = by_level.filter(most & by_level[name].is_not_null())
         if known.is_empty():
-            raise DataError(f"samples without a part at constant {name}", expected="both", mend="draw more samples")
-        found.append(np.interp(levels, known["level_fl"].to_numpy(), known[name].to_numpy()))
+            phases = phases.drop(column).join(ends.select("sample_id", column), on="sample_id")
+            found.append(np.full(len(levels), phases[column].mean()))
+        else:
+            found.append(np.interp(levels, known["level_fl"].to_numpy(), known[name].to_numpy()))
     return found[0], found[1], phases
 
 

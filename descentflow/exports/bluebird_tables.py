@@ -31,8 +31,8 @@ def tables(samples: pl.DataFrame) -> tuple[dict[str, Any], dict[str, Any]]:
 
     bluebird flies rate ``r(h) + d``, with one offset ``d`` of a truncated normal for each flight. ``r(h)`` is the
     harmonic mean rate by level times a factor, and factor and spread are those at which mean and spread of the time
-    from the median entry level to the lowest are the samples'. Where none has a part at constant Mach number (CAS), that
-    of the highest (lowest) level holds.
+    from the median entry level to the lowest are the samples'. Where none has a part at constant Mach number (CAS),
+    that of the highest (lowest) level holds.
 
     Args:
         samples: Table of samples.

@@ -1,30 +1,41 @@
-"""Wrong files planted and repaired: python scripts/study_repair.py OUT.json [--seed 49] [--files 50].
+"""Wrong files planted and repaired: python scripts/study_repair.py OUT.json [--seed 49] [--files 50] [--jsbsim].
 
 Each file of a type is wrong in one to three of CD0, CD2 and idle thrust by 5 to 40 %. Twenty to 300 flights of the
 right file, some with brakes out and some in warm air and wind, repair it. Three questions are asked. Is the time of
 aircraft that were not used within 1.2 floors? Does a fresh diagnosis of the repaired nominal descent by other flights
 say none? Is each planted coefficient inside its 90 % interval, at the flights' own mean mass? The seed is fixed before
 the first look, and a set is judged once.
+
+With --jsbsim flights are of two JSBSim models. No file is right for them: one of other flights' repair stands for it,
+whose own interval is added to that of the planted coefficient.
 """
 
 import argparse
 import json
 import time
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import polars as pl
 
 import descentflow as df
 from descentflow.aircraft_types.bada3.apf_file import apf_of, write_apf
 from descentflow.aircraft_types.bada3.opf_file import opf_of, write_opf
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.errors import DescentflowError
+from descentflow.repairs.repair_found import Repair
+from studies.jsbsim_world.airframes import airframe_of
+from studies.jsbsim_world.fly_models import fly
 
 TYPES = ("A319", "A320", "A321", "B738", "E190")
 JUDGES = 200
 """Flights that judge; none of their aircraft is among those that repair."""
 COEFFICIENTS = ("cd0_cr", "cd2_cr", "ct_des_high")
+MODELS, MODEL_SEED = ("fokker100", "MD11"), 5000
+FIRST_FLIGHTS, POOL, MODEL_JUDGES = 60, 100, 60
+"""Flights of a JSBSim model whose repair stands for the right file, of which each file's are drawn, and that judge."""
 
 
 def main() -> None:
@@ -32,10 +43,13 @@ def main() -> None:
     parser.add_argument("out", type=Path)
     parser.add_argument("--seed", type=int, default=49)
     parser.add_argument("--files", type=int, default=50)
+    parser.add_argument("--jsbsim", action="store_true", help="flights of JSBSim's models (extra jsbsim)")
     args = parser.parse_args()
     found = []
+    one = model_file if args.jsbsim else one_file
     for number in range(args.files):
-        found.append(one_file(np.random.default_rng([args.seed, number]), number, args.out.parent))
+        rng = np.random.default_rng([args.seed, number])
+        found.append(one(rng, number, args.out.parent))
         args.out.write_text(json.dumps(found, indent=1))
         print(f"{number}: {found[-1]}", flush=True)
     print(summary(found))
@@ -45,9 +59,7 @@ def one_file(rng: np.random.Generator, number: int, folder: Path) -> dict[str, A
     """Plant, repair and judge one file."""
     began = time.monotonic()
     true = open_aircraft(str(rng.choice(TYPES)))
-    names = rng.choice(3, size=rng.integers(1, 4), replace=False)
-    factors = np.ones(3)
-    factors[names] = 1 + rng.choice([-1, 1], len(names)) * rng.uniform(0.05, 0.4, len(names))
+    names, factors = planted(rng)
     flights = round(float(np.exp(rng.uniform(np.log(20), np.log(300)))))
     beside: dict[str, dict[str, float]] = {}
     if rng.random() < 0.4:
@@ -62,12 +74,7 @@ def one_file(rng: np.random.Generator, number: int, folder: Path) -> dict[str, A
         beside["temperature"] = {"deviation_k": float(rng.uniform(-10, 15)), "spread_k": 2.0}
     if rng.random() < 0.4:
         beside["wind_gradient"] = {"slope_kt_per_kft": float(rng.uniform(-3, 3))}
-    wrong = true.with_factors(parasitic=float(factors[0]), induced=float(factors[1]), idle=float(factors[2]))
-    bada = folder / f"file_{number:02d}"
-    bada.mkdir(parents=True, exist_ok=True)
-    name = f"{true.typecode:_<6}"
-    write_opf(opf_of(wrong), bada / f"{name}.OPF")
-    write_apf(apf_of(wrong), bada / f"{name}.APF")
+    bada = written(true, factors, folder / f"file_{number:02d}")
     seed = int(rng.integers(1, 2**30))
     world = df.simulate(true, flights, seed=seed, plant=beside)
     facts = {
@@ -76,10 +83,9 @@ def one_file(rng: np.random.Generator, number: int, folder: Path) -> dict[str, A
         "factors": factors.round(3).tolist(),
         "beside": sorted(beside),
     }
+    out = folder / f"repaired_{number:02d}"
     try:
-        out = folder / f"repaired_{number:02d}"
-        out.mkdir(exist_ok=True)
-        repair = df.repair(df.prepare(world), aircraft=true.typecode, bada_dir=bada, out=out / f"{true.typecode}.toml")
+        repair = repaired(df.prepare(world), true.typecode, bada, out)
     except DescentflowError as error:
         return facts | {"error": str(error)}
     gauge = float(world.flights["mass_kg"].to_numpy().mean()) / float(true.mass_reference_kg)
@@ -87,12 +93,77 @@ def one_file(rng: np.random.Generator, number: int, folder: Path) -> dict[str, A
     mine = {one.name: one for one in repair.estimates}
     inside = [bool(mine[n].low <= value <= mine[n].high) for n, value in zip(COEFFICIENTS, truth, strict=True)]
     judge = df.prepare(df.simulate(true, JUDGES, seed=seed + 1))
-    report = df.diagnose(judge, df.aircraft(true.typecode, bada_dir=out), seed=0)
+    return facts | {"planted": sorted(int(k) for k in names), "inside": inside} | judged(repair, judge, out, began)
+
+
+def model_file(rng: np.random.Generator, number: int, folder: Path) -> dict[str, Any]:
+    """Plant, repair and judge one file by flights of a JSBSim model."""
+    began = time.monotonic()
+    airframe = airframe_of(MODELS[number % len(MODELS)])
+    right, pool, judge = _model_flights(airframe.name, airframe.reference, folder)
+    names, factors = planted(rng)
+    bada = written(right.after, factors, folder / f"file_{number:02d}")
+    tails = rng.permutation(pool["icao24"].unique().sort().to_numpy())
+    flights = pool.filter(pl.col("icao24").is_in(tails[: round(float(np.exp(rng.uniform(np.log(6), np.log(20)))))]))
+    facts = {"type": airframe.name, "flights": flights["flight_id"].n_unique(), "factors": factors.round(3).tolist()}
+    out = folder / f"repaired_{number:02d}"
+    try:
+        repair = repaired(flights, airframe.reference, bada, out)
+    except DescentflowError as error:
+        return facts | {"error": str(error)}
+    pairs = [[{one.name: one for one in found.estimates}[n] for found in (right, repair)] for n in COEFFICIENTS]
+    inside = [
+        abs(now.after - first.after) <= np.hypot(first.high - first.low, now.high - now.low) / 2 for first, now in pairs
+    ]
+    return (
+        facts
+        | {"planted": sorted(int(k) for k in names), "inside": [bool(one) for one in inside]}
+        | judged(repair, judge, out, began)
+    )
+
+
+@cache
+def _model_flights(model: str, typecode: str, folder: Path) -> tuple[Repair, pl.DataFrame, pl.DataFrame]:
+    """The file that stands for the right one, flights to draw from, and those that judge."""
+    first, pool, judge = (
+        df.prepare(fly(model, flights, MODEL_SEED + k, typecode=typecode).rows).frame
+        for k, flights in enumerate((FIRST_FLIGHTS, POOL, MODEL_JUDGES))
+    )
+    out = folder / f"right_{model}"
+    out.mkdir(parents=True, exist_ok=True)
+    return df.repair(first, aircraft=typecode, out=out / f"{typecode}.toml"), pool, judge
+
+
+def planted(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Positions of the coefficients that are off, and all three factors."""
+    names = rng.choice(3, size=rng.integers(1, 4), replace=False)
+    factors = np.ones(3)
+    factors[names] = 1 + rng.choice([-1, 1], len(names)) * rng.uniform(0.05, 0.4, len(names))
+    return names, factors
+
+
+def written(true: Any, factors: np.ndarray, folder: Path) -> Path:
+    """Folder of the wrong file."""
+    wrong = true.with_factors(parasitic=float(factors[0]), induced=float(factors[1]), idle=float(factors[2]))
+    folder.mkdir(parents=True, exist_ok=True)
+    name = f"{true.typecode:_<6}"
+    write_opf(opf_of(wrong), folder / f"{name}.OPF")
+    write_apf(apf_of(wrong), folder / f"{name}.APF")
+    return folder
+
+
+def repaired(flights: Any, typecode: str, bada: Path, out: Path) -> Repair:
+    """The repair, its files written."""
+    out.mkdir(exist_ok=True)
+    return df.repair(flights, aircraft=typecode, bada_dir=bada, out=out / f"{typecode}.toml")
+
+
+def judged(repair: Repair, judge: Any, out: Path, began: float) -> dict[str, Any]:
+    """A fresh diagnosis by other flights, and errors on aircraft that were not used."""
+    report = df.diagnose(judge, df.aircraft(repair.after.typecode, bada_dir=out), seed=0)
     cost = next((one for one in report.costs if one.name == "time"), None)
-    return facts | {
+    return {
         "changed": repair.changed,
-        "inside": inside,
-        "planted": sorted(int(k) for k in names),
         "verdict": report.verdict,
         "causes": [cause.effect for cause in report.causes],
         "time_before": repair.held_out.time.before,

@@ -33,7 +33,7 @@ TYPES = ("A319", "A320", "A321", "B738", "E190")
 JUDGES = 200
 """Flights that judge; none of their aircraft is among those that repair."""
 COEFFICIENTS = ("cd0_cr", "cd2_cr", "ct_des_high")
-MODELS, MODEL_SEED = ("fokker100", "MD11"), 5000
+MODELS, MODEL_SEED = ("fokker100", "MD11"), 6100
 FIRST_FLIGHTS, POOL, MODEL_JUDGES = 60, 100, 60
 """Flights of a JSBSim model whose repair stands for the right file, of which each file's are drawn, and that judge."""
 

@@ -104,7 +104,7 @@ def test_evaluation_leaves_out_what_the_model_has_seen(model: Gaussian, descents
     assert len(found.to_pandas()) == len(found.to_polars())
     found.write(tmp_path / "e", figures=False)
     assert sorted(path.name for path in (tmp_path / "e").iterdir()) == [
-        "classifier.csv", "rejections.json", "scores.csv"
+        "classifier.csv", "level_flight.csv", "rejections.json", "scores.csv"
     ]  # fmt: skip
 
 

@@ -136,7 +136,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         if self.training_method == "svi":
             if self._gaussian is None:
                 self._gaussian = one_gaussian(*training_flights(self))
-            weights = drawn_weights(self._gaussian, batch[0], None, *batch[1:])
+            weights = drawn_weights(self._gaussian, batch[0], self.seed_of_batch(batch_index), *batch[1:])
             with self.converging():
                 loss = self.density.negative_elbo(weights, *batch[1:]) / len(weights)
             self.log("train/nll", loss, on_epoch=True, on_step=False, sync_dist=True, batch_size=len(weights))

@@ -75,7 +75,7 @@ def fit_and_score(plan: StudyPlan, name: str, folder: Path) -> None:
         >>> _ = shutil.copy("descents.parquet", folder), shutil.copy("best.ckpt", folder / "gaussian" / "model.ckpt")
         >>> fit_and_score(plan, "gaussian", folder)  # fitted already: only the scores are left
         >>> sorted(path.name for path in (folder / "gaussian").glob("*.csv"))
-        ['classifier.csv', 'intervals.csv', 'scores.csv']
+        ['classifier.csv', 'intervals.csv', 'level_flight.csv', 'scores.csv']
     """
     from descentflow.evaluation.evaluate import evaluate
 

@@ -30,10 +30,10 @@ def by_hand(rows: pl.DataFrame) -> dict[str, list[tuple[float, float]]]:
         flight = flight.sort("timestamp")
         time = flight["timestamp"].dt.epoch("us").to_numpy() / 1e6
         altitude, rate = flight["altitude"].to_numpy(), flight["vertical_rate"].to_numpy()
-        if altitude.max() - altitude.min() < 5000:
-            continue
         segments, now = [], []
         top = max(i for i in range(len(time)) if altitude[i] >= altitude.max() - 200)
+        if altitude.max() - altitude[top:].min() < 5000:
+            continue
         for i in range(top, len(time)):
             level = altitude[i] >= 1800 and abs(rate[i]) <= 300
             if now and (not level or time[i] - time[i - 1] > 60):
@@ -135,6 +135,16 @@ def test_sides_are_beside_each_other_by_altitude(world) -> None:
     whole = by_flight(prepare(world.rows, typecode="A320").level_flight)
     assert mine["level_s"].sum() == pytest.approx(whole["level_s"].mean(), abs=0.1)
     assert found.filter(side="samples").select("continuous", "level_s").unique().rows() == [(1.0, 0.0)]
+
+
+def test_a_climb_is_no_descent_without_level_flight() -> None:
+    """A departure, and one that turns back after it has lost 4,000 ft, which is too little."""
+    seconds = np.arange(0, 1000, 10.0)
+    climb = 2000 + 20.0 * seconds
+    for name, altitude in (("climb", climb), ("back", np.minimum(climb, climb[-1] - 40 * (seconds - 900)))):
+        rows = pl.DataFrame({"flight_id": name, "timestamp": seconds, "altitude": altitude})
+        rows = rows.with_columns(pl.from_epoch((pl.col("timestamp") * 1e6).cast(pl.Int64), "us"))
+        assert stretches(rows).is_empty()
 
 
 def test_few_or_odd_rows_have_no_segment() -> None:

@@ -103,10 +103,10 @@ def _descents(rows: pl.DataFrame) -> pl.DataFrame:
     altitude, flight = pl.col("altitude"), "flight_id"
     highest = altitude.max().over(flight)
     last = pl.col("timestamp").filter(altitude >= highest - TOP_FT).max().over(flight)
-    lost = highest - altitude.min().over(flight)
-    kept = rows.with_columns(top_ft=highest).filter(
-        (pl.col("timestamp") >= last) & (lost >= LEAST_DESCENT_FT) & (altitude >= BOTTOM_FT)
-    )
+    # Of what comes after: a climb begins low as well.
+    after = rows.with_columns(top_ft=highest).filter(pl.col("timestamp") >= last)
+    lost = pl.col("top_ft") - altitude.min().over(flight)
+    kept = after.filter((lost >= LEAST_DESCENT_FT) & (altitude >= BOTTOM_FT))
     seconds = pl.col("timestamp").diff().over(flight).dt.total_microseconds() / 1e6
     flown = (pl.col("speed") + pl.col("speed").shift()) / 2 * seconds / 3600
     return kept.with_columns(seconds=seconds, flown=flown)

@@ -156,7 +156,7 @@ class GaussianMixtureDensity(Density):
         """Loss of stochastic variational inference for weights (n, d), the component summed out: their NLL.
 
         Raises:
-            LinAlgError: If a component has lost its width in floating point.
+            torch.linalg.LinAlgError: If a component has lost its width in floating point.
         """
         if not bool((self.program.scale_trils.diagonal(dim1=1, dim2=2) > 0).all()):
             raise torch.linalg.LinAlgError("a covariance that is not positive definite")  # type: ignore[attr-defined]

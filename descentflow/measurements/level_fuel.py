@@ -6,7 +6,7 @@ import polars as pl
 import torch
 
 from descentflow.aircraft_types.registry import aircraft
-from descentflow.core.errors import AircraftError, ConfigError
+from descentflow.core.errors import AircraftError, ConfigError, UnknownTypeError, warn
 from descentflow.core.files import check_folder
 from descentflow.core.tabular import write_table
 from descentflow.core.units import FT_M, KT_MPS
@@ -32,6 +32,9 @@ def with_fuel(found: pl.DataFrame, bada_dir: str | Path | None = None) -> pl.Dat
         The rows with ``fuel_kg``, and ``idle_fuel_kg`` that the type burns at idle in the same seconds, at the same
         altitude and speed. Missing at other kinds, without an IAS, and of types that are not known.
 
+    Warns:
+        DescentflowWarning: If the coefficients of a type cannot be read.
+
     Example:
         >>> where = {"kind": "level", "typecode": "A320", "altitude_ft": 1e4, "IAS": 250.0}
         >>> level = pl.DataFrame([{**where, "seconds": 60.0}])
@@ -44,7 +47,9 @@ def with_fuel(found: pl.DataFrame, bada_dir: str | Path | None = None) -> pl.Dat
         cas, altitude, seconds = (torch.from_numpy(one.cast(pl.Float64).to_numpy().copy()) for one in columns)
         try:
             model = aircraft(str(code), bada_dir)
-        except AircraftError:
+        except AircraftError as error:
+            if not isinstance(error, UnknownTypeError):
+                warn(f"no fuel of level flight of {code}: {error}")
             flows = [torch.full_like(cas, torch.nan)] * 2
         else:
             idle = model.idle_fuel_flow_kg_s(altitude, cas_to_tas_mps(cas, altitude))

@@ -1,5 +1,7 @@
 """Level flight in descents, beside twenty lines that follow EUROCONTROL's definition row by row, and the truth."""
 
+from dataclasses import replace
+
 import numpy as np
 import polars as pl
 import pytest
@@ -8,13 +10,15 @@ import torch
 import descentflow as df
 from descentflow.aircraft_types.registry import aircraft
 from descentflow.cli.entry import main
-from descentflow.core.units import FL_M, FT_M, KT_MPS
+from descentflow.core.errors import DescentflowWarning
+from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
 from descentflow.evaluation.level_flight_beside import in_words, sampled_level_flight
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.measurements.level_fuel import with_fuel
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
+from descentflow.simulation.scenarios import scenario_settings
 from descentflow.simulation.world import simulate
-from descentflow.surveillance.cleaning.level_flight import CONTINUOUS, FLIGHTS, by_flight, side_by_side, stretches
+from descentflow.surveillance.cleaning.level_flight import CONTINUOUS, FLIGHTS, RARE, by_flight, side_by_side, stretches
 from descentflow.surveillance.prepare import prepare
 
 
@@ -126,6 +130,60 @@ def test_prepare_counts_it_and_has_the_table(world, tmp_path) -> None:
     assert by_flight(by_partition.level_flight.sort("flight_id", "kind", "timestamp")).equals(own)
 
 
+def truth_of(plant: dict) -> pl.DataFrame:
+    """Every second of 40 flights, without the flare at the end that no arrival has."""
+    model = aircraft("A320")
+    config = replace(scenario_settings("plain", model), interval_s=1)
+    truth = simulate(model, 40, seed=48, scenario=config, plant=plant).truth.sort("flight_id", "timestamp")
+    lowest = pl.col("altitude_m").min().over("flight_id")
+    return truth.filter(pl.col("altitude_m") >= lowest + 150)
+
+
+def reported(truth: pl.DataFrame, every_s: int, rated: bool) -> pl.DataFrame:
+    """Reports in steps of 25 ft, 64 ft/min, 1 kt and Mach 0.004."""
+    kept = truth.filter(pl.int_range(pl.len()).over("flight_id") % every_s == 0)
+    noise = np.random.default_rng(7).standard_normal((2, len(kept)))
+    fields = {
+        "altitude": (kept["altitude_m"].to_numpy() / FT_M + 5 * noise[0], 25),
+        "vertical_rate": (kept["rate_mps"].to_numpy() / FPM_MPS + 40 * noise[1], 64),
+        "IAS": (kept["cas_mps"].to_numpy() / KT_MPS, 1),
+        "Mach": (kept["mach"].to_numpy(), 0.004),
+    }
+    stepped = {name: np.rint(value / step) * step for name, (value, step) in fields.items()}
+    rows = kept.select("flight_id", "timestamp", icao24="flight_id", typecode=pl.lit("A320"))
+    return rows.with_columns(**stepped).drop([] if rated else ["vertical_rate"])
+
+
+def test_seconds_level_are_those_that_were_flown() -> None:
+    truth = truth_of({"level_off": {"share": 1.0, "duration_s": 100.0, "duration_range_s": 60.0}})
+    rates = truth.with_columns(vertical_rate=pl.col("rate_mps") / FPM_MPS, altitude=pl.col("altitude_m") / FT_M)
+    flown = {name: sum(s for s, _ in found) for name, found in by_hand(rates).items()}
+    assert min(flown.values()) > 30
+    for every_s, rated in ((1, True), (1, False), (4, True), (4, False), (30, True)):
+        found = by_flight(prepare(reported(truth, every_s, rated)).level_flight)
+        error = found["level_s"].to_numpy() - [flown[name] for name in found["flight_id"]]
+        if every_s < 30:
+            # The flare passes 300 ft/min at 15 ft/min a second, with noise of 40 in steps of 64; and one report.
+            assert np.abs(error).max() < 10 + every_s
+        # From the first level report to the last: short by one interval a segment, here one a flight.
+        assert -every_s - 4 < error.mean() < 0
+        assert found["interval_s"].to_list() == [every_s] * 40
+
+
+def test_seconds_at_a_held_rate_are_those_that_were_flown_or_missing() -> None:
+    truth = truth_of({"vertical_speed_mode": {"share": 1.0}})
+    flown = truth.filter(label="constant_rate").height
+    for every_s in (1, 4, 30):
+        prepared = prepare(reported(truth, every_s, True))
+        held = by_flight(prepared.level_flight)["held_s"]
+        if every_s == 30:
+            assert (held.null_count(), prepared.report.notes[RARE]) == (40, 40)
+        else:
+            # Measured within 11 % on 60 to 100 flights; labels call the first 15 s of each a transient.
+            assert held.sum() == pytest.approx(flown, rel=0.15)
+            assert RARE not in prepared.report.notes
+
+
 def test_sides_are_beside_each_other_by_altitude(world) -> None:
     notes = prepare(world.rows, typecode="A320").report.notes
     free = {FLIGHTS: 10, CONTINUOUS: 10}
@@ -171,6 +229,8 @@ def test_fuel_of_level_flight_is_that_of_its_drag_beside_idle(world) -> None:
     of_none = by_flight(with_fuel(level.with_columns(typecode=pl.lit("ZZZZ"))))
     assert of_none.filter(pl.col("segments") > 0)["fuel_kg"].null_count() > 0
     assert of_none.filter(segments=0)["fuel_kg"].to_list() == [0.0] * of_none.filter(segments=0).height
+    with pytest.warns(DescentflowWarning, match=r"no fuel of level flight of A320: .*expected an existing folder"):
+        assert with_fuel(level, "no_such")["fuel_kg"].null_count() == len(level)
 
 
 def test_the_command_writes_tables_a_picture_and_the_air(world, tmp_path, capsys) -> None:

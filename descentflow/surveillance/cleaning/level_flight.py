@@ -10,6 +10,7 @@ from collections.abc import Mapping
 import polars as pl
 
 from descentflow.surveillance.cleaning.rates import with_rate
+from descentflow.surveillance.cleaning.thresholds import Fixed
 from descentflow.surveillance.rows.air_data import isa_tas_of_mach_kt
 from descentflow.surveillance.rows.drop_report import DropReport
 
@@ -28,10 +29,13 @@ LEAST_DESCENT_FT = 5000.0
 """Height that a flight loses at least to be counted among descents. Ours, for receivers see parts of flights."""
 LONGEST_GAP_S = 60.0
 """Between reports of one segment. Ours."""
+RARE_S = Fixed.constant_rate_side_s / (Fixed.constant_rate_side_reports - 1)
+"""Reports so far apart do not show where a held rate begins and ends."""
 BAND_FT = 5000
 """Height of the bands of altitude in which the report counts."""
 FLIGHTS, CONTINUOUS = "flights that descend by 5,000 ft or more", "of them without level flight (300 ft/min, 20 s)"
 IN_BAND, HELD = "seconds level in descents from FL", "seconds at a held rate in descents"
+RARE = f"descents whose reports are {RARE_S:.0f} s apart or more, too rare to show a held rate"
 SPEEDS = ("groundspeed", "TAS", "Mach", "IAS")
 
 
@@ -45,10 +49,10 @@ def stretches(rows: pl.DataFrame, held: pl.Series | None = None, gap_s: float = 
         gap_s: Longest time between reports of one segment.
 
     Returns:
-        ``flight_id kind timestamp seconds altitude_ft distance_nm IAS``: one row with the kind ``descent`` for each
-        flight that loses 5,000 ft, and one for each of its segments, ``level`` or ``held``. The time is that of the
-        begin, altitude and IAS (kt) are means. The distance is over the ground, or through standard air without a
-        groundspeed; missing where no speed is known.
+        ``flight_id kind timestamp seconds interval_s altitude_ft distance_nm IAS``: one row with the kind ``descent``
+        for each flight that loses 5,000 ft, and one for each of its segments, ``level`` or ``held``. The time is that
+        of the begin, altitude and IAS (kt) are means, ``interval_s`` is the median time between reports. The distance
+        is over the ground, or through standard air without a groundspeed; missing where no speed is known.
 
     Example:
         >>> from datetime import datetime, timedelta
@@ -127,6 +131,7 @@ def _runs(descent: pl.DataFrame, flag: pl.Expr, kind: str, gap_s: float) -> pl.D
             pl.lit(kind).alias("kind"),
             pl.col("timestamp").first(),
             pl.col("seconds").sum(),
+            interval_s=pl.col("seconds").median(),
             altitude_ft=pl.col("altitude").mean(),
             distance_nm=pl.when(pl.col("speed").is_not_null().all()).then(pl.col("flown").sum()),
             IAS=pl.col("IAS").mean(),
@@ -145,9 +150,10 @@ def by_flight(found: pl.DataFrame) -> pl.DataFrame:
             (:mod:`descentflow.measurements.level_fuel`).
 
     Returns:
-        One row for each flight: ``flight_id segments level_s distance_nm descent_s lowest_ft held_s``, and the sums of
-        ``fuel_kg`` and ``idle_fuel_kg`` where the segments have them. Zeros where its descent is continuous, missing
-        where a segment's is; ``lowest_ft`` is the altitude of the lowest level segment.
+        One row for each flight: ``flight_id segments level_s distance_nm descent_s interval_s lowest_ft held_s``, and
+        the sums of ``fuel_kg`` and ``idle_fuel_kg`` where the segments have them. Zeros where its descent is
+        continuous, missing where a segment's is, or where reports are too rare for a held rate; ``lowest_ft`` is the
+        altitude of the lowest level segment.
 
     Example:
         >>> found = by_flight(stretches(pl.read_parquet("rows.parquet")))
@@ -155,6 +161,7 @@ def by_flight(found: pl.DataFrame) -> pl.DataFrame:
         (120, True)
     """
     level, seconds = pl.col("kind") == "level", pl.col("seconds")
+    interval = pl.col("interval_s").filter(pl.col("kind") == "descent").first()
 
     def known(name: str) -> pl.Expr:
         value = pl.col(name).filter(level)
@@ -166,16 +173,17 @@ def by_flight(found: pl.DataFrame) -> pl.DataFrame:
         seconds.filter(level).sum().alias("level_s"),
         known("distance_nm"),
         seconds.filter(pl.col("kind") == "descent").sum().alias("descent_s"),
+        interval.alias("interval_s"),
         pl.col("altitude_ft").filter(level).min().alias("lowest_ft"),
-        seconds.filter(pl.col("kind") == "held").sum().alias("held_s"),
+        pl.when(interval < RARE_S).then(seconds.filter(pl.col("kind") == "held").sum()).alias("held_s"),
         *(known(name) for name in ("fuel_kg", "idle_fuel_kg") if name in found.columns),
     )
 
 
 def note_level_flight(found: pl.DataFrame, report: DropReport) -> None:
-    """Count flights that descend, those of them without level flight, and the seconds level by altitude."""
-    level = found.filter(kind="level")
-    flights = found.filter(kind="descent").height
+    """Count flights that descend, those without level flight, seconds level by altitude, and seconds at held rates."""
+    level, descents = found.filter(kind="level"), found.filter(kind="descent")
+    flights = descents.height
     report.note(FLIGHTS, flights)
     report.note(CONTINUOUS, flights - level["flight_id"].n_unique())
     report.note("level segments in descents", len(level))
@@ -183,6 +191,7 @@ def note_level_flight(found: pl.DataFrame, report: DropReport) -> None:
     for band, seconds in bands.sort("band").iter_rows():
         report.note(f"{IN_BAND}{band * BAND_FT // 100:03d}", round(seconds))
     report.note(HELD, round(found.filter(kind="held")["seconds"].sum()))
+    report.note(RARE, int((descents["interval_s"] >= RARE_S).sum()))
 
 
 def side_by_side(sides: Mapping[str, Mapping[str, int]]) -> pl.DataFrame:

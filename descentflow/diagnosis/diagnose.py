@@ -49,8 +49,8 @@ def diagnose(
         real: Path of rows or of prepared descents (file, folder or store), several such paths, descents as
             :func:`descentflow.surveillance.prepare.prepare` returns them, or a table (Polars or pandas) of them.
         simulator: Path of a checkpoint, a density, or a fitted model; flights of any simulator, in every form of
-            ``real``; the designator of a type (``"A320"``) or its coefficients, for nominal BADA at each flight's own
-            speed. Files are recognised by their content.
+            ``real``; the designator of a type (``"A320"``), the name of a model of BADA 4, or coefficients, for
+            nominal BADA at each flight's own speed. Files are recognised by their content.
         typecode: Designator of a type: in place of ``simulator``, its nominal descent; beside a simulator's flights,
             whose coefficients give the signatures of effects (the flights' own type if absent).
         nearest_type: Whether the nearest type may stand for flights whose type has no coefficients, see

@@ -33,6 +33,8 @@ Air = str | Path | Sequence[str | Path] | None
 """Source of flights' air: ``measured``, or the files of a weather field."""
 DESIGNATOR = re.compile(r"[A-Z][A-Z0-9]{1,3}")
 """Type designators of ICAO Doc 8643: two to four letters and digits, a letter first."""
+MODEL_NAME = re.compile(r"[\w-]+")
+"""Names of models of BADA 4, such as A320-231; names of files have a dot."""
 CHECKPOINT_SUFFIXES = (".ckpt", ".pt", ".pth")
 """Endings of names of checkpoints: a damaged one still is no table of rows."""
 
@@ -145,7 +147,7 @@ class Inputs:
         if self.simulator is None:
             # Of BADA 4 the name of a model stands for a type, and is no designator.
             return replace(self, simulator=find_aircraft(str(self.typecode), self.bada_dir), typecode=None).open()
-        if isinstance(self.simulator, PerformanceModel) or is_designator(self.simulator):
+        if isinstance(self.simulator, PerformanceModel) or is_type(self.simulator, self.bada_dir):
             self._refuse(TYPE)
             return self._nominal()
         if are_flights(self.simulator):
@@ -273,14 +275,17 @@ class Inputs:
         return found, CoefficientsUsed(found.typecode, found.source, of_flights, nearest, asked)
 
 
-def is_designator(simulator: object) -> bool:
-    """Test for a text that is the designator of a type, and not the name of a file.
+def is_type(simulator: object, bada_dir: str | Path | None = None) -> bool:
+    """Test for a text that is the designator of a type, or of a model in a folder of BADA 4, and no file.
 
     Example:
-        >>> is_designator("A320"), is_designator("best.ckpt"), is_designator(Path("A320"))
+        >>> is_type("A320"), is_type("best.ckpt"), is_type(Path("A320"))
         (True, False, False)
+        >>> is_type("A320-231"), is_type("A320-231", "bada"), is_type("best.ckpt", "bada")
+        (False, True, False)
     """
-    return isinstance(simulator, str) and DESIGNATOR.fullmatch(simulator) is not None and not Path(simulator).exists()
+    named = DESIGNATOR if bada_dir is None else MODEL_NAME
+    return isinstance(simulator, str) and named.fullmatch(simulator) is not None and not Path(simulator).exists()
 
 
 def are_flights(simulator: Any) -> bool:
@@ -302,7 +307,7 @@ def are_flights(simulator: Any) -> bool:
     for path in paths:
         if not path.exists():
             error = CheckpointError if path.suffix in CHECKPOINT_SUFFIXES else DataError
-            typed = is_designator(path.name)
+            typed = MODEL_NAME.fullmatch(str(path))
             raise error(
                 f"no file {path}",
                 expected="a checkpoint, or rows or prepared descents of a simulator's flights",

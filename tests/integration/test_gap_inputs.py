@@ -7,10 +7,11 @@ import gap_toys
 import polars as pl
 import pytest
 import torch
+from bada4_dummies import dummies
 from lightning.pytorch import Trainer
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-from descentflow.core.errors import AircraftError, ConfigError, DescentflowWarning
+from descentflow.core.errors import AircraftError, ConfigError, DataError, DescentflowWarning
 from descentflow.densities.checkpoint import load_model
 from descentflow.diagnosis.diagnose import diagnose
 from descentflow.diagnosis.diagnosis_inputs import Inputs
@@ -87,6 +88,10 @@ def test_nominal_bada_may_be_a_designator_or_coefficients(folder: Path) -> None:
     assert findings_alone(by_name) == findings_alone(by_keyword) == findings_alone(by_coefficients)
     with pytest.raises(AircraftError):
         diagnose(real, "ZZZ9")
+    model = Inputs(real, "Dummy-TWIN", bada_dir=dummies(), any_type=True).open().simulator.aircraft
+    assert model.source == "BADA 4.3 file Dummy-TWIN"
+    with pytest.raises(DataError, match=r"no file Dummy-TWIN; .* ask for nominal BADA with typecode"):
+        diagnose(real, Path("Dummy-TWIN"), bada_dir=dummies())
     with pytest.raises(ConfigError, match="a model of type int"):
         diagnose(real, 3)
     with pytest.raises(ConfigError, match="BADA files for a simulator"):

@@ -151,8 +151,8 @@ def _folder(bada_dir: str | Path) -> Path:
     if not folder.is_dir():
         raise AircraftError(
             f"BADA directory {folder}",
-            expected="an existing directory with OPF, APF and SYNONYM.NEW files",
-            mend="pass the directory of your BADA 3 release as --bada-dir (of fit: --data.bada_dir)",
+            expected="an existing folder of BADA 3 (OPF, APF and SYNONYM.NEW files) or BADA 4 (GPF.xml)",
+            mend="pass the folder of your release as --bada-dir (of fit: --data.bada_dir)",
         )
     return folder
 

@@ -97,7 +97,7 @@ def file_of(typecode: str, folder: Path) -> Path:
         raise AircraftError(
             f"{len(files)} models of type {wanted} in {folder}: {', '.join(file.stem for file in files)}",
             expected="one model for a type",
-            mend="name the model in place of the type",
+            mend=f"name the model in place of the type, or one for each type in {SYNONYMS}",
         )
     return files[0]
 

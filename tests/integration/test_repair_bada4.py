@@ -89,7 +89,8 @@ def test_the_holders_file_is_changed_where_it_was_repaired_and_nowhere_else(foun
 def test_a_diagnosis_names_the_repair_of_the_model_itself(descents: Descents) -> None:
     found = df.diagnose(descents, typecode=MODEL, bada_dir=dummies())
     assert repair_command(found) == f"descentflow repair FLIGHTS --aircraft {MODEL} --bada-dir DUMMY --out {MODEL}.html"
-    assert next_command(found).startswith("descentflow diagnose --real FLIGHTS --bada-dir DUMMY --simulator")
+    again = f"descentflow diagnose --real FLIGHTS --bada-dir DUMMY --typecode {MODEL} --simulator"
+    assert next_command(found).startswith(again)
 
 
 def test_what_cannot_be_written_is_refused(descents: Descents, tmp_path: Path) -> None:

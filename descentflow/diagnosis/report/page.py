@@ -7,7 +7,7 @@ from typing import Any
 
 from descentflow.diagnosis.findings.costs_found import Measured
 from descentflow.diagnosis.findings.findings import SEEN, Curve, DetectionLimit, Findings
-from descentflow.diagnosis.findings.inputs_found import InputUsed
+from descentflow.diagnosis.findings.inputs_found import InputUsed, Provenance
 from descentflow.diagnosis.findings.plain_values import percent
 from descentflow.diagnosis.inference.assumptions import ASSUMED
 from descentflow.diagnosis.report.page_tables import (
@@ -165,6 +165,8 @@ def next_command(found: Findings, folder: str | Path = "gap", real: str = "", si
     again = f"descentflow diagnose --real {real or _typed(made.real)}{folder}"
     out = quote(f"{place}-next")
     if found.causes:
+        # Flights have a designator, which may be that of several models.
+        again += f" --typecode {quote(_bada4_model(made))}" if _bada4_model(made) else ""
         return f"{again} --simulator FLOWN_AGAIN --previous {quote(str(place / 'gap.json'))} --out {out}"
     simulator = simulator or f"--simulator {_typed(made.simulator)}"
     return f"{again} {simulator} --catalogue MY_EFFECTS.py --out {out}"
@@ -183,11 +185,18 @@ def repair_command(found: Findings) -> str:
     of_coefficients = any(one.effect in EFFECTS and EFFECTS[one.effect].of_coefficients for one in found.causes)
     if made is None or found.corrected_file.endswith(".ckpt") or not of_coefficients:
         return ""
-    licence, _, model = made.settings.get("coefficients", "").partition(" file ")
-    code = quote(model if licence.startswith("BADA 4") else found.details.typecode)
-    folder = f" --bada-dir {quote(made.settings.get('bada_dir', 'BADA'))}" if licence else ""
-    ending = "html" if licence.startswith("BADA 4") else "toml"
+    model = _bada4_model(made)
+    code = quote(model or found.details.typecode)
+    licensed = "coefficients" in made.settings
+    folder = f" --bada-dir {quote(made.settings.get('bada_dir', 'BADA'))}" if licensed else ""
+    ending = "html" if model else "toml"
     return f"descentflow repair {_typed(made.real)} --aircraft {code}{folder} --out {code}.{ending}"
+
+
+def _bada4_model(made: Provenance) -> str:
+    """Name of the model of BADA 4 whose coefficients were used; empty for others."""
+    licence, _, model = made.settings.get("coefficients", "").partition(" file ")
+    return model if licence.startswith("BADA 4") else ""
 
 
 def _typed(used: InputUsed) -> str:

@@ -232,7 +232,7 @@ def test_empty_foreign_and_absent_files_are_refused(release, tmp_path):
     (release / "J2M___.OPF").unlink()
     with pytest.raises(AircraftError, match="No such file"):
         load_aircraft("A320", release)
-    with pytest.raises(AircraftError, match="existing directory"):
+    with pytest.raises(AircraftError, match="an existing folder of BADA 3"):
         load_aircraft("A320", tmp_path / "nowhere")
     (tmp_path / "empty").mkdir()
     with pytest.raises(AircraftError, match="neither SYNONYM"):

@@ -100,7 +100,7 @@ class Repair:
         found = self.held_out
         head = (
             f"{self.before.typecode}: {found.flights:,} flights of {found.aircraft:,} aircraft"
-            f"{'' if self.changed else '; the coefficients stay, for they predict other aircraft as well'}"
+            f"{'' if self.changed else '; the file stays, for it predicts most other aircraft as well'}"
         )
         lines = [
             f"  {one.name:<16}{one.before:>10.4g} -> {one.after:<10.4g} 90 %: {one.low:.4g} to {one.high:.4g}"
@@ -108,7 +108,8 @@ class Repair:
         ]
         time = (
             f"  time at the flights' own speeds, aircraft not used: {found.time.before:+.1f} % before, "
-            f"{found.time.after:+.1f} % after (90 %: {found.time.low:+.1f} to {found.time.high:+.1f}; "
+            f"{found.time.after:+.1f} % {'after' if self.changed else 'by these'} "
+            f"(90 %: {found.time.low:+.1f} to {found.time.high:+.1f}; "
             f"chance {found.time.floor:.1f})"
         )
         gauge = f"  at the reference mass, {float(self.before.mass_reference_kg):,.0f} kg: flights do not tell the mass"

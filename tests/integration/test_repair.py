@@ -149,6 +149,17 @@ def test_sisters_of_other_levels_share_a_prior() -> None:
     assert abs(found.held_out.time.after) <= max(1.2 * found.held_out.time.floor, 1.5)
 
 
+def test_one_held_path_does_not_keep_a_wrong_file(tmp_path: Path) -> None:
+    """Of 17 aircraft one holds a path unseen; its log density alone falls by more than all others' rise."""
+    true = open_aircraft("E190")
+    write_opf(opf_of(replace(true, cd0_cr=0.85 * true.cd0_cr)), tmp_path / "E190__.OPF")
+    write_apf(apf_of(true), tmp_path / "E190__.APF")
+    world = df.simulate(true, 81, seed=575260753, plant={"temperature": {"deviation_k": 2.2, "spread_k": 2.0}})
+    found = df.repair(df.prepare(world), aircraft="E190", bada_dir=tmp_path)
+    assert found.changed
+    assert found.held_out.gain > 2.0
+
+
 def test_a_right_file_keeps_its_place() -> None:
     """At the world's own mean mass, coefficients that made the flights stay within their intervals."""
     world = df.simulate(TRUE, 60, seed=10)

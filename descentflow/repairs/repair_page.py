@@ -36,7 +36,7 @@ FILES = {
     "apf": "BADA 3",
     "acm": "BADA 4, with GPF.xml a folder for bada_dir",
     "gpf": "BADA 4, as it was",
-    "openap": "clean polar of OpenAP, which BlueSky flies",
+    "openap": "clean polar of OpenAP, which BlueSky reads",
     "profile": "bluebird-dt",
     "uncertainty": "bluebird-dt",
     "mapping": "bluebird-dt",

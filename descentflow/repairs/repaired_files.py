@@ -156,12 +156,12 @@ def _entry(one: Estimate, flights: str) -> dict[str, Any]:
 
 
 def openap_text(after: Bada3Aircraft) -> str:
-    """The clean polar as OpenAP has it, which BlueSky flies: for the file of the type in its ``data/dragpolar``.
+    """The clean polar as OpenAP has it, which BlueSky reads: for the file of the type in its ``data/dragpolar``.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
         >>> print(openap_text(aircraft("A320")))
-        # A320: clean polar on 122.4 m2, in place of `clean` in data/dragpolar/a320.yml of OpenAP
+        # A320, on 122.4 m2: these two numbers of `clean` in data/dragpolar/a320.yml of OpenAP; its others stay
         clean:
           cd0: 0.01751
           k: 0.04269
@@ -169,6 +169,7 @@ def openap_text(after: Bada3Aircraft) -> str:
     """
     code, area = after.typecode, float(after.wing_area_m2)
     return (
-        f"# {code}: clean polar on {area:g} m2, in place of `clean` in data/dragpolar/{code.lower()}.yml of OpenAP\n"
+        f"# {code}, on {area:g} m2: these two numbers of `clean` in data/dragpolar/{code.lower()}.yml of OpenAP; "
+        "its others stay\n"
         f"clean:\n  cd0: {float(after.cd0_cr):.5g}\n  k: {float(after.cd2_cr):.5g}\n"
     )

@@ -170,8 +170,10 @@ def table(runs: Sequence[Run], errors: dict[str, Sequence[float]]) -> list[list[
         tails = [runs[i].icao24 for i in mine]
         row = [*key, str(len(mine))]
         for values in errors.values():
-            row.append(
-                "{:+.0f} ({:+.0f} to {:+.0f})".format(*(100 * x for x in by_aircraft([values[i] for i in mine], tails)))
-            )
+            if np.isfinite(values[mine[0]]):
+                interval = (100 * x for x in by_aircraft([values[i] for i in mine], tails))
+                row.append("{:+.0f} ({:+.0f} to {:+.0f})".format(*interval))
+            else:
+                row.append("no such type")
         found.append(row)
     return found

@@ -9,7 +9,7 @@ import numpy as np
 
 from descentflow.core.files import whole_file
 from descentflow.core.tabular import optional_library
-from descentflow.exports.columns import COLUMNS
+from descentflow.exports.columns import COLUMNS, FUEL
 from descentflow.exports.export_request import ExportRequest
 
 CONVENTIONS = "CF-1.11"
@@ -23,7 +23,6 @@ COORDINATES = {
 }
 """Column -> its variable and axis."""
 DATA = ("CAS", "Mach", "TAS", "vertical_rate", "groundspeed", "track", "drag_n", "distance_nm", "distance_to_go_nm")
-FUEL = ("thrust_n", "fuel_flow_kg_s", "fuel_kg", "co2_kg")
 OWN = (*FUEL, "deviation_k", "tailwind")
 """Columns that are there where one model flew the samples, or they have an air of their own."""
 

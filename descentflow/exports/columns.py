@@ -47,3 +47,5 @@ COLUMNS = {
     "timestamp": Column("UTC", "time", "time"),
 }
 """Every column of samples and of flights; temperature and wind stand where samples have their own."""
+FUEL = ("thrust_n", "fuel_flow_kg_s", "fuel_kg", "co2_kg")
+"""Columns that are there where one model flew the samples."""

@@ -10,6 +10,7 @@ from torch.overrides import TorchFunctionMode
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import NM_M
 from descentflow.densities.density import Density
+from descentflow.exports.columns import FUEL
 from descentflow.generation.sample_tables import flown_quantities
 from descentflow.representation.decoder.trajectories import Trajectories, fly, through_air_m
 from descentflow.representation.own_air import check_standard_air
@@ -22,7 +23,6 @@ PRECISIONS: dict[str, torch.dtype] = {"float64": torch.float64, "float32": torch
 OFF_GRID = "entry_off_grid"
 ALL_RULES = (*RULES, OFF_GRID)
 """Reasons to reject a draw: the sampler's own rules, and an entry level that the model does not have."""
-FUEL = ("thrust_n", "fuel_flow_kg_s", "fuel_kg", "co2_kg")
 PROFILES = ("time_s", "CAS", "Mach", "TAS", "vertical_rate", "drag_n", *FUEL, "distance_nm")
 """Outputs (n, L) with the names and units of the tables of samples."""
 

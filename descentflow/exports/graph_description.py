@@ -7,8 +7,8 @@ from torch import Tensor
 
 from descentflow.core.version import __version__
 from descentflow.densities.density import Density
-from descentflow.exports.columns import COLUMNS
-from descentflow.exports.descent_graph import ALL_RULES, FUEL, PROFILES, Precision, SamplerGraph
+from descentflow.exports.columns import COLUMNS, FUEL
+from descentflow.exports.descent_graph import ALL_RULES, PROFILES, Precision, SamplerGraph
 from descentflow.representation.context import Column
 
 FORMAT = "descentflow-sampler"

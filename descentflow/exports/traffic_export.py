@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import whole_file
 from descentflow.densities.checkpoint import as_density
+from descentflow.exports.columns import FUEL
 from descentflow.exports.export_request import ExportRequest, rows_at
 from descentflow.generation.sample import sample
 from descentflow.positions.ground_plan import GroundPlan
@@ -25,7 +26,7 @@ LARGE, SMALL = ("groundspeed", "altitude", "timedelta", "IAS", "TAS"), 10.0
 NAMES = {"altitude_ft": "altitude", "CAS": "IAS"}
 """Columns that traffic calls otherwise; its IAS is what our CAS is, for position errors are unknown."""
 KEPT: tuple[str, ...] = ("timestamp", "flight_id", "callsign", "icao24", "typecode", "altitude", "latitude")
-KEPT += ("longitude", "groundspeed", "track", "vertical_rate", "IAS", "Mach", "TAS", "distance_to_go_nm")
+KEPT += ("longitude", "groundspeed", "track", "vertical_rate", "IAS", "Mach", "TAS", "distance_to_go_nm", *FUEL)
 
 
 def flights(request: ExportRequest) -> pl.DataFrame:
@@ -38,7 +39,8 @@ def flights(request: ExportRequest) -> pl.DataFrame:
         >>> flights(ExportRequest(load_model("best.ckpt"), Path("t.parquet"), n=2, plan=plan)).columns[:4]
         ['timestamp', 'flight_id', 'callsign', 'icao24']
     """
-    return request.flights().rename(NAMES).select(KEPT)
+    found = request.flights().rename(NAMES)
+    return found.select(name for name in KEPT if name in found.columns)
 
 
 def write(request: ExportRequest) -> list[Path]:

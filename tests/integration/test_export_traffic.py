@@ -39,7 +39,12 @@ def test_flights_have_the_columns_of_traffic_in_its_units(a320: Path, tmp_path: 
         one = found.filter(callsign=f"DF{number:05d}")
         at = own["timestamp"].dt.epoch("us").to_numpy() + 120_000_000 * number
         assert 0 <= one["timestamp"].dt.epoch("us")[0] - at[0] < 1_000_000
-        for name, column in (("altitude", "altitude_ft"), ("IAS", "CAS"), ("latitude", "latitude")):
+        for name, column in (
+            ("altitude", "altitude_ft"),
+            ("IAS", "CAS"),
+            ("latitude", "latitude"),
+            ("fuel_kg", "fuel_kg"),
+        ):
             np.testing.assert_allclose(np.interp(one["timestamp"].dt.epoch("us"), at, own[column]), one[name])
 
 

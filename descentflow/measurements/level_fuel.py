@@ -79,7 +79,7 @@ def write_level_flight(descents: Descents, folder: Path, bada_dir: str | Path | 
     Example:
         >>> import descentflow as df
         >>> write_level_flight(df.prepare("rows.parquet"), Path("level"))
-        'level flight of 120 descents: ... s and ... kg of fuel a flight, ... kg more than at idle'
+        'level flight of 120 descents: ... s a flight; fuel is known of ...: ... kg each, ... kg more than at idle'
     """
     from descentflow.core.files import whole_file
     from descentflow.reporting.pages import png
@@ -99,11 +99,9 @@ def write_level_flight(descents: Descents, folder: Path, bada_dir: str | Path | 
         write_table(table.with_columns(pl.col(pl.Float64).round(3)), folder / name)
     with whole_file(folder / FILES[2]) as temporary:
         temporary.write_bytes(png(level_flight_figure(side_by_side({"flights": descents.report.notes})), 110))
-    columns = [flights[name] for name in ("level_s", "fuel_kg", "idle_fuel_kg")]
-    seconds, fuel, idle = (float(one.to_numpy()[one.is_not_null()].mean()) if one.count() else 0.0 for one in columns)
-    unknown = flights["fuel_kg"].null_count()
-    without = f"; of {unknown} the type or the speed is not known" if unknown else ""
-    return (
-        f"level flight of {len(flights)} descents: {seconds:.0f} s and {fuel:.1f} kg of fuel a flight, "
-        f"{fuel - idle:.1f} kg more than at idle{without}"
-    )
+    seconds, level = float(flights["level_s"].sum()) / max(len(flights), 1), flights.filter(pl.col("segments") > 0)
+    known = level.drop_nulls("fuel_kg")
+    line = f"level flight of {len(flights)} descents: {seconds:.0f} s a flight"
+    line += f"; fuel is known of {len(known)} of the {len(level)} that level off"
+    fuel, idle = (float(known[name].sum()) / max(len(known), 1) for name in FUEL)
+    return f"{line}: {fuel:.1f} kg each, {fuel - idle:.1f} kg more than at idle" if len(known) else line

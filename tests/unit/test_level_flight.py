@@ -14,7 +14,7 @@ from descentflow.core.errors import DescentflowWarning
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
 from descentflow.evaluation.level_flight_beside import in_words, sampled_level_flight
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.measurements.level_fuel import with_fuel
+from descentflow.measurements.level_fuel import with_fuel, write_level_flight
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 from descentflow.simulation.scenarios import scenario_settings
 from descentflow.simulation.world import simulate
@@ -214,7 +214,7 @@ def test_few_or_odd_rows_have_no_segment() -> None:
     assert np.isfinite(by_flight(stretches(simulate("A320", 2, seed=1).rows))["level_s"].to_numpy()).all()
 
 
-def test_fuel_of_level_flight_is_that_of_its_drag_beside_idle(world) -> None:
+def test_fuel_of_level_flight_is_that_of_its_drag_beside_idle(world, tmp_path) -> None:
     level = prepare(world.rows, typecode="A320").level_flight
     found = with_fuel(level)
     assert found.drop("fuel_kg", "idle_fuel_kg").equals(level)
@@ -230,7 +230,9 @@ def test_fuel_of_level_flight_is_that_of_its_drag_beside_idle(world) -> None:
     assert of_none.filter(pl.col("segments") > 0)["fuel_kg"].null_count() > 0
     assert of_none.filter(segments=0)["fuel_kg"].to_list() == [0.0] * of_none.filter(segments=0).height
     with pytest.warns(DescentflowWarning, match=r"no fuel of level flight of A320: .*expected an existing folder"):
-        assert with_fuel(level, "no_such")["fuel_kg"].null_count() == len(level)
+        line = write_level_flight(prepare(world.rows, typecode="A320"), tmp_path / "level", "no_such")
+    assert "a flight; fuel is known of 0 of the " in line
+    assert "kg" not in line
 
 
 def test_the_command_writes_tables_a_picture_and_the_air(world, tmp_path, capsys) -> None:
@@ -239,7 +241,11 @@ def test_the_command_writes_tables_a_picture_and_the_air(world, tmp_path, capsys
     tables = ["--level-flight", str(tmp_path / "level"), "--air-table", str(tmp_path / "air.csv")]
     assert main([*command, *tables]) == 0
     flights = pl.read_csv(tmp_path / "level" / "flights.csv")
-    assert f"level flight of {len(flights)} descents: {flights['level_s'].mean():.0f} s" in capsys.readouterr().out
+    own = flights.filter(pl.col("segments") > 0)
+    more = own["fuel_kg"].mean() - own["idle_fuel_kg"].mean()
+    line = f"level flight of {len(flights)} descents: {flights['level_s'].mean():.0f} s a flight; fuel is known of "
+    line += f"{len(own)} of the {len(own)} that level off: {own['fuel_kg'].mean():.1f} kg each, {more:.1f} kg more"
+    assert f"{line} than at idle" in capsys.readouterr().out
     assert (tmp_path / "level" / "level_flight.png").stat().st_size > 5000
     air = pl.read_csv(tmp_path / "air.csv")
     assert set(air["level_fl"] % 10) == {0}

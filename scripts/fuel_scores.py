@@ -33,12 +33,19 @@ def main() -> None:
     args = parser.parse_args()
     flown, recorder = simulated(*TRAINING), recorded(args.recorder)
     told("simulated flights", df.evaluate(df.fit(flown), simulated(*OTHERS), n=SAMPLES, seed=0))
+    speeds = recorder.frame["IAS"]
+    print(f"speeds: recorder {speeds.min():.0f} to {speeds.max():.0f} kt, simulated {_bulk(flown.frame['IAS'])} kt")
     # One flight is whole on a grid that ends where it begins.
     top = recorder.frame["level_fl"].to_numpy().max()
     below = Descents(
         flown.frame.filter(pl.col("level_fl") <= int(top)), {**flown.metadata, "top_fl": {"A320": int(top)}}
     )
     told(f"recorder flight, FL{top} to FL150", df.evaluate(df.fit(below), recorder, n=SAMPLES, seed=0))
+
+
+def _bulk(values: pl.Series) -> str:
+    low, high = (values.quantile(share) or 0.0 for share in (0.05, 0.95))
+    return f"{low:.0f} to {high:.0f} (5 to 95 %)"
 
 
 def simulated(flights: int, seed: int) -> Descents:

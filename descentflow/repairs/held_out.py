@@ -85,8 +85,8 @@ class HeldOut:
 
     @property
     def better(self) -> bool:
-        """True if the repaired coefficients predict most other aircraft better than the prior did."""
-        return self.gain > 0
+        """True if the repaired coefficients predict most other aircraft better than the prior, and no time worse."""
+        return self.gain > 0 and abs(self.time.after) <= max(abs(self.time.before), self.time.floor)
 
 
 Finish = Callable[[TypeFlights, Array], PerformanceModel]

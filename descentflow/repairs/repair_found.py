@@ -100,7 +100,7 @@ class Repair:
         found = self.held_out
         head = (
             f"{self.before.typecode}: {found.flights:,} flights of {found.aircraft:,} aircraft"
-            f"{'' if self.changed else '; the file stays, for it predicts most other aircraft as well'}"
+            f"{'' if self.changed else '; the file stays, for other aircraft are predicted no better'}"
         )
         lines = [
             f"  {one.name:<16}{one.before:>10.4g} -> {one.after:<10.4g} 90 %: {one.low:.4g} to {one.high:.4g}"

@@ -169,9 +169,9 @@ SAMPLES_MEND = (
     "pass the checkpoint itself in place of its samples, or export them as flights (descentflow export --to traffic)"
 )
 DESCENTS_MEND = (
-    "these are prepared descents: pass the file that `descentflow prepare` wrote to fit, evaluate, diagnose or "
-    "predict-descent (saved again by another program it lacks how it was prepared: select flights among the rows, or "
-    "in Python by read_descents, Descents and write_descents), and to prepare the rows that they were made of"
+    "these are prepared descents: pass the file that `descentflow prepare` wrote to fit, evaluate, diagnose, repair "
+    "or predict-descent (saved again by another program it lacks how it was prepared: select flights among the rows, "
+    "or in Python by read_descents, Descents and write_descents), and to prepare the rows that they were made of"
 )
 
 

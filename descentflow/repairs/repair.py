@@ -145,7 +145,9 @@ def _types(
         raise DataError(
             f"{flights} flights with whole bands of free descent, {aircraft} aircraft of {before.typecode}",
             expected=f"at least {FEWEST_FLIGHTS} flights, sisters included, and {FEWEST_AIRCRAFT} aircraft of the type",
-            mend="give more flights, or those of sister types beside them",
+            mend=f"give flights of more {before.typecode}"
+            if aircraft < FEWEST_AIRCRAFT
+            else "give more flights, or those of sister types beside them",
         )
     return found, skipped
 

@@ -219,11 +219,10 @@ def posterior(flights: Flights, sizes: Sizes) -> Posterior:
         array([[ 0.2 , -0.04,  0.04]])
     """
     gram, log = whitened(flights, sizes)
-    tails, index = np.unique(flights.tail, return_inverse=True)
-    total = np.zeros((len(tails), *gram.shape[1:]))
-    np.add.at(total, index, gram)
-    kind = np.zeros(len(tails), dtype=int)
-    kind[index] = flights.kind
+    order = np.argsort(flights.tail, kind="stable")
+    first = np.unique(flights.tail[order], return_index=True)[1]
+    total = np.add.reduceat(gram[order], first)
+    kind = flights.kind[order][first]
     # One aircraft's flights share a level: a rank-one update.
     shared = 1.0 + sizes.aircraft**2 * total[:, -1, -1]
     total = total - (sizes.aircraft**2 / shared)[:, None, None] * total[:, :, -1:] * total[:, -1:, :]

@@ -113,7 +113,9 @@ def run(
     if figures:
         check_folder(figures, "index.html")
     if level_flight:
-        check_folder(level_flight, "flights.csv", "segments.csv", "level_flight.png")
+        from descentflow.measurements.level_fuel import FILES, write_level_flight
+
+        check_folder(level_flight, *FILES)
     if not rows and not embedded:
         raise ConfigError("no rows", expected="files, folders or --embedded", mend="name what is to be prepared")
     chosen = cleaning_of_options(config, thresholds)
@@ -144,8 +146,6 @@ def run(
         print(f"wrote {figures / 'index.html'}: {number} flights")
     print(descents.report)
     if level_flight:
-        from descentflow.measurements.level_fuel import write_level_flight
-
         print(write_level_flight(descents, level_flight, bada_dir))
         print(f"wrote {level_flight}")
     if air_table:

@@ -79,10 +79,10 @@ class Element:
         return value if value > 0 else self.every(path)[0].fail(f"{self.path}{path} = {value:g}", "a number above zero")
 
 
-def read_xml(file: Path, what: str) -> Element:
+def read_xml(file: Path, what: str, remove_comments: bool = True) -> Element:
     """The root of an XML file; no document type, no entity and no address in it is followed."""
     etree = optional_library("lxml.etree", "bada4")
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True)
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, remove_comments=remove_comments)
     try:
         with file.open("rb") as opened:
             tree = etree.parse(opened, parser)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from descentflow.aircraft_types.bada4.acm_file import read_xml
 from descentflow.aircraft_types.bada4.wing import Wing
 from descentflow.core.errors import AircraftError
 from descentflow.core.tabular import optional_library
@@ -23,16 +24,14 @@ def changed_acm(file: Path, speeds: dict[str, float], parasitic: float, induced:
         idle: Factor of the idle thrust, the numbers ``ti``.
 
     Raises:
-        AircraftError: If the engines are pistons, whose idle thrust is no number of the file.
+        AircraftError: If the file cannot be read, or its engines are pistons, whose idle thrust is no number of it.
 
     Example:
         >>> changed_acm(Path("A320-231.xml"), {"des_mach": 0.78}, 1.05, 1.0, 0.9)
         Traceback (most recent call last):
-        OSError: Error reading file ...
+        descentflow.core.errors.AircraftError: A320-231.xml: ...
     """
-    etree = optional_library("lxml.etree", "bada4")
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
-    tree = etree.parse(str(file), parser)
+    tree = read_xml(file, "an XML file (ACM) of BADA 4", remove_comments=False).node.getroottree()
     idles = tree.findall("PFM/*/LIDL/CT/ti")
     if not idles:
         raise AircraftError(
@@ -45,6 +44,7 @@ def changed_acm(file: Path, speeds: dict[str, float], parasitic: float, induced:
     descent = next(one for one in phases if (one.findtext("name") or "").strip() == "Descent")
     for name, value in speeds.items():
         descent.find(SPEEDS[name]).text = f"{value:g}"
+    etree = optional_library("lxml.etree", "bada4")
     return bytes(etree.tostring(tree, xml_declaration=True, encoding="utf-8"))
 
 

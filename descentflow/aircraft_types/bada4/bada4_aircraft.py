@@ -15,7 +15,7 @@ from descentflow.aircraft_types.standard_descent import STANDARD, Engine, Global
 from descentflow.core.arguments import checked_arguments
 from descentflow.core.constants import G0_MPS2, KAPPA, P0_PA
 from descentflow.core.errors import AircraftError
-from descentflow.core.tensors import Number, as_tensors, broadcast
+from descentflow.core.tensors import Number, as_tensors
 from descentflow.core.units import FT_M
 from descentflow.physics.airspeed import mach_to_cas_mps, tas_to_mach
 from descentflow.physics.atmosphere import pressure_altitude_m, pressure_pa
@@ -127,8 +127,7 @@ class Bada4Aircraft(Part, StandardDescent):
     ) -> Tensor:
         """Thrust of all engines at the rating LIDL, in any configuration; below zero where they brake."""
         air, mach = self._at(altitude_m, tas_mps, deviation_k)
-        thrust, _ = broadcast(self.engines.idle_thrust_n(air, mach) * self.idle_factor, mach)
-        return thrust
+        return self.engines.idle_thrust_n(air, mach) * self.idle_factor
 
     def idle_thrust_terms(self, altitude_m: Tensor, deviation_k: Number = 0.0) -> dict[int, Tensor]:
         """Idle thrust by powers of the Mach number; of a piston a series, see ``engines``."""

@@ -41,7 +41,7 @@ class AirspeedBias(Effect):
         bias = _bias_kt(theta, state.mach())
         if state.affected:
             bias = _bias_kt(theta, cas_to_mach(state.cas_mps - bias * KT_MPS, state.altitude_m))
-        other = log_rate(state, cas_mps=state.cas_mps + sign * bias * KT_MPS)
+        other = log_rate(state, faster_mps=sign * bias * KT_MPS)
         return {"cas": bias, "mismatch": bias, "rate": sign * (state.own_log_rate - other)}
 
     def measured(self, state: FlightState, shown: Shift) -> Tensor | None:

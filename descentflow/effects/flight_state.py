@@ -220,7 +220,7 @@ def log_rate(
     induced: Number = 1.0,
     deviation_k: Number = 0.0,
     wind_slope_per_s: Number = 0.0,
-    cas_mps: Tensor | None = None,
+    faster_mps: Tensor | None = None,
 ) -> Tensor:
     """Logarithm of the rate of descent (m/s of pressure altitude) on the polar, by the energy equation.
 
@@ -232,7 +232,7 @@ def log_rate(
         induced: Factor of the drag by lift, likewise.
         deviation_k: Temperature deviation from ISA.
         wind_slope_per_s: Growth of the tailwind with pressure altitude.
-        cas_mps: Another CAS than the flights' own, with their slope.
+        faster_mps: (n, K) change of CAS, which changes the kinetic energy by its slope too; NaN where there is none.
 
     Returns:
         (n, K).
@@ -244,14 +244,32 @@ def log_rate(
         tensor(0.0..., dtype=torch.float64)
     """
     aircraft, altitude, kg = state.aircraft, state.altitude_m, state.mass_kg * mass
-    if cas_mps is None and _is_none(deviation_k) and _is_none(wind_slope_per_s):
+    if faster_mps is None and _is_none(deviation_k) and _is_none(wind_slope_per_s):
         tas, share, idle = state.still
     else:
-        terms = state.share_terms if cas_mps is None else ShareTerms.of(cas_mps, altitude, state.cas_slope_per_s)
+        terms = state.share_terms if faster_mps is None else _terms_at(state, faster_mps)
         tas, share, idle = _in_air(state, terms, deviation_k, wind_slope_per_s)
     drag = aircraft.drag_n(tas, altitude, deviation_k, kg, parasitic=parasitic, induced=induced)
     rate = descent_rate_mps(aircraft, drag, thrust * idle, tas, share, altitude, deviation_k, kg)
     return (-rate).clamp(min=SLOWEST_MPS).log()
+
+
+def _terms_at(state: FlightState, faster_mps: Tensor) -> ShareTerms:
+    """Terms of the energy share factor at another CAS, whose slope differs by that of the change."""
+    slope = state.cas_slope_per_s + slope_between(faster_mps, state.altitude_m).nan_to_num(0.0)
+    return ShareTerms.of(state.cas_mps + faster_mps.nan_to_num(0.0), state.altitude_m, slope)
+
+
+def slope_between(values: Tensor, altitude_m: Tensor) -> Tensor:
+    """Slope (n, K) of values over altitude (K,), by the neighbours that are known; NaN where neither is.
+
+    Example:
+        >>> slope_between(torch.tensor([[0.0, 1.0, 3.0, 5.0]]), torch.tensor([0.0, 1.0, 2.0, 3.0]))
+        tensor([[1.0000, 1.5000, 2.0000, 2.0000]])
+    """
+    steps = values.diff(dim=1) / altitude_m.diff()
+    unknown = torch.full_like(values[:, :1], torch.nan)
+    return torch.stack([torch.cat([unknown, steps], 1), torch.cat([steps, unknown], 1)]).nanmean(0)
 
 
 def _is_none(value: Number) -> bool:

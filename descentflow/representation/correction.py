@@ -109,7 +109,7 @@ class Correction:
             flies["rate"], reports["rate"] = zero, zero
         if bool((flies["cas"] != 0).any()):
             # At another speed the aircraft falls as the polar says.
-            moved = log_rate(state, cas_mps=state.cas_mps + flies["cas"])
+            moved = log_rate(state, faster_mps=flies["cas"])
             flies["rate"] = flies["rate"] + moved - log_rate(state)
         return flies, reports
 

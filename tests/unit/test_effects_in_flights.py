@@ -1,6 +1,7 @@
 """Effects put into a simulator's flights: closed forms, times that agree with rates, and shares of the flights."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import pytest
 import torch
@@ -9,9 +10,11 @@ from torch import Tensor
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, filled, state_of_levels, with_effects
+from descentflow.diagnosis.inference.two_sides import compare
 from descentflow.effects import EFFECTS
 from descentflow.effects.effect import Effect, Parameter
 from descentflow.measurements.level_channels import LevelGrid, gaps_of
+from descentflow.measurements.quantities import measured
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 
@@ -160,3 +163,18 @@ def test_levels_too_slow_for_the_cleaning_go() -> None:
 def test_missing_levels_are_filled_by_neighbours() -> None:
     values = torch.tensor([[1.0, torch.nan, 3.0, torch.nan]]).double()
     torch.testing.assert_close(filled(values), torch.tensor([[1.0, 2.0, 3.0, 3.0]]).double())
+
+
+def test_a_biased_airspeed_is_the_rate_that_is_expected_of_it() -> None:
+    """Of reports with a bias that grows with Mach number, whose slope is energy that no flight has."""
+    grid = flights(20)
+    bias = 3.0 + 4.0 * (grid.values["Mach"] - 0.65) / 0.1
+    biased = replace(grid, values={**grid.values, "IAS": grid.values["IAS"] + bias})
+    sides = compare(measured(grid), measured(biased), A320)
+    rate = sides.table("rate", sides.y)
+    seen = (rate[sides.real] - rate[~sides.real]).mean(0)
+    state = sides.state.rows(torch.nonzero(sides.real)[:, 0])
+    expected = EFFECTS["airspeed_bias"].shift(state, torch.tensor([3.0, 4.0]).double())["rate"].mean(0)
+    inner = slice(1, -1)  # slopes at either end of a flight are of one side
+    # The slope alone is 0.016 of it: without it this is off by as much.
+    torch.testing.assert_close(seen[inner], expected[inner], atol=0.002, rtol=0)

@@ -158,10 +158,11 @@ def flown(compared: Compared, y: Tensor) -> dict[str, Tensor]:
 
     def moved(name: str) -> Tensor:
         """By how much the entries differ from those that were measured."""
-        return (compared.table(name, y) - compared.table(name, compared.y)).nan_to_num(0.0)
+        return compared.table(name, y) - compared.table(name, compared.y)
 
-    cas_mps = state.cas_mps + moved("cas") * KT_MPS
-    rate = (compared.table("rate", y) + log_rate(state, cas_mps=cas_mps)).exp()
+    faster_mps = moved("cas") * KT_MPS
+    cas_mps, polar = state.cas_mps + faster_mps.nan_to_num(0.0), log_rate(state, faster_mps=faster_mps)
+    rate = (compared.table("rate", y) + polar).exp()
     # How late a report is takes no time.
     crossed = rate * (-compared.table("lag", y).nan_to_num(0.0)).exp()
     standard = mach_to_tas_mps(cas_to_mach(cas_mps, state.altitude_m), state.altitude_m)
@@ -170,7 +171,7 @@ def flown(compared: Compared, y: Tensor) -> dict[str, Tensor]:
     own = state.own_log_rate[simulator_rows(compared)].mean(0)
     found = {
         "time": seconds,
-        "time_at_speed": seconds * (log_rate(state, cas_mps=cas_mps) - own).exp(),
+        "time_at_speed": seconds * (polar - own).exp(),
         "air_distance": tas * seconds / NM_M,
         "rate": rate / FPM_MPS,
     }
@@ -182,7 +183,7 @@ def flown(compared: Compared, y: Tensor) -> dict[str, Tensor]:
     # Without wind measured on each side there is no distance over ground.
     if "wind" in quantities and all(bool((state.tailwind_mps[side] != 0).any()) for side in sides):
         level = (tas**2 - crossed.nan_to_num(0.0) ** 2).clamp(min=0.0).sqrt()
-        found["ground_distance"] = (level + state.tailwind_mps + moved("wind")) * seconds / NM_M
+        found["ground_distance"] = (level + state.tailwind_mps + moved("wind").nan_to_num(0.0)) * seconds / NM_M
     asked = burn(state.aircraft, cas_mps, state.altitude_m, -crossed, state.cas_slope_per_s, mass_kg=state.mass_kg)
     found["fuel"] = asked.flow_kg_s * seconds
     for name in OF_FLIGHT:

@@ -187,7 +187,7 @@ def changes_of(state: FlightState, added: AddedEffects) -> tuple[dict[str, Tenso
             _add(total, shift, taken, n)
     if bool((flown["cas"] != 0).any()):
         # At another speed the aircraft falls as the polar says.
-        faster = log_rate(state, cas_mps=state.cas_mps + flown["cas"] * KT_MPS)
+        faster = log_rate(state, faster_mps=flown["cas"] * KT_MPS)
         flown["rate"] = flown["rate"] + faster - state.own_log_rate
     # Whatever else would change a rate that is held: it is held.
     flown["rate"] = torch.where(held[:, None], rate_held, flown["rate"])
@@ -290,7 +290,7 @@ def corrected_entries(compared: Compared, added: AddedEffects) -> Tensor:
     moved = dict(flown)
     moved["cas"] = flown["cas"] + reported["cas"]
     # The rate of a comparison is beyond the polar's at the speed that the flight reports.
-    faster = log_rate(state, cas_mps=state.cas_mps + moved["cas"] * KT_MPS) - state.own_log_rate
+    faster = log_rate(state, faster_mps=moved["cas"] * KT_MPS) - state.own_log_rate
     moved["rate"] = flown["rate"] + reported["rate"] - faster
     moved["tas"] = flown["tas"] + reported["tas"]
     moved["lag"], moved["mismatch"] = reported["rate"], reported["cas"]

@@ -31,7 +31,7 @@ from descentflow.diagnosis.inference.assumptions import Assumptions
 from descentflow.diagnosis.inference.linear_gaussian import Array, Precisions
 from descentflow.diagnosis.inference.moments import Moments
 from descentflow.diagnosis.inference.two_sides import Compared
-from descentflow.effects.flight_state import FlightState, log_rate
+from descentflow.effects.flight_state import FlightState, log_rate, slope_between
 from descentflow.physics.airspeed import mach_to_tas_mps
 from descentflow.physics.atmosphere import isa_temperature_k
 
@@ -79,14 +79,19 @@ def _departures(compared: Compared, known: Moments, quantity: str) -> Array:
 def _by_own_air(compared: Compared, known: Moments, values: Array, bands: np.ndarray) -> Array:
     """Change (n, m) of each flight's rate by its own air."""
     state, altitude = compared.state, compared.state.altitude_m
+
+    def slope(values: Array) -> Array:
+        found: Array = slope_between(torch.from_numpy(values), altitude).numpy()
+        return found
+
     tas = _departures(compared, known, "tas")
     # Half of ln of the temperature's ratio, which is ln of that of the true airspeed.
-    warmth = np.where(np.isfinite(tas), tas, _slope(_departures(compared, known, "height"), altitude.numpy()) / 2.0)
+    warmth = np.where(np.isfinite(tas), tas, slope(_departures(compared, known, "height")) / 2.0)
     speed = mach_to_tas_mps(state.mach(), altitude, 0.0).numpy()
     by_wind, by_kelvin = _sensitivities(state)
     kelvin = 2.0 * isa_temperature_k(altitude).numpy() * warmth
-    wind = _slope(_departures(compared, known, "wind"), altitude.numpy())
-    columns = np.stack([by_wind * wind, by_wind * _slope(speed * warmth, altitude.numpy()), by_kelvin * kelvin], 2)
+    wind = slope(_departures(compared, known, "wind"))
+    columns = np.stack([by_wind * wind, by_wind * slope(speed * warmth), by_kelvin * kelvin], 2)
     columns = np.nan_to_num(columns[:, bands])
     found = np.zeros_like(values)
     real = compared.real.numpy()
@@ -106,14 +111,6 @@ def _sensitivities(state: FlightState) -> tuple[Array, Array]:
     steps = ((wind, WIND_STEP_PER_S), (warm, KELVIN_STEP))
     first, second = (((up - down) * weight).sum(0).numpy() / (2.0 * step) for (up, down), step in steps)
     return first, second
-
-
-def _slope(values: Array, altitude_m: Array) -> Array:
-    """Slope over altitude (n, K), of the bands on both sides or of the one there is."""
-    step = np.diff(values, axis=1) / np.diff(altitude_m)
-    blank = np.full((len(values), 1), np.nan)
-    up, down = np.concatenate([step, blank], 1), np.concatenate([blank, step], 1)
-    return np.where(np.isfinite(up) & np.isfinite(down), (up + down) / 2.0, np.where(np.isfinite(up), up, down))
 
 
 SWEEPS = 2

@@ -12,6 +12,8 @@ LEAST_SHALLOWER = 0.005
 """Paths are planned to be flown with some thrust in hand."""
 FIRST_LAW = (0.5, 0.08, 0.05)
 """Share, and mean and spread of how much shallower, from which laws start."""
+SMOOTH_M = 1800.0
+"""Height over which what a flight has beyond the polar changes, and its noise does not."""
 LEAST_SPREAD = 0.005
 """Least spread between flights of how much shallower: paths are planned in tenths of a degree, some 3 %."""
 
@@ -32,7 +34,7 @@ class GeometricPath(DiffersByFlight):
     says = "a fixed path over the ground instead of an idle descent"
     parameters = (
         Parameter("share", 0.0, 1.0, "1", 0.1, label="share of the flights on a path", shown_as="flights"),
-        Parameter("shallower", 0.0, 0.25, "1", 0.05, 0.1, label="shallower than the idle path by", shown_as="percent"),
+        Parameter("shallower", 0.0, 0.6, "1", 0.05, 0.1, label="shallower than the idle path by", shown_as="percent"),
         spread_of("spread_shallower", 0.25, "1", 0.02, "spread of that between flights on a path", "percent"),
     )
     splits = ("groundspeed",)
@@ -49,7 +51,7 @@ class GeometricPath(DiffersByFlight):
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """From the idle path's angle to one held, shallower by a share than the shallowest of the idle path."""
-        return {"rate": theta[0] * (_to_the_shallowest(state, state.beyond_polar) - theta[1])}
+        return {"rate": theta[0] * (_to_the_shallowest(state, state.beyond_polar, state.beyond_polar) - theta[1])}
 
     def law_starts(self, state: FlightState, theta: Tensor) -> list[Tensor]:
         """Some flights on paths of their own; a law goes on as it is."""
@@ -57,7 +59,7 @@ class GeometricPath(DiffersByFlight):
 
     def ways(self, state: FlightState, theta: Tensor, beyond: Tensor) -> Ways:
         """One way, to hold an angle; which one is its size."""
-        flat = _to_the_shallowest(state, beyond)
+        flat = _to_the_shallowest(state, state.beyond_polar, beyond)
         bands = range(flat.shape[1])
         table = torch.stack([torch.zeros(len(bands)), torch.ones(len(bands))]).double()
         one = torch.tensor([1])
@@ -81,17 +83,26 @@ class GeometricPath(DiffersByFlight):
     def own_change(self, state: FlightState, theta: Tensor, uniform: Tensor) -> FlightChange:
         """A path of each flight's own."""
         shallower = positive_size(uniform[:, 0], theta[1], theta[2])[:, None]
-        return FlightChange(flown={"rate": _to_the_shallowest(state, state.beyond_polar) - shallower})
+        own = torch.as_tensor(state.beyond_polar).expand_as(state.cas_mps)
+        return FlightChange(flown={"rate": _to_the_shallowest(state, _smooth(state, own), own) - shallower})
 
 
-def _to_the_shallowest(state: FlightState, beyond: Tensor | float) -> Tensor:
+def _smooth(state: FlightState, own: Tensor) -> Tensor:
+    """Values (n, K) smoothed over altitude: the lowest of a flight's own noise is no idle path."""
+    apart = (state.altitude_m[:, None] - state.altitude_m) / SMOOTH_M
+    weight, seen = torch.exp(-0.5 * apart**2), state.mask.double()
+    return (torch.where(state.mask, own, 0.0) @ weight) / (seen @ weight).clamp(min=1e-9)
+
+
+def _to_the_shallowest(state: FlightState, idle: Tensor | float, beyond: Tensor | float) -> Tensor:
     """Change (n, K) of the logarithm of the rate to the shallowest angle of the simulator's idle path.
 
     Args:
         state: The flights.
+        idle: ln of the rate of the idle path beyond the polar's.
         beyond: ln of the rate that they would have beyond the polar's.
     """
     ground = cas_to_tas_mps(state.cas_mps, state.altitude_m) + state.tailwind_mps
     angle = state.schedule_log_rate - ground.clamp(min=30.0).log()
-    shallowest = torch.where(state.mask, angle + state.beyond_polar, torch.inf).amin(1, keepdim=True)
+    shallowest = torch.where(state.mask, angle + idle, torch.inf).amin(1, keepdim=True)
     return shallowest.clamp(max=1e3) - angle - beyond

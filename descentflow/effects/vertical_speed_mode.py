@@ -35,7 +35,7 @@ class VerticalSpeedMode(Effect):
         ),
         Parameter("slower_in_gaps", -60.0, 600.0, "s per flight", 10.0, label="time lost in gaps"),
         Parameter("share", 0.0, 1.0, "1", 0.1, label="share of the flights at a held rate", shown_as="flights"),
-        Parameter("shallower", 0.0, 0.25, "1", 0.05, 0.1, label="shallower than the idle path by", shown_as="percent"),
+        Parameter("shallower", 0.0, 0.6, "1", 0.05, 0.1, label="shallower than the idle path by", shown_as="percent"),
     )
 
     def plausible(self, state: FlightState, theta: Tensor) -> bool:

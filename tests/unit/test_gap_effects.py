@@ -8,6 +8,7 @@ import torch
 
 from descentflow.diagnosis.inference.assumptions import NEGLIGIBLE
 from descentflow.effects import EFFECTS
+from descentflow.effects.flight_state import log_rate
 from descentflow.effects.windowed_effect import WindowedEffect
 from descentflow.measurements.quantity_registry import QUANTITIES
 
@@ -73,3 +74,29 @@ def test_late_reports_move_no_effect_without_an_edge(name: str) -> None:
     below_m = replace(state, report_delay_s=3.0).reported_below_m
     late = torch.gradient(mean, spacing=(state.altitude_m,))[0] * below_m
     assert float(late.abs().max()) < NEGLIGIBLE["rate"]
+
+
+def test_another_speed_changes_the_kinetic_energy_by_its_slope_too() -> None:
+    """Of a change that is linear in altitude the slope is known; what is not known of it changes nothing."""
+    state = gap_toys.state()
+    slope_per_s = 4e-4
+    change = (slope_per_s * (state.altitude_m - 8000.0) + 3.0).expand_as(state.cas_mps).clone()
+    other = replace(state, cas_mps=state.cas_mps + change, cas_slope_per_s=state.cas_slope_per_s + slope_per_s)
+    torch.testing.assert_close(log_rate(state, faster_mps=change), log_rate(other), rtol=1e-12, atol=1e-12)
+    change[:, 4:] = torch.nan
+    partly = log_rate(state, faster_mps=change)
+    torch.testing.assert_close(partly[:, :4], log_rate(other)[:, :4], rtol=1e-12, atol=1e-12)
+    torch.testing.assert_close(partly[:, 5:], log_rate(state)[:, 5:], rtol=0, atol=0)
+
+
+def test_the_noise_of_a_flight_makes_no_steeper_path() -> None:
+    """A held path is below the idle path, and the lowest of a flight's own noise is none."""
+    path, state = EFFECTS["geometric_path"], gap_toys.state(200, affected=False)
+    noise = 0.05 * torch.randn(state.cas_mps.shape, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    theta, uniform = torch.tensor([1.0, 0.1, 0.0]).double(), torch.full((200, 1), 0.5).double()
+    flown = []
+    for own in (torch.zeros_like(noise), noise):
+        at = replace(state, beyond_polar=own)
+        flown.append(own + path.own_change(at, theta, uniform).flown["rate"])
+    # The mean noise of a flight of 11 bands is its own: 0.05 over the root of 11 and of 200 flights, four times.
+    assert abs(float((flown[1] - flown[0]).mean())) < 4 * 0.05 / (11 * 200) ** 0.5

@@ -138,8 +138,8 @@ class DiffersByFlight(Effect):
             beyond: (n, K) ln of the rate that is expected without it beyond the polar's.
         """
 
-    def coarser(self, theta: Tensor) -> "DiffersByFlight":
-        """The same effect with fewer windows, by which its law is found in less time; itself where these are few."""
+    def sought_about(self, theta: Tensor) -> "DiffersByFlight":
+        """The same effect with the windows among which a law near this one is sought; itself if these are all."""
         return self
 
     @abstractmethod

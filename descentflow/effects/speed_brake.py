@@ -16,8 +16,8 @@ from descentflow.measurements.turning import MOST_BANK_DEG
 
 NARROWEST_FL = 25.0
 """Brakes that are out over less than 2,500 ft are no procedure, and look like the change from Mach to CAS."""
-ANSWERS_FL = 0.6
-"""An aircraft takes some seconds to answer to brakes that run out or in."""
+ANSWERS_FL = 1.25
+"""An aircraft takes some three seconds to answer to brakes that run out or in, at 2,500 ft/min."""
 LEAST_DRAG = 0.1
 """Share of CD0 below which nothing is out: small drag over a wide band is something else, of no fixed altitude."""
 RUN_OUT_M = 90.0
@@ -25,12 +25,12 @@ RUN_OUT_M = 90.0
 FROM_TOP_FL = 5.0
 """A window that is open to the top is a matter of how descents begin."""
 
-GRID_FL = 5.0
-"""Ends of each flight's own window differ by at least so much: a third of a band."""
-COARSE_FL = 10.0
-"""The same while a law is sought, with a quarter as many windows."""
-LEAST_SPREAD_FL = 1.0
-"""Least spread of own windows: less is one window for all."""
+GRID_FL = 10.0
+"""Step of the levels at which windows of single flights end."""
+FINE_FL = 2.5
+"""The same about a law whose spreads are below that, where a coarser step would be a bias."""
+LEAST_SPREAD_FL = FINE_FL
+"""Least spread of own windows: less is one window for all, and no step of the grid would be passed."""
 LEAST_SPREAD_EXTRA = 0.02
 """Least spread of the drag added between flights."""
 FIRST_LAW = (0.4, 0.3, 40.0, 20.0, 0.3)
@@ -62,6 +62,7 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
     inset_fl = RUN_OUT_M / FL_M
     own_draws = 3
     grid_fl = GRID_FL
+    _about: tuple[float, float] | None = None
     parameters = (
         Parameter(
             "extra_cd0",
@@ -197,15 +198,20 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
         low, high = self.range_fl(state)
         ends = torch.arange(low, high + self.grid_fl / 2, self.grid_fl, dtype=torch.float64)
         height = ends - ends[:, None]
-        lower, upper = torch.nonzero((height >= NARROWEST_FL) & (height <= self.longest_fl(state)), as_tuple=True)
+        chosen = (height >= NARROWEST_FL) & (height <= self.longest_fl(state))
+        if self._about:
+            usual, tall = self._about
+            near = ((ends + ends[:, None]) / 2 - usual).abs() <= GRID_FL
+            chosen = chosen & near & ((height - tall).abs() <= GRID_FL)
+        lower, upper = torch.nonzero(chosen, as_tuple=True)
         return ends, lower, upper
 
-    def coarser(self, theta: Tensor) -> "SpeedBrake":
-        """The same with fewer windows."""
-        if self._is_one_window(theta):
+    def sought_about(self, theta: Tensor) -> "SpeedBrake":
+        """The same with a finer grid about a law of nearly one window."""
+        if self._is_one_window(theta) or float(theta[5:7].max()) >= GRID_FL:
             return self
         found = copy(self)
-        found.grid_fl = COARSE_FL
+        found.grid_fl, found._about = FINE_FL, (float(theta[1] + theta[2]) / 2, float(theta[2] - theta[1]))
         return found
 
     def log_prior(self, state: FlightState, theta: Tensor) -> Tensor:

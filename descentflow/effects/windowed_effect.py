@@ -32,6 +32,8 @@ class WindowedEffect(Effect):
     """Positions of the lower and the upper end among the parameters; the size is the first of them."""
     inset_fl: ClassVar[float] = 0.0
     """Height at either end over which it begins and ends; half of it counts as without."""
+    grid_fl: float = 5.0
+    """Step of the levels at which windows of single flights end."""
 
     @abstractmethod
     def whole_change(self, state: FlightState, size: Tensor) -> Tensor:

@@ -225,7 +225,9 @@ def test_precisions_of_partly_seen_flights_are_those_of_what_is_seen() -> None:
         assert found[i] - 0.5 * len(at) * np.log(2 * np.pi) == pytest.approx(law.logpdf(values[i, at]))
 
 
-def brakes_in(n: int, share: float, drag: float) -> tuple[np.ndarray, WaysOfFlights, np.ndarray]:
+def brakes_in(
+    n: int, share: float, drag: float, window_fl: tuple[float, float] = (210.0, 260.0)
+) -> tuple[np.ndarray, WaysOfFlights, np.ndarray]:
     """Flights, of which a share has brakes out between two levels of its own."""
     state = example_flights(n)
     effect = EFFECTS["speed_brake"]
@@ -233,7 +235,7 @@ def brakes_in(n: int, share: float, drag: float) -> tuple[np.ndarray, WaysOfFlig
     ways = ways_of_flights(effect, state, np.arange(11), seen)  # type: ignore[arg-type]
     rng = np.random.default_rng(5)
     has = np.arange(n) < share * n
-    window = effect.within(state, torch.tensor(210.0), torch.tensor(260.0))["rate"].numpy()  # type: ignore[attr-defined]
+    window = effect.within(state, *map(torch.tensor, window_fl))["rate"].numpy()  # type: ignore[attr-defined]
     values = 0.02 * rng.normal(size=(n, 11)) + has[:, None] * drag * window * ways.shape
     return values - values.mean(0), ways, has
 
@@ -254,6 +256,17 @@ def test_a_mixture_finds_the_share_size_and_window_of_brakes() -> None:
     assert (low, high) == (pytest.approx(210, abs=8), pytest.approx(260, abs=8))
     # Of all sizes 1.2 times: the mean over all flights of the drag added.
     assert float(law.at(1.2)[0]) == pytest.approx(1.2 * float(law.at(1.0)[0]), rel=1e-6)
+
+
+def test_windows_between_the_steps_of_the_first_grid_are_found() -> None:
+    """About a law of one window the grid is finer, so that no step of it decides where brakes run out."""
+    values, ways, _ = brakes_in(300, 0.4, 0.5, window_fl=(214.0, 257.0))
+    seen, spread = np.ones(values.shape, dtype=bool), 4e-4 * np.eye(11)
+    first = fit_mixture(values, seen, spread, [], [ways], 8).laws["speed_brake"].theta
+    about = ways_of_flights(ways.effect, ways.state, np.arange(11), seen, first)
+    law = fit_mixture(values, seen, spread, [], [about], 25).laws["speed_brake"]
+    assert law.effect.grid_fl < EFFECTS["speed_brake"].grid_fl  # type: ignore[attr-defined]
+    assert law.theta[1:3].tolist() == [pytest.approx(214, abs=2), pytest.approx(257, abs=2)]
 
 
 def test_a_mixture_finds_nothing_in_normal_flights() -> None:

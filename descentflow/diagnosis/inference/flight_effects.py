@@ -80,6 +80,7 @@ class FlightShapes:
         enough = self.rates.seen.sum(1) >= FEWEST_BANDS
         self.real, self.simulated = self._side(real & enough), self._side(~real & enough)
         self.spread = self._spread()
+        self.first_offset = known.difference[self.rates.entries]
         self._kept: dict[tuple[bool, tuple[str, ...]], MixtureFit] = {}
 
     def candidates(self, signatures: Signatures) -> list[FlightsEffect]:
@@ -116,8 +117,7 @@ class FlightShapes:
         fit = self.fit(self.real, tuple(names))
         found = np.zeros_like(self.real.values)
         for name in names:
-            mine, law = self.real.ways[name], fit.laws[name].theta
-            effect = mine.effect.coarser(mine.start)
+            mine, law, effect = self.real.ways[name], fit.laws[name].theta, fit.laws[name].effect
             ways = effect.ways(mine.state, law, torch.zeros_like(mine.state.cas_mps) + mine.state.beyond_polar)
             at = [ways.slots.index(("rate", int(band))) for band in self.rates.bands]
             weights = (ways.table[ways.upper] - ways.table[ways.lower])[:, at].numpy()
@@ -164,7 +164,9 @@ class FlightShapes:
 
     def _mixture(self, side: Side, ways: Sequence[WaysOfFlights], sizes: tuple[float, ...], rounds: int) -> MixtureFit:
         odd = [size**2 * shape for shape in self.spread.shapes[2:] for size in self.assumed.odd]
-        return fit_mixture(side.values, side.seen, self.spread.at(sizes), odd, ways, rounds, self.assumed.law_flights)
+        spread, law_flights = self.spread.at(sizes), self.assumed.law_flights
+        first = self.first_offset if side is self.real else 0.0
+        return fit_mixture(side.values, side.seen, spread, odd, ways, rounds, law_flights, first_offset=first)
 
     def _gain(self, names: tuple[str, ...]) -> float:
         """Nats that the shapes gain by effects."""
@@ -181,7 +183,7 @@ class FlightShapes:
     def _mean_shift(self, side: Side, names: tuple[str, ...], name: str) -> Array:
         """Mean shift (p, c) of what is compared, late reports included; c is two where a part has no size."""
         fit, mine = self.fit(side, names), side.ways[name]
-        effect, law = mine.effect.coarser(mine.start), fit.laws[name].theta
+        effect, law = fit.laws[name].effect, fit.laws[name].theta
         beyond = torch.zeros_like(mine.state.cas_mps) + mine.state.beyond_polar
         state = replace(mine.state, report_delay_s=self.compared.state.report_delay_s)
         ways = effect.ways(state, law, beyond)

@@ -28,8 +28,6 @@ FIRST_ODD, FIRST_SHARE = 0.05, 0.2
 """Shares of each kind of odd flights, and of the flights with an effect, from which EM starts."""
 STEP = 0.01
 """Of a factor, for derivatives."""
-GRID_ERROR_FL = 2.9
-"""Standard error of a window's end by a grid of ten levels: its step over the root of 12."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +79,7 @@ def ways_of_flights(
     """
     start = effect.law_starts(state, _about_the_middle(effect, state))[-1] if law is None else law
     beyond = torch.zeros_like(state.cas_mps) + state.beyond_polar
-    ways = effect.coarser(start).ways(state, start, beyond)
+    ways = effect.sought_about(start).ways(state, start, beyond)
     slots = [ways.slots.index(("rate", int(band))) for band in bands]
     weights = (ways.table[ways.upper] - ways.table[ways.lower])[:, slots].numpy()
     whole = np.ptp(weights, axis=1) == 0.0
@@ -115,7 +113,7 @@ class LearntLaw:
     """Law by which flights have an effect, as the mixture learnt it.
 
     Attributes:
-        effect: Whose law it is.
+        effect: Whose law it is, with the windows among which it was sought.
         state: The flights.
         theta: Its parameters (k,).
         learnt: Sums over the flights by way; None before any were seen.
@@ -160,7 +158,7 @@ class LearntLaw:
                 if p.is_spread and p.unit == "FL"
             ]
             own = sum(one**2 for one in wide) / number
-            found[list(self.effect.ends)] = math.sqrt(own + GRID_ERROR_FL**2)
+            found[list(self.effect.ends)] = math.sqrt(own + self.effect.grid_fl**2 / 12.0)
         return found
 
 
@@ -199,6 +197,8 @@ def fit_mixture(
     effects: Sequence[WaysOfFlights],
     rounds: int,
     law_flights: float = ASSUMED.law_flights,
+    *,
+    first_offset: Array | float = 0.0,
 ) -> MixtureFit:
     """Fit the shares, laws and offsets by EM.
 
@@ -210,6 +210,7 @@ def fit_mixture(
         effects: That some may have.
         rounds: Of EM.
         law_flights: Flights' worth of the law from which EM starts.
+        first_offset: (m,) mean shift from which EM starts: a law of most flights is far from their mean.
 
     Example:
         >>> rng = np.random.default_rng(0)
@@ -222,9 +223,9 @@ def fit_mixture(
     models = [_Ways(one, plain, law_flights) for one in effects]
     share = np.array([1.0 - FIRST_ODD * len(odd) - FIRST_SHARE * len(models), *[FIRST_ODD] * len(odd)])
     share = np.concatenate([share, np.full(len(models), FIRST_SHARE)])
-    whole = np.zeros(len(values))
+    whole, offset = np.zeros(len(values)), first_offset if models else 0.0
     for _ in range(rounds):
-        x = values + sum((model.offset_of_mean for model in models), np.zeros(values.shape[1])) * seen
+        x = values + offset * seen
         log = [plain.log_density(x), *(other.log_density(x) for other in others)]
         log += [log[0] + model.expect(x) for model in models]
         joint = np.stack(log, 1) + np.log(share)
@@ -233,6 +234,7 @@ def fit_mixture(
         share = (posterior.sum(0) + 0.5) / (len(values) + 0.5 * len(share))
         for model, mine in zip(models, posterior[:, 1 + len(odd) :].T, strict=True):
             model.maximise(mine, seen)
+        offset = sum((model.offset_of_mean for model in models), np.zeros(values.shape[1]))
     return MixtureFit(
         float(whole.sum()),
         {model.name: LearntLaw(model.coarse, model.ways.state, model.law, model.learnt) for model in models},
@@ -240,7 +242,7 @@ def fit_mixture(
         {model.name: model.taken for model in models},
         {model.name: model.size for model in models},
         1.0 - sum((model.taken.sum(1) for model in models), np.zeros(len(values))),
-        sum((model.offset_of_mean for model in models), np.zeros(values.shape[1])),
+        offset + np.zeros(values.shape[1]),
     )
 
 
@@ -250,7 +252,7 @@ class _Ways:
     def __init__(self, ways: WaysOfFlights, plain: Precisions, law_flights: float) -> None:
         self.ways, self.plain, self.law, self.name = ways, plain, ways.start, ways.effect.name
         self._law_flights = law_flights
-        self.coarse = ways.effect.coarser(ways.start)
+        self.coarse = ways.effect.sought_about(ways.start)
         # (n, W, m) shapes are not kept: only their products with the precision, of which there are W a flight.
         self._square = np.empty(ways.open.shape)
         self._with_offset = np.empty(ways.open.shape)

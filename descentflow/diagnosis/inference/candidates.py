@@ -51,7 +51,7 @@ class MeanEffect:
     def at(self, sizes: Array) -> Signature:
         """Signature at sizes (k,)."""
         found = self._signatures.of(self.effect, self.theta(sizes))
-        return Signature(found.shift, found.jacobian[:, self._free], found.misfit)
+        return Signature(found.shift, found.jacobian[:, self._free], found.misfit, found.unsure)
 
     def clamp(self, sizes: Array) -> Array:
         """Sizes within the effect's bounds."""
@@ -102,7 +102,7 @@ class FlightsEffect:
 
     def at(self, sizes: Array) -> Signature:
         """Signature at factors (c,)."""
-        return Signature(self.parts @ sizes, self.parts, float(sizes.mean()) ** 2 * self.misfit)
+        return Signature(self.parts @ sizes, self.parts, float(sizes.mean()) ** 2 * self.misfit, 0.0 * self.misfit)
 
     def clamp(self, sizes: Array) -> Array:
         """No factor below zero."""
@@ -154,4 +154,5 @@ class Linearised:
         about = self._about
         shift = about.shift + about.jacobian @ (sizes - self.start)
         whole = max(float(about.shift @ about.shift), 1e-30)
-        return Signature(shift, about.jacobian, about.misfit * min(float(shift @ shift) / whole, MOST_SCALED))
+        larger = min(float(shift @ shift) / whole, MOST_SCALED)
+        return Signature(shift, about.jacobian, about.misfit * larger, about.unsure * larger)

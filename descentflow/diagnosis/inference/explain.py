@@ -81,7 +81,7 @@ class Explainer:
         names = tuple(named.groups) if has_cause else ()
         keeps_all = verdict in ("partial", "unknown")
         unknown = {q: scale for q, scale in heaviest.unknown.items() if keeps_all or q in heaviest.air}
-        best = fits.fit(names, unknown, heaviest.sizes)
+        best = self.search.sized(fits.fit(names, unknown, heaviest.sizes))
         # Edges and changes of single flights raise short-scale noise, and so do some effects by definition.
         start, state = {name: self.catalogue[name].start() for name in names}, self.within.state
         raised = any(

@@ -19,7 +19,7 @@ fitted, and the best of them grown by further effects while that makes it heavie
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -98,14 +98,24 @@ class SetFits:
         array([0.56])
     """
 
-    def __init__(self, known: Moments, candidates: Sequence[Candidate | Linearised], assumed: Assumptions) -> None:
+    def __init__(
+        self,
+        known: Moments,
+        candidates: Sequence[Candidate | Linearised],
+        assumed: Assumptions,
+        *,
+        at_reference: bool = False,
+    ) -> None:
         """Take the candidates.
 
         Args:
             known: Moments of both sides.
             candidates: Effects that may be causes.
             assumed: Constants.
+            at_reference: Whether sizes are those that make the difference that is seen where they are put into the
+                simulator's flights, with these equations and these coefficients, whatever either may miss.
         """
+        self._at_reference = at_reference
         self.known, self.assumed = known, assumed
         self.candidates = {candidate.name: candidate for candidate in candidates}
         self._log_odds = math.log(assumed.inclusion / (1.0 - assumed.inclusion))
@@ -183,7 +193,7 @@ class SetFits:
         for name, size in sizes.items():
             candidate = self.candidates[name]
             found = candidate.at(size)
-            noise = noise + found.misfit
+            noise = noise + (0.0 if self._at_reference else found.misfit + found.unsure)
             x = x - found.shift + found.jacobian @ size
             columns.append(found.jacobian)
             mean.append(candidate.prior_mean)
@@ -232,9 +242,15 @@ class Search:
         """
         self.known, self.assumed, self.exclusive = known, assumed, [set(group) for group in exclusive]
         self.fits = SetFits(known, candidates, assumed)
+        self._sized = SetFits(known, candidates, assumed, at_reference=True)
         self._alone = {one.name: self.fits.fit((one.name,)).sizes[one.name] for one in candidates}
         linear = [Linearised(one, self._alone[one.name]) for one in candidates]
         self._screen = SetFits(known, linear, assumed)
+
+    def sized(self, fit: SetFit) -> SetFit:
+        """A set with the sizes that make the difference by these equations; errors stay those of all they may miss."""
+        found = self._sized.fit(fit.names, fit.unknown, fit.sizes)
+        return replace(fit, sizes=found.sizes, shifts=found.shifts)
 
     def sets(self) -> list[SetFit]:
         """The sets that matter, at plausible sizes, heaviest first."""

@@ -32,16 +32,17 @@ LEAST_DIRECTION = 1e-3
 
 @dataclass(frozen=True)
 class Signature:
-    """Shift (p,), its Jacobian (p, k), and the covariance (p, p) of what its equations miss.
+    """Shift (p,), its Jacobian (p, k), and covariances (p, p) of what its equations miss and coefficients leave open.
 
     Example:
-        >>> Signature(np.ones(2), np.ones((2, 1)), np.eye(2)).shift
+        >>> Signature(np.ones(2), np.ones((2, 1)), np.eye(2), np.zeros((2, 2))).shift
         array([1., 1.])
     """
 
     shift: Array
     jacobian: Array
     misfit: Array
+    unsure: Array
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,8 @@ class Signatures:
                 apart = (self._vectors(effect, above, self.state) * self._weight).sum(0)
                 apart = apart - (self._vectors(effect, below, self.state) * self._weight).sum(0)
                 columns.append(apart / width if width > 0.0 else 0.0 * apart)
-            self._made[key] = Signature(shift, np.stack(columns, 1), self._misfit(effect, theta, shift))
+            misfit = self.smooth_misfit(shift, effect.misfit_of_rate)
+            self._made[key] = Signature(shift, np.stack(columns, 1), misfit, self._unsure(effect, theta, shift))
         return self._made[key]
 
     def smooth_misfit(self, shift: Array, of_rate: float) -> Array:
@@ -110,7 +112,7 @@ class Signatures:
         share = np.where(self.known.quantity == "rate", of_rate, self.assumed.kinematic_misfit) * shift
         return np.outer(share, share) * self.known.kernel
 
-    def _misfit(self, effect: Effect, theta: Tensor, shift: Array) -> Array:
+    def _unsure(self, effect: Effect, theta: Tensor, shift: Array) -> Array:
         columns, follows = [], self._rate_by_cas
         for up, down in self._beside:
             columns.append(
@@ -121,7 +123,8 @@ class Signatures:
             size[follows.rate] = shift[follows.cas][:, None] * follows.unsure
             columns += list(size.T)
         off = np.stack(columns, 1) if columns else np.zeros((len(shift), 0))
-        return self.smooth_misfit(shift, effect.misfit_of_rate) + off @ off.T
+        found: Array = off @ off.T
+        return found
 
     def _vectors(self, effect: Effect, theta: Tensor, state: FlightState) -> Array:
         found: Array = self.compared.vector(effect.shift(state, theta)).numpy()

@@ -33,7 +33,8 @@ def cause_of(
     for member in group:
         # In the cause's place, beside the others.
         other, candidate = explainer.catalogue[member], fits.candidates[member]
-        fit = fits.fit(tuple(member if one == name else one for one in best.names), best.unknown, best.sizes)
+        names = tuple(member if one == name else one for one in best.names)
+        fit = explainer.search.sized(fits.fit(names, best.unknown, best.sizes))
         known = (other, candidate.theta(fit.sizes[member]), candidate.theta_errors(fit.errors[member]), flights)
         sizes = told_of_both(other, sizes_of(*known), on_both_sides(compared, other))
         alternatives.append(Alternative(member, found.named.probability[member], sizes, share_of(*known)))

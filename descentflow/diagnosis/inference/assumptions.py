@@ -45,7 +45,7 @@ class Assumptions:
             barely more than negligible to 12 % of the rate.
         layers: Scale up to which what measures the air is free in every set: layers of 1.5 K, 0.6 m/s and 6 m, as the
             mean of some days has them beside a temperature or a wind gradient.
-        named: Probability from which an effect, or a group of them, is named.
+        named: Probability from which an effect, or a group of them, is named: that of the intervals of its sizes.
         alike: Ratio of weights from which one member of a scale group stands alone: polars of other aircraft decide
             smaller ratios, and no flight does.
         least_shift: Smallest shift of a mean that an effect is named by, in negligible shifts.
@@ -88,7 +88,7 @@ class Assumptions:
     length_m: float = 1800.0
     unknown_scales: tuple[float, ...] = (2.0, 6.0, 20.0, 60.0)
     layers: float = 6.0
-    named: float = 0.95
+    named: float = 0.9
     alike: float = 100.0
     least_shift: float = 1.5
     least_shown: float = 0.02

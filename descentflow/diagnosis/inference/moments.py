@@ -70,8 +70,11 @@ def moments(compared: Compared, assumed: Assumptions) -> Moments:
         difference = difference + sign * mean
         departures[side] = y[side] - mean
         sums.append(sums_by_clusters(departures[side], airframe[side], day[side], quantity, kernel))
-        # Flights that differ by less than the step of a field share one error of rounding, which no mean takes away.
-        shared = np.sqrt(np.maximum(step**2 - np.nanvar(y[side], 0), 0.0))
+        # Flights that differ by less than the step of a field share one error of rounding, which no mean takes away;
+        # at speeds that differ each is rounded otherwise.
+        variance, of_speed = np.nanvar(y[side], 0), quantity == "cas"
+        alike = max(1.0 - float((variance[of_speed] / step[of_speed] ** 2).mean()), 0.0) if of_speed.any() else 1.0
+        shared = np.sqrt(alike * np.maximum(step**2 - variance, 0.0))
         error = error + np.outer(shared, shared) * (kernel + np.eye(len(kernel))) / 2.0
     covariance = shrunk(np.concatenate(sums))
     of_flight = compared.of_flight().numpy()

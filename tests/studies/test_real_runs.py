@@ -4,9 +4,36 @@ import numpy as np
 import pytest
 
 import descentflow as df
+from benchmarks.real_rivals import bluesky, first_speed
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.core.units import KT_MPS
 from descentflow.surveillance.formats.aircraft_json import embedded_rows, embedded_types
-from studies.aircraft.real_runs import before, own_speed_error, runs_of
+from studies.aircraft.real_runs import Run, before, own_speed_error, runs_of
+
+
+@pytest.fixture(scope="module")
+def runs() -> list[Run]:
+    return runs_of(df.prepare(df.simulate("A320", 12, seed=2)).frame, "world")
+
+
+def test_a_predictor_knows_the_first_speed_alone(runs: list[Run]) -> None:
+    """From above the crossover its Mach number and the type's CAS; from below it the CAS of its first level."""
+    schedule = open_aircraft("A320")
+    for one in runs:
+        first, level = first_speed(one), float(one.levels_fl[-1])
+        assert first.by_mach == (level * 30.48 > float(schedule.transition_altitude_m()))
+        held = schedule.des_cas_high_kt * KT_MPS if first.by_mach else float(one.cas_mps[-1])
+        assert first.cas_mps == pytest.approx(held)
+        assert 0.3 < first.mach < 0.85
+
+
+@pytest.mark.filterwarnings("ignore")  # its own, at import
+def test_bluesky_descends_at_its_own_rate(runs: list[Run]) -> None:
+    """1,500 ft/min; 2 % for the rate that it ramps up."""
+    pytest.importorskip("bluesky", reason="pip install '.[bluesky]'", exc_type=ImportError)
+    for one, error in zip(runs, bluesky(runs), strict=True):
+        height_ft = 100.0 * float(one.levels_fl[-1] - one.levels_fl[0])
+        assert (1 + error) * one.seconds == pytest.approx(60 * height_ft / 1500.0, rel=0.02)
 
 
 def test_flights_of_an_aircraft_take_its_own_time() -> None:

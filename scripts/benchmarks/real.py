@@ -10,6 +10,7 @@ import numpy as np
 import descentflow as df
 from benchmarks.real_rivals import bluesky, node_fdm, openap_own_speeds, openap_schedule
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.core.tabular import optional_library
 from descentflow.surveillance.formats.aircraft_json import embedded_rows, embedded_types
 from studies.aircraft.real_runs import Run, before, by_aircraft, nominal_error, own_speed_error, runs_of, table
 
@@ -26,6 +27,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Print medians of the errors with intervals by aircraft, and seconds a run."""
+    for library, extra, asked in (("node_fdm", "node-fdm", args.node_fdm), ("bluesky", "bluesky", args.bluesky)):
+        if asked:
+            optional_library(library, extra)
     places = {"bengaluru": df.prepare(embedded_rows(), types=embedded_types(), bottom_fl=60).frame}
     places |= {path.stem: df.prepare(path, bottom_fl=60).frame for path in args.rows}
     runs = [one for name, frame in places.items() for one in runs_of(frame, name) if one.typecode in TYPES]

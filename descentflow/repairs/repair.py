@@ -91,7 +91,6 @@ def repair(
         tuple(_estimates(before, own, found)),
         judged,
         found,
-        tuple(one.aircraft.typecode for one in types),
         {one.aircraft.typecode: len(one.evidence) for one in types},
         counts,
         own.evidence.quantities.levels_fl,

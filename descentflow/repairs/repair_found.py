@@ -6,7 +6,6 @@ from pathlib import Path
 
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
 from descentflow.aircraft_types.registry import AnyAircraft
-from descentflow.repairs.flight_evidence import BAND_FL
 from descentflow.repairs.held_out import HeldOut
 from descentflow.repairs.mixed_model import Posterior
 
@@ -47,8 +46,7 @@ class Repair:
         estimates: What was estimated, coefficient by coefficient.
         held_out: Errors on aircraft that were not used.
         posterior: Of the mixed model; the type's own numbers are the first.
-        typecodes: The type and its sisters whose flights were used.
-        flights: Number of flights by type.
+        flights: Number of flights by type: its own, then those of sisters that were used.
         counts: What was left out or set apart, by reason.
         levels_fl: Lowest and highest level of the flights.
         last_day: Of the flights, as BADA's files have dates (``Mar 08 2024``).
@@ -67,18 +65,12 @@ class Repair:
     estimates: tuple[Estimate, ...]
     held_out: HeldOut
     posterior: Posterior
-    typecodes: tuple[str, ...]
     flights: Mapping[str, int]
     counts: Mapping[str, float]
     levels_fl: tuple[float, float]
     last_day: str
     bada_dir: Path | None = None
     acm: Path | None = None
-
-    @property
-    def band_fl(self) -> float:
-        """Height of a band."""
-        return BAND_FL
 
     @property
     def what_stays(self) -> str:

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from descentflow.repairs.flight_evidence import BAND_FL
 from descentflow.repairs.held_out import Error
 from descentflow.repairs.repair_found import COEFFICIENTS, FACTORS, Estimate, Repair
 from descentflow.reporting.pages import drawing, rendered
@@ -119,7 +120,7 @@ def _level_figure(found: Repair, which: str, title: str) -> "Figure":
     if not errors:
         say_why_empty(ax, "no level is shown by three aircraft")
     else:
-        half = found.band_fl / 2
+        half = BAND_FL / 2
         for level, error in zip(levels, errors, strict=True):
             ax.fill_betweenx([level - half, level + half], -error.floor, error.floor, color="#dddddd", linewidth=0)
             ax.plot([error.low, error.high], [level, level], color=BLUE, linewidth=1.4)

@@ -145,7 +145,7 @@ def test_sisters_of_other_levels_share_a_prior() -> None:
     few, many = df.simulate(open_aircraft("A319"), 25, seed=3), df.simulate(TRUE, 40, seed=4)
     both = pl.concat([df.prepare(few, bottom_fl=180).frame, df.prepare(many).frame])
     found = df.repair(both, aircraft="A319")
-    assert found.typecodes == ("A319", "A320")
+    assert tuple(found.flights) == ("A319", "A320")
     assert abs(found.held_out.time.after) <= max(1.2 * found.held_out.time.floor, 1.5)
 
 

@@ -30,7 +30,8 @@ LEAST_DESCENT_FT = 5000.0
 LONGEST_GAP_S = 60.0
 """Between reports of one segment. Ours."""
 RARE_S = Fixed.constant_rate_side_s / (Fixed.constant_rate_side_reports - 1)
-"""Reports so far apart do not show where a held rate begins and ends."""
+"""Reports so far apart do not show where a held rate begins and ends, and level flight by the mean rate between them
+too."""
 BAND_FT = 5000
 """Height of the bands of altitude in which the report counts."""
 FLIGHTS, CONTINUOUS = "flights that descend by 5,000 ft or more", "of them without level flight (300 ft/min, 20 s)"
@@ -41,6 +42,8 @@ SPEEDS = ("groundspeed", "TAS", "Mach", "IAS")
 
 def stretches(rows: pl.DataFrame, held: pl.Series | None = None, gap_s: float = LONGEST_GAP_S) -> pl.DataFrame:
     """Descents and their level segments: the rate within 300 ft/min for 20 s or more, from the top down to 1,800 ft.
+
+    Of reports 10 s apart or more, the mean rate between two counts as well: a segment of few reports is seen by it.
 
     Args:
         rows: Reports of whole flights with ``flight_id timestamp altitude``, and ``vertical_rate``, ``groundspeed``,
@@ -60,7 +63,7 @@ def stretches(rows: pl.DataFrame, held: pl.Series | None = None, gap_s: float = 
         >>> altitude = [max(30_000 - 20 * s, 20_000) - max(20 * (s - 560), 0) for s in range(0, 1000, 10)]
         >>> rows = pl.DataFrame({"flight_id": "a", "timestamp": times, "altitude": altitude})
         >>> stretches(rows).select("kind", "seconds").rows()
-        [('descent', 980.0), ('level', 40.0)]
+        [('descent', 980.0), ('level', 60.0)]
     """
     names = [name for name in ("altitude", "vertical_rate", *SPEEDS) if name in rows.columns]
     used = rows.select("flight_id", "timestamp", *(pl.col(name).cast(pl.Float64) for name in names))
@@ -68,7 +71,7 @@ def stretches(rows: pl.DataFrame, held: pl.Series | None = None, gap_s: float = 
         used = with_rate(used.sort("flight_id", "timestamp"))
     marks = [] if held is None else [held.alias("held")]
     descent = _descents(_with_speed(used).with_columns(*marks))
-    level = _runs(descent, (pl.col("vertical_rate").abs() <= LEVEL_FPM).fill_null(False), "level", gap_s)
+    level = _runs(descent, _is_level(gap_s), "level", gap_s)
     level = level.filter(pl.col("seconds") >= LEAST_S)
     # Cruise a little below the highest altitude is none of the descent.
     cruise = (pl.col("altitude_ft") >= BOX_SHARE * pl.col("top_ft")) & (pl.col("seconds") > BOX_S)
@@ -82,6 +85,14 @@ def stretches(rows: pl.DataFrame, held: pl.Series | None = None, gap_s: float = 
     parts = [_runs(descent, pl.col("altitude").is_not_null(), "descent", float("inf")), after(level)]
     parts += [_runs(descent, pl.col("held"), "held", gap_s)] if marks else []
     return pl.concat(parts).drop("end", "top_ft").sort("flight_id", "kind", "timestamp")
+
+
+def _is_level(gap_s: float) -> pl.Expr:
+    """Rates within 300 ft/min, and both ends of longer times between reports in which the mean rate is."""
+    mean = pl.col("altitude").diff().over("flight_id") / pl.col("seconds") * 60
+    since = (mean.abs() <= LEVEL_FPM) & pl.col("seconds").is_between(RARE_S, gap_s)
+    at_once = (pl.col("vertical_rate").abs() <= LEVEL_FPM).fill_null(False)
+    return at_once | (since | since.shift(-1).over("flight_id")).fill_null(False)
 
 
 def _with_speed(rows: pl.DataFrame) -> pl.DataFrame:

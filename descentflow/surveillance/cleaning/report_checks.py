@@ -9,7 +9,6 @@ import polars as pl
 from descentflow.core.errors import DataError, warn
 from descentflow.surveillance.cleaning.flights import FLIGHTS_OF_SEVERAL_TYPES, NO_TYPES, OTHER_VALUES
 from descentflow.surveillance.cleaning.thresholds import Cleaning, Fixed
-from descentflow.surveillance.cleaning.two_clocks import ROWS_OF_OTHER_CLOCK
 from descentflow.surveillance.rows.addresses import named_types
 from descentflow.surveillance.rows.drop_report import DropReport, Step
 from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED, ROWS_WITHOUT
@@ -69,9 +68,6 @@ def check_report(report: DropReport, rules: Cleaning) -> None:
             f"{report}",
         )
     _tell_apart(report)
-    if clocks := [note for note in report.notes if note.startswith(ROWS_OF_OTHER_CLOCK.partition("{")[0])]:
-        said = " and ".join(f"{report.notes[note]:,} {note}" for note in clocks)
-        warn(f"{said}, are left out: write the times of all sources in UTC (the earlier of both are kept)")
     if several := report.notes.get(FLIGHTS_OF_SEVERAL_TYPES):
         warn(
             f"the rows of {several:,} flights name several types, and each flight is taken for the one that most of "
@@ -156,7 +152,6 @@ REASONS: dict[str, tuple[str, str]] = {
         "have the address and the time of another row",
         "check that rows of different aircraft have different icao24, and that each row has its own time",
     ),
-    "other_clock": ("come again by another clock", "write the times of all sources in UTC"),
     "spike_": ("leap between neighbours", "check that rows of different aircraft have different icao24"),
     "stale_vertical_rate": (
         "repeat the same vertical rate while the altitude changes otherwise",

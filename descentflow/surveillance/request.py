@@ -17,11 +17,8 @@ from descentflow.surveillance.cleaning.flights import names_shared
 from descentflow.surveillance.cleaning.report_checks import (
     NONE_OF,
     asked_in_vain,
-    check_designators,
     check_left,
     check_report,
-    no_designators,
-    tell_absent_types,
 )
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import top_levels
@@ -122,7 +119,7 @@ class Request:
                 files have no day.
 
         Warns:
-            DescentflowWarning: If one of several types that are asked for is in no row, and no designator.
+            DescentflowWarning: Of notes for which there is advice.
         """
         report.extend([part for part, _, _ in parts])
         if (number := report.notes.get(WITHOUT_DAY, 0)) > 1:
@@ -137,13 +134,11 @@ class Request:
         if present:
             absent = asked_in_vain(self.typecodes, present)
             report.note(f"{NONE_OF}{', '.join(absent)}", len(absent))
-            tell_absent_types(no_designators(absent), present, "row", "--typecode")
         check_report(report, self.cleaning)
 
 
 def description(facts: dict[str, Any], report: DropReport, levels: pl.DataFrame) -> dict[str, Any]:
     """The description that prepared descents carry."""
-    check_designators(levels["typecode"].unique())
     return {
         "schema_version": SCHEMA_VERSION,
         "descentflow": __version__,

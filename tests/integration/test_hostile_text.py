@@ -51,7 +51,6 @@ def hostile_rows(number: int) -> pl.DataFrame:
 
 
 @pytest.mark.skipif(BROWSER is None, reason="there is no browser here")
-@pytest.mark.filterwarnings("ignore:descents of type .*SCRIPT")
 def test_no_script_runs_and_no_request_leaves(tmp_path: Path) -> None:
     """A browser opens the page of the cleaning; one that lets script through fails."""
     hostile_rows(3).write_parquet(tmp_path / "rows.parquet")

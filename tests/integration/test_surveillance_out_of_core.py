@@ -101,7 +101,6 @@ def test_a_store_is_partitioned_by_type_and_says_how_it_was_made(
     assert manifest["report"]["steps"][-1]["flights_left"] == whole.frame["flight_id"].n_unique()
 
 
-@pytest.mark.filterwarnings("ignore:descents of type")
 def test_types_of_any_name_stay_inside_the_store(tmp_path: Path) -> None:
     names = ["../A3 20", "..", "A/B", "Ü%2F"]
     rows = pl.concat(

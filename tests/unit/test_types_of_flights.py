@@ -29,7 +29,7 @@ def test_an_address_of_several_types_gives_none_to_other_flights() -> None:
 
 
 def test_two_types_within_a_flight_are_told_and_make_one_descent() -> None:
-    with pytest.warns(DescentflowWarning, match="the rows of 2 flights name several types"):
+    with pytest.warns(DescentflowWarning, match="2 flights whose rows name several types.*correct the column typecode"):
         found = prepare(
             FLEET.with_columns(
                 typecode=pl.when(pl.int_range(pl.len()) % 3 == 0).then(pl.lit("A321")).otherwise("typecode")

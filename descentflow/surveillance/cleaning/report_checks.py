@@ -1,6 +1,5 @@
 """Checks of the whole drop report: types that are absent, columns that contradict each other, and nothing left."""
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 
@@ -15,10 +14,15 @@ from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED, ROWS_WITHOU
 from descentflow.surveillance.rows.values_beside import JOIN_MEND, OF_OTHER_ROWS, VALUES_APART
 
 MAX_LISTED_TYPES = 12
-DESIGNATOR = re.compile(r"[A-Z][A-Z0-9]{1,3}")
-"""Form of a designator of ICAO Doc 8643."""
 NONE_OF = "types asked for beside others, of which there is no row: "
 """Note in the report."""
+ADVICE = {
+    OTHER_VALUES: "give rows of another run or another receiver addresses (icao24) or times of their own; the first of "
+    "each was kept",
+    FLIGHTS_OF_SEVERAL_TYPES: "correct the column typecode, or give rows of different aircraft different icao24",
+    **{VALUES_APART.format(name=name): JOIN_MEND.format(name=name) for name in OF_OTHER_ROWS},
+}
+"""Note -> what to do about it, which a warning says."""
 
 
 def tell_absent_types(wanted: Sequence[str], present: Iterable[str], what: str, option: str) -> None:
@@ -38,24 +42,8 @@ def asked_in_vain(wanted: Sequence[str], present: Iterable[str]) -> list[str]:
     return [name.upper() for name in wanted if name.upper() not in known]
 
 
-def no_designators(names: Sequence[str]) -> list[str]:
-    """Names that no designator of Doc 8643 looks like: of a family some types may be absent, these are mistakes."""
-    return [name for name in names if not DESIGNATOR.fullmatch(name.upper())]
-
-
-def check_designators(typecodes: Iterable[str]) -> None:
-    """Warn of types that are no designators: no coefficients are found by them."""
-    odd = sorted({name for name in typecodes if not DESIGNATOR.fullmatch(name)})
-    if odd:
-        more = f" and {len(odd) - 5} more" if len(odd) > 5 else ""
-        warn(
-            f"descents of type {', '.join(name[:40] for name in odd[:5])}{more}, which is no designator of ICAO's "
-            "Doc 8643; coefficients are found by designators, such as A320: correct the column typecode"
-        )
-
-
 def check_report(report: DropReport, rules: Cleaning) -> None:
-    """Refuse rows of which most contradict themselves; warn of rows of one time and address with other values."""
+    """Refuse rows of which most contradict themselves; warn of notes for which there is advice."""
     step = next((one for one in report.steps if one.step == "IAS_contradicts_Mach"), None)
     judged = step.rows_dropped + step.rows_left if step else 0
     if step and step.rows_dropped > Fixed.contradicting_share * judged:
@@ -67,34 +55,9 @@ def check_report(report: DropReport, rules: Cleaning) -> None:
             "leave Mach out of the table if IAS is right, or say how far they may differ (--airspeeds-differ-kt)\n"
             f"{report}",
         )
-    _tell_apart(report)
-    if several := report.notes.get(FLIGHTS_OF_SEVERAL_TYPES):
-        warn(
-            f"the rows of {several:,} flights name several types, and each flight is taken for the one that most of "
-            "its rows name: correct the column typecode, or give rows of different aircraft different icao24"
-        )
-    read, other = report.left("read") or 0, report.notes.get(OTHER_VALUES, 0)
-    if other > Fixed.other_values_share * read and report.steps[-1].rows_left:
-        warn(
-            f"{other:,} of {read:,} rows have the address and the time of another row but other values, and are left "
-            "out as duplicates (the first of each is kept): if they are of another run or another receiver, give them "
-            "addresses (icao24) or times of their own"
-        )
-
-
-def _tell_apart(report: DropReport) -> None:
-    """Warn of values that no row has beside IAS: descents lack them, and nothing can be said of air and wind."""
-    apart = {
-        name: report.notes[VALUES_APART.format(name=name)]
-        for name in OF_OTHER_ROWS
-        if VALUES_APART.format(name=name) in report.notes
-    }
-    if apart and report.steps and report.steps[-1].rows_left:
-        said = ", ".join(f"{name} in {rows:,} rows" for name, rows in apart.items())
-        warn(
-            f"values without IAS beside them nor in a row within 5 s: {said}; descents lack them: "
-            f"{JOIN_MEND.format(name=' and '.join(apart))}"
-        )
+    for note in ADVICE if report.steps and report.steps[-1].rows_left else ():
+        if number := report.notes.get(note):
+            warn(f"{number:,} {note}; to mend it, {ADVICE[note]}")
 
 
 def check_left(

@@ -208,11 +208,6 @@ class Fixed:
         "share of the rows in which IAS contradicts Mach above which all are refused",
         "then the column is wrong, not its rows; real sources have 0.001 at most",
     )
-    other_values_share: float = _threshold(
-        0.01,
-        "share of rows with the address and time of another row but other values above which a warning is given",
-        "two runs in one table have a half, seven real sources have none",
-    )
     constant_rate_step_fpm: float = _threshold(
         100.0, "step of the vertical rate that a pilot can select, ft/min", "flight control units of Airbus and Boeing"
     )

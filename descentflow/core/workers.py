@@ -4,7 +4,7 @@ import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -72,44 +72,48 @@ class Engine:
             ConfigError: If there is no such scheduler.
             DataError: If workers have other versions, or are killed.
         """
-        # Bound to the function: joblib scatters large arguments, which are lost with the worker that dies.
-        call = delayed(partial(_called, function, common))
-        with self._backend(progress) as backend:
-            parallel = Parallel(
-                self.workers,
-                backend=backend,
-                batch_size=1,
-                pre_dispatch="all",
-                return_as="generator_unordered",
-                **self.options,
-            )
-            for _ in results_of(parallel, (call(task) for task in tasks)):
-                yield
-
-    @contextmanager
-    def _backend(self, progress: Callable[[str], None]) -> Iterator[Any]:
-        """Joblib's backend, for Dask connected; a killed worker is an error in a line."""
+        call = partial(_called, function, common)
         with ExitStack() as stack:
-            killed: Any = BrokenExecutor
-            backend: Any = self.backend
             if self.backend == "dask":
-                distributed: Any = optional_library("distributed", "dask")
-                killed = distributed.KilledWorker
-                client = self._client(distributed, stack)
-                if not client.nthreads():
-                    progress(f"waiting for workers of {client.scheduler.address}")
-                client.wait_for_workers(1)
-                _check_versions(client)
-                backend = _dask_backend(client)
+                found = self._by_dask(call, tasks, progress, stack)
+            else:
+                parallel = Parallel(
+                    self.workers,
+                    backend=self.backend,
+                    batch_size=1,
+                    pre_dispatch="all",
+                    return_as="generator_unordered",
+                    **self.options,
+                )
+                found = results_of(parallel, (delayed(call)(task) for task in tasks))
             try:
-                yield backend
-            except killed as error:
+                for _ in found:
+                    yield
+            except BrokenExecutor as error:
                 raise DataError(
                     "a worker was killed, which the system does where memory runs out",
                     expected="workers that run to their end",
                     mend="start it again, which goes on with what is not done yet; with fewer --workers if it happens "
                     "again",
                 ) from error
+
+    def _by_dask(
+        self, call: Callable[[Task], None], tasks: Sequence[Task], progress: Callable[[str], None], stack: ExitStack
+    ) -> Iterator[None]:
+        """Results from a cluster, once it has workers."""
+        distributed: Any = optional_library("distributed", "dask")
+        client = self._client(distributed, stack)
+        if not client.nthreads():
+            progress(f"waiting for workers of {client.scheduler.address}")
+        client.wait_for_workers(1)
+        _check_versions(client)
+        futures = client.map(call, tasks, pure=False)
+        stack.callback(client.cancel, futures)
+        try:
+            for done in distributed.as_completed(futures):
+                yield done.result()
+        except distributed.KilledWorker as error:
+            raise BrokenExecutor(str(error)) from error
 
     def _client(self, distributed: Any, stack: ExitStack) -> Any:
         """The user's client, or one that is closed with the stack."""
@@ -190,27 +194,6 @@ def engine_of(engine: Any = None, workers: int | None = None) -> Engine:
         expected="local, dask, the address or the file of a Dask scheduler, or a distributed.Client",
         mend="leave it out for threads of this process",
     )
-
-
-def _dask_backend(client: Any) -> Any:
-    """Mend joblib's backend for Dask: it waits for ever for a task that Dask gives up."""
-    from joblib._dask import DaskDistributedBackend
-
-    class Backend(DaskDistributedBackend):  # type: ignore[misc]  # joblib has no types
-        def effective_n_jobs(self, n_jobs: int = 1) -> int:
-            return max(2, int(super().effective_n_jobs(n_jobs)))  # of one worker, joblib works in this process
-
-        def submit(self, func: Any, callback: Any = None) -> Any:
-            future = super().submit(func, callback)
-            future.add_done_callback(lambda done: callback(done.exception()) if done.exception() else None)
-            return future
-
-        def retrieve_result_callback(self, out: Any) -> Any:
-            if isinstance(out, BaseException):
-                raise out
-            return super().retrieve_result_callback(out)
-
-    return Backend(client=client)
 
 
 def _called(function: Callable[[Task, Any], object], common: object, task: Task) -> None:

@@ -5,11 +5,10 @@ from pathlib import Path
 
 import polars as pl
 import pytest
-from surveillance_toys import fleet, flight
+from surveillance_toys import fleet
 
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.surveillance.cleaning.flights import OTHER_VALUES
-from descentflow.surveillance.out_of_core import intake
 from descentflow.surveillance.prepare import prepare
 
 
@@ -38,25 +37,6 @@ def test_most_rows_of_many_small_files_do_not_go_in_silence() -> None:
         prepare(files)
     with pytest.warns(DescentflowWarning, match="contradict"):
         assert prepare(files, cleaning={"airspeeds_differ_kt": 90.0, "spike_agreeing_kt": 90.0}).flights == {"A320": 3}
-
-
-@pytest.mark.parametrize("small", [True, False])
-def test_flights_without_a_usable_row_are_counted(small: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also where a flight has its usable rows in another group of files."""
-    rows = pl.concat([fleet(5).filter(pl.col("icao24") != "4ca004"), flight("4ca009", start_s=90_000.0)])
-    empty = pl.col("icao24").is_in(["4ca001", "4ca002"])
-    rows = rows.with_columns(Mach=pl.when(~empty).then(pl.col("Mach")))
-    halves = [rows.with_columns(Mach=pl.when(pl.col("icao24") != "4ca000").then(pl.col("Mach"))), rows]
-    for number, half in enumerate(halves):
-        half.write_parquet(tmp_path / f"{number}.parquet")
-    if small:
-        monkeypatch.setattr(intake, "GROUP_BYTES", 1000)
-    found = prepare([tmp_path / "0.parquet", tmp_path / "1.parquet"], out=tmp_path / "out.parquet")
-    assert found.report.notes[intake.LOST] == 2
-    assert sum(found.flights.values()) == rows["icao24"].n_unique() - 2
-    fleet(3).with_columns(pl.col("timestamp") + pl.duration(days=3)).write_parquet(tmp_path / "2.parquet")
-    found = prepare([tmp_path / f"{number}.parquet" for number in range(3)], out=tmp_path / "other.parquet")
-    assert found.report.notes[intake.LOST] == 2, "they fly another day"
 
 
 def test_what_stands_for_no_type_is_none() -> None:

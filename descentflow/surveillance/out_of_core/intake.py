@@ -5,7 +5,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
@@ -24,9 +24,6 @@ Item = TypeVar("Item")
 
 GROUP_BYTES = 256_000_000
 """Size of the files that are read as one group: what a worker reads at a time, and what a rerun reads again."""
-SEEN = {"flight": pl.String, "usable": pl.Boolean}
-LOST = "flights (or days of an aircraft, where rows name no flight) without a usable row"
-"""Note in the report."""
 
 
 @dataclass
@@ -39,7 +36,6 @@ class Intake:
         names: Flight names of the source (:func:`~descentflow.surveillance.cleaning.flights.names_given`).
         held: The rows, if they fit in memory.
         buckets: The rows on disk, if they do not; else empty.
-        seen: Flights, or days of an aircraft where rows name none, with a row, and whether one is usable.
 
     Example:
         >>> intake = take_in(["rows.parquet"], None, Spill.unbounded())
@@ -52,12 +48,6 @@ class Intake:
     names: pl.DataFrame
     held: list[pl.DataFrame]
     buckets: list[Bucket]
-    seen: pl.DataFrame = field(default_factory=lambda: pl.DataFrame(schema=SEEN))
-
-    def note_lost(self) -> None:
-        """Tell in the report how many flights have no usable row: later steps do not know them."""
-        usable_ones = self.seen.group_by("flight").agg(pl.col("usable").any())["usable"]
-        self.report.note(LOST, int((~usable_ones).sum()))
 
 
 @dataclass(frozen=True)
@@ -129,31 +119,19 @@ def take_in(
     read = DropReport()
     found: dict[str, None] = {}
     names: list[pl.DataFrame] = []
-    seen: list[pl.DataFrame] = []
     parts: list[DropReport] = []
     for block in _ahead(_blocks(sources, read, format, block_rows, alone, columns)):
         found |= dict.fromkeys(block.columns)
         parts.append(DropReport())
         good = usable(block, parts[-1])
         names.append(names_given(good))
-        seen += [_flights(block, usable_ones=False), _flights(good, usable_ones=True)]
         if len(names) > 16:
-            names, seen = [pl.concat(names).unique()], [pl.concat(seen).unique()]
+            names = [pl.concat(names).unique()]
         spill.add(good)
     spill.finish()
     read.extend(parts)
     buckets = spill.buckets if spill.spilled else []
-    intake = Intake(tuple(found), read, pl.concat(names).unique(), spill.held, buckets, pl.concat(seen).unique())
-    if alone:
-        intake.note_lost()
-    return intake
-
-
-def _flights(rows: pl.DataFrame, *, usable_ones: bool) -> pl.DataFrame:
-    day = pl.col("icao24") + "_" + pl.col("timestamp").dt.date().cast(pl.String).fill_null("")
-    names = [pl.col("flight_id")] if "flight_id" in rows.columns else []
-    flights = rows.select(pl.coalesce(*names, day).alias("flight")).unique().drop_nulls()
-    return flights.with_columns(usable=pl.lit(usable_ones))
+    return Intake(tuple(found), read, pl.concat(names).unique(), spill.held, buckets)
 
 
 def _read_group(group: _Group, always: bool) -> Intake | None:
@@ -176,7 +154,6 @@ def _read_group(group: _Group, always: bool) -> Intake | None:
         if not intake.buckets:
             return intake
         intake.names.write_parquet(temporary / "names.parquet")
-        intake.seen.write_parquet(temporary / "seen.parquet")
         description = {
             "columns": intake.columns,
             "report": intake.report.as_dict(),
@@ -237,25 +214,21 @@ def read_groups(
     intakes = [_read_again(task.folder) for task in tasks]
     report = DropReport()
     report.extend([intake.report for intake in intakes])
-    together = Intake(
+    return Intake(
         tuple(dict.fromkeys(name for intake in intakes for name in intake.columns)),
         report,
         pl.concat([intake.names for intake in intakes]).unique(),
         [],
         joined([intake.buckets for intake in intakes]),
-        pl.concat([intake.seen for intake in intakes]).unique(),
     )
-    if len(intakes) > 1:  # a flight may have its usable rows in another group
-        together.note_lost()
-    return together
 
 
 def _read_again(folder: Path) -> Intake:
     """Result that :func:`_read_group` left in a folder."""
     found = json.loads((folder / "group.json").read_text())
     buckets = [Bucket([folder / name for name in b["files"]], b["rows"], b["bytes"]) for b in found["buckets"]]
-    names, seen = (pl.read_parquet(folder / f"{name}.parquet") for name in ("names", "seen"))
-    return Intake(tuple(found["columns"]), DropReport.from_dict(found["report"]), names, [], buckets, seen)
+    names = pl.read_parquet(folder / "names.parquet")
+    return Intake(tuple(found["columns"]), DropReport.from_dict(found["report"]), names, [], buckets)
 
 
 def _blocks(

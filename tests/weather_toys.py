@@ -16,7 +16,7 @@ LATITUDE, LONGITUDE = np.arange(60.0, 43.9, -2.0), np.arange(-8.0, 18.1, 2.0)
 START = np.datetime64("2024-03-03T00", "s")
 HOURS = np.arange(0, 7 * 24 + 1, 6)
 """The days of the simulated world's flights."""
-NEW, OLD = ("valid_time", "pressure_level"), ("time", "level")
+NAMES = ("valid_time", "pressure_level")
 Formula = Callable[..., object]
 
 
@@ -32,12 +32,11 @@ def weather(
     deviation: Formula,
     wind: Formula | None = None,
     *,
-    names: tuple[str, str] = NEW,
     hours: np.ndarray = HOURS,
     longitude: np.ndarray = LONGITUDE,
 ) -> xarray.Dataset:
     """Temperature and wind of formulas of (hours, flight level, latitude, longitude)."""
-    axes = {names[0]: START + hours.astype("timedelta64[h]"), names[1]: PRESSURE_HPA}
+    axes = {NAMES[0]: START + hours.astype("timedelta64[h]"), NAMES[1]: PRESSURE_HPA}
     axes = {**axes, "latitude": LATITUDE, "longitude": longitude}
     shape = tuple(len(axis) for axis in axes.values())
     grid = np.meshgrid(hours, levels_fl(), LATITUDE, longitude, indexing="ij")
@@ -47,7 +46,7 @@ def weather(
     found = {name: (tuple(axes), np.array(value), {"units": unit}) for name, (value, unit) in values.items()}
     data = xarray.Dataset(found, {name: axis.astype("datetime64[ns]") if i == 0 else axis
                                   for i, (name, axis) in enumerate(axes.items())})  # fmt: skip
-    data[names[1]].attrs["units"] = "hPa" if names == NEW else "millibars"
+    data[NAMES[1]].attrs["units"] = "hPa"
     return data
 
 
@@ -78,7 +77,7 @@ def written_as_grib(data: xarray.Dataset, path: Path, **settings: object) -> Pat
 
     eccodes = pytest.importorskip("eccodes", reason="cfgrib is an extra of descentflow (wind)")
 
-    time, level, latitude, longitude = (data[name].to_numpy() for name in (*NEW, "latitude", "longitude"))
+    time, level, latitude, longitude = (data[name].to_numpy() for name in (*NAMES, "latitude", "longitude"))
     with path.open("ab") as file:
         for name in data.data_vars:
             for (t, stamp), (k, pressure) in itertools.product(enumerate(time), enumerate(level)):

@@ -153,19 +153,6 @@ def test_evaluate_leaves_out_what_was_trained_on(run: Path, descents: Path, tmp_
     assert {p.name for p in (tmp_path / "new").iterdir()} >= {"scores.csv", "rejections.json", "profiles.png"}
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["nonsense"], "no command 'nonsense'"),
-        (["sample", "absent.ckpt", "--out", "s.parquet"], "no file absent.ckpt"),
-        (["evaluate", "absent.ckpt", "--real", "d.parquet", "--out", "e"], "no file absent.ckpt"),
-    ],
-)
-def test_mistakes_end_with_a_message_and_status_two(words: list[str], message: str, capsys) -> None:
-    assert main(words) == 2
-    assert message in capsys.readouterr().err
-
-
 def test_predict_descent_writes_intervals_and_occupancy(run: Path, descents: Path, tmp_path: Path, capsys) -> None:
     words = ["predict-descent", str(run / "checkpoints" / "best.ckpt"), str(descents), "--from-fl", "290", "-n", "60"]
     assert main([*words, "--out", str(tmp_path / "p.parquet"), "--occupancy", str(tmp_path / "o.parquet")]) == 0
@@ -232,12 +219,6 @@ def test_a_conditional_model_from_fit_to_samples(tmp_path: Path, descents: Path,
     ):
         assert main(["sample", checkpoint, "-n", "3", *bad, "--out", str(out)]) == 2
         assert message in capsys.readouterr().err
-
-
-def test_a_model_without_context_refuses_one(run: Path, tmp_path: Path, capsys) -> None:
-    words = ["sample", str(run / "checkpoints" / "best.ckpt"), "--given", "hour=3", "--out", str(tmp_path / "s.csv")]
-    assert main(words) == 2
-    assert "knows no context" in capsys.readouterr().err
 
 
 def test_descents_of_several_types_need_an_aircraft(tmp_path: Path, capsys) -> None:

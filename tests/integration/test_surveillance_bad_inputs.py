@@ -176,30 +176,6 @@ def test_types_that_do_not_fit_are_refused(good: pl.DataFrame, prepare: Prepared
     prepare.refuses(rows, "--typecode", "B738", saying="no row of type B738; expected one of A320")
 
 
-def test_unknown_types_are_counted(good: pl.DataFrame, prepare: Prepared) -> None:
-    one = good["icao24"] == "4ca000"
-    frame = good.with_columns(typecode=pl.when(one).then(pl.lit(None)).otherwise("typecode"))
-    assert prepare(written(frame, prepare.folder / "rows.csv")) == 0
-    assert prepare.dropped("unknown_type") == one.sum()
-
-
-def test_one_flight_is_enough_and_counted(prepare: Prepared) -> None:
-    assert prepare(written(flight(), prepare.folder / "rows.parquet")) == 0
-    assert pl.read_parquet(prepare.out)["flight_id"].n_unique() == 1
-    assert prepare.report["steps"][-1]["flights_left"] == 1
-
-
-def test_identical_flights_are_kept_each_and_a_file_given_twice_counts_as_duplicates(prepare: Prepared) -> None:
-    one = flight()
-    twin = one.with_columns(icao24=pl.lit("4ca999"))
-    rows = written(pl.concat([one, twin]), prepare.folder / "rows.parquet")
-    assert prepare(rows) == 0
-    first, second = pl.read_parquet(prepare.out).partition_by("icao24")
-    assert first.drop("icao24", "flight_id").equals(second.drop("icao24", "flight_id"))
-    assert prepare(rows, rows) == 0
-    assert prepare.dropped("duplicate") == 2 * len(one)
-
-
 def test_single_bad_values_are_counted_and_cost_no_flight(good: pl.DataFrame, prepare: Prepared) -> None:
     text = good.with_columns(pl.col("IAS", "Mach", "altitude", "vertical_rate").cast(pl.String))
     index = pl.int_range(pl.len())

@@ -12,8 +12,6 @@ from hostile_toys import FLIGHT, OF_JSON, SOURCES, as_bytes, outcome, refused
 from source_toys import packed, tar_of, trace_of, written_to
 from surveillance_toys import flight
 
-from descentflow.cli.entry import main
-
 PACKED = {"compression": "zstd"}
 KINDS = ("text", "categorical", "enum")
 
@@ -181,25 +179,3 @@ def test_damaged_archives(place: str, tmp_path: Path) -> None:
     else:
         archive = archive[:-1024]
     refused(written_to(tmp_path / "a.tar", bytes(archive)), "damaged or cut archive")
-
-
-def test_a_part_of_a_split_archive_is_refused_with_the_mend(tmp_path: Path) -> None:
-    refused(written_to(tmp_path / "day.tar.aa", SOURCES["tar"][:2000]), "cat NAME.tar.* > NAME.tar")
-
-
-def test_hostile_files_through_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Status 2 and no trace of the program for errors; a descent and a count for an archive with bad members."""
-    out, report = tmp_path / "d.parquet", tmp_path / "r.json"
-    for name, content in (("deep.json", b"[" * 300_000), ("rows.pkl", b"\x80\x04\x95")):
-        status = main(["prepare", str(written_to(tmp_path / name, content)), "--out", str(out)])
-        words = capsys.readouterr().err
-        assert status == 2
-        assert "to mend it" in words
-        assert "Traceback" not in words
-        assert not out.exists()
-    members = [("t/trace_full_4ca001.json", packed(trace_of(flight()))), ("t/trace_full_4ca002.json", b"{")]
-    archive = written_to(tmp_path / "day.tar", tar_of(members))
-    assert main(["prepare", str(archive), "--out", str(out), "--report", str(report)]) == 0
-    notes = json.loads(report.read_text())["report"]["notes"]
-    assert notes["traces and members of archives that could not be read"] == 1
-    assert pl.read_parquet(out)["flight_id"].unique().to_list() == ["4ca001_20240301T100000"]

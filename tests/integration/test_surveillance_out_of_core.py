@@ -10,6 +10,7 @@ from polars.testing import assert_frame_equal
 from surveillance_toys import fleet, written
 
 from descentflow.core.errors import ConfigError, DataError
+from descentflow.surveillance.cleaning import chain
 from descentflow.surveillance.descents import store
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
 from descentflow.surveillance.out_of_core import intake
@@ -65,6 +66,7 @@ def test_descents_do_not_depend_on_memory_or_form(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(intake, "GROUP_BYTES", 1)
+    monkeypatch.setattr(chain, "BATCH_ROWS", 300)
     monkeypatch.setattr(store, "CHUNK_ROWS", 300)
     monkeypatch.setattr(store, "FILE_ROWS", 600)
     said: list[str] = []

@@ -121,15 +121,6 @@ def test_groups_that_were_read_are_not_read_again(rows: Path, tmp_path: Path, mo
     assert_frame_equal(read_descents(tmp_path / "s").frame, prepare([rows]).frame, check_exact=True)
 
 
-def test_a_small_file_is_no_group_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    sizes = {"a.csv": 90, "b.csv": 20, "c.csv": 90, "d.csv": 20, "e.csv": 20}
-    for name, size in sizes.items():
-        (tmp_path / name).write_bytes(b"x" * size)
-    monkeypatch.setattr(intake, "GROUP_BYTES", 100)
-    groups = [[path.name for path in group] for group in intake.groups_of([tmp_path / name for name in sizes])]
-    assert groups == [["a.csv", "b.csv"], ["c.csv"], ["d.csv", "e.csv"]]
-
-
 def test_a_group_without_a_row_is_counted_unless_all_are_so(
     rows: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

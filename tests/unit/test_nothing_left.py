@@ -32,9 +32,3 @@ def test_every_filter_has_its_mend() -> None:
         message = str(nothing_left(DropReport([Step(one.reason, 9, 1, 0, 0)]), rules))
         assert "see what that step asks for" not in message, one.reason
     assert len({why for why, _ in REASONS.values()}) == len(REASONS)
-
-
-def test_too_few_levels_ask_for_the_unit_of_altitude_before_they_lower_the_bar() -> None:
-    message = str(nothing_left(DropReport([Step("too_few_levels", 9, 1, 0, 0)]), Cleaning()))
-    assert message.index("metres are to be multiplied by 3.2808") < message.index("--bottom-fl")
-    assert "of `descentflow prepare`" in message

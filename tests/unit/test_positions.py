@@ -141,21 +141,17 @@ def test_what_cannot_be_is_refused(said: dict, message: str) -> None:
         ground_plan(**said)
 
 
-@pytest.mark.parametrize("wind", ["270/380", "0/380"])
-def test_a_wind_stronger_than_the_airspeed_is_refused(wind: str) -> None:
-    plan = ground_plan(end=(51.0, 4.0), track=270.0, wind=wind)
-    with pytest.raises(ConfigError, match=r"cannot hold its track.*kt on the command line"):
-        plan.place(steady_descents([190.0]))
-
-
-@pytest.mark.parametrize(("wind", "refused"), [("270/380", False), ("270/400", True), ("270/900", True)])
-def test_a_tailwind_that_no_wind_on_earth_is_is_refused(wind: str, refused: bool) -> None:
-    plan = ground_plan(end=(51.0, 4.0), track=90.0, wind=wind)
-    if not refused:
-        plan.place(steady_descents([200.0]))
-        return
-    with pytest.raises(ConfigError, match=r"a wind of [49]00 kt at FL.* up to 389 kt"):
-        plan.place(steady_descents([200.0]))
+@pytest.mark.parametrize(
+    ("track", "wind", "message"),
+    [
+        (270.0, "270/380", "cannot hold its track.*kt on the command line"),
+        (270.0, "0/380", "cannot hold its track"),
+        (90.0, "270/400", r"a wind of 400 kt at FL.* up to 389 kt"),
+    ],
+)
+def test_a_wind_that_no_flight_or_no_earth_has_is_refused(track: float, wind: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        ground_plan(end=(51.0, 4.0), track=track, wind=wind).place(steady_descents([190.0]))
 
 
 def test_above_the_entry_a_wind_is_not_asked_for() -> None:

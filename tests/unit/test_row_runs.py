@@ -2,23 +2,9 @@
 
 import polars as pl
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from descentflow.core.errors import DataError
-from descentflow.core.row_runs import batches
 from descentflow.surveillance.descents.check_descents import checked_descents
-
-TEXTS = st.lists(st.sampled_from(["a", "b", "é", "aa", ""]), min_size=1, max_size=40)
-
-
-@given(TEXTS, st.integers(1, 50))
-def test_batches_hold_every_row_once_and_tear_no_flight_apart(texts: list[str], least: int) -> None:
-    frame = pl.DataFrame({"flight_id": texts, "row": range(len(texts))})
-    parts = list(batches(frame, "flight_id", least))
-    assert sorted(row for part in parts for row in part["row"]) == list(range(len(texts)))
-    owners = [set(part["flight_id"]) for part in parts]
-    assert sum(len(one) for one in owners) == len(set(texts))
 
 
 def test_a_level_twice_is_found_where_the_rows_of_a_flight_stand_apart() -> None:

@@ -118,16 +118,6 @@ def test_state_vectors_that_opensky_repeats_are_left_out(tmp_path: Path) -> None
     assert found["track"].to_list() == FLIGHT["track"][10:].to_list()
 
 
-def test_names_of_registers_in_traffic_and_pymodes(tmp_path: Path) -> None:
-    renamed = FLIGHT.rename({"vertical_rate": "vrate_barometric", "track": "true_track"})
-    renamed = renamed.with_columns(selected_mcp=6000.0, magnetic_heading=88.0)
-    renamed.write_parquet(tmp_path / "rows.parquet")
-    found, _ = rows_of(tmp_path / "rows.parquet")
-    assert_frame_equal(found.select(FLIGHT.columns), FLIGHT)
-    assert found["selected_altitude"].to_list() == [6000.0] * len(FLIGHT)
-    assert found["heading"].to_list() == [88.0] * len(FLIGHT)
-
-
 def test_scat_with_its_clearances(tmp_path: Path) -> None:
     found, notes = rows_of(written_to(tmp_path / "100002.json", json.dumps(scat_of(FLIGHT), indent=1)))
     assert notes == {}

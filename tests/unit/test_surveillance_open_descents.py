@@ -9,7 +9,6 @@ import pytest
 
 from descentflow.core.errors import DataError, DescentflowWarning
 from descentflow.representation.read_checkpoint import load_representation
-from descentflow.representation.representation import Representation
 from descentflow.simulation.world import simulate
 from descentflow.surveillance.cleaning.thresholds import Cleaning, different_settings, kept_cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents, write_descents
@@ -65,19 +64,6 @@ def test_rows_in_memory_are_cleaned(folder: Path) -> None:
         opened = FlightSource(source).descents()
         assert opened.cleaning == Cleaning()
         assert opened.frame.equals(expected)
-
-
-def test_a_pandas_table_is_prepared_descents_too(folder: Path) -> None:
-    pandas = pytest.importorskip("pandas")
-    frame = read_descents(folder / "descents.parquet").frame.select(
-        "flight_id", "icao24", "typecode", "level_fl", "timestamp", "time_s", "IAS", "Mach", "vertical_rate"
-    )
-    table = pandas.DataFrame({name: frame[name].to_list() for name in frame.columns})
-    assert str(table["timestamp"].dtype).startswith("datetime64")
-    opened = FlightSource(table).descents().frame
-    assert opened.with_columns(pl.col("timestamp").cast(pl.Datetime("us", "UTC"))).equals(
-        frame.cast({"level_fl": pl.Int64}).with_columns(pl.col("timestamp").cast(pl.Datetime("us", "UTC")))
-    )
 
 
 def test_rows_are_cleaned_with_the_settings_asked_for_and_that_is_said(folder: Path) -> None:
@@ -152,15 +138,6 @@ def test_rows_and_prepared_descents_do_not_mix(folder: Path, tmp_path: Path) -> 
         FlightSource(pl.read_parquet(folder / "rows.parquet")).without_rows()
     with pytest.raises(DataError, match="a table of descents: no column Mach"):
         FlightSource(read_descents(folder / "descents.parquet").frame.drop("Mach")).descents()
-
-
-def test_a_representation_keeps_the_settings_of_its_training_descents(folder: Path) -> None:
-    data = DescentDataModule(folder / "strict.parquet")
-    data.setup()
-    assert data.representation.cleaning == STRICT
-    again = Representation.from_state(data.representation.to_state())
-    assert again.cleaning == STRICT
-    assert FlightSource(folder / "rows.parquet").for_model(again.cleaning, 150).cleaning == STRICT
 
 
 def test_settings_of_another_version_are_unknown() -> None:

@@ -21,7 +21,6 @@ from source_toys import (
 from surveillance_toys import START
 
 from descentflow.core.errors import ConfigError, DataError
-from descentflow.surveillance.formats.asterix import values_of
 from descentflow.surveillance.prepare import prepare
 
 
@@ -59,15 +58,6 @@ def test_frames_with_times_are_decoded_and_brought_together(form: str, tmp_path:
     assert set(found["groundspeed"]) == {400.0}
     assert np.allclose(found["roll"], -5.0, atol=0.1)
     assert np.allclose(found["track"], 90.0, atol=0.1)
-
-
-def test_registers_are_read_as_the_standard_has_them() -> None:
-    speeds = values_of((6, 0), int(register_60(200.0, 270, 0.78, -1984), 16))
-    assert speeds == pytest.approx({"heading": 200.0, "IAS": 270, "Mach": 0.78, "vertical_rate": -1984}, abs=0.1)
-    turn = values_of((5, 0), int(register_50(-20.0, 10.0, 400, 420), 16))
-    assert turn == pytest.approx({"roll": -20.0, "track": 10.0, "groundspeed": 400, "TAS": 420}, abs=0.1)
-    assert values_of((6, 0), 0) == {}
-    assert values_of((1, 0), 1 << 55) == {}
 
 
 def test_a_missing_decoder_is_named_with_the_way_to_install_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

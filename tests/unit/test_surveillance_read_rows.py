@@ -1,6 +1,5 @@
 """Every kind of file gives the same rows."""
 
-import gzip
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -25,17 +24,6 @@ ROW = {"icao24": "4ca001", "altitude": 30_000.0, "IAS": 270.0, "Mach": 0.7}
 
 def normal(**columns: object) -> pl.DataFrame:
     return normalise(pl.DataFrame(columns), Path("rows.csv"), DropReport())
-
-
-@pytest.mark.parametrize("ending", ["parquet", "csv", "csv.gz"])
-def test_files_of_the_traffic_library_come_back_as_they_were(ending: str, tmp_path: Path) -> None:
-    frame = flight()
-    path = tmp_path / f"rows.{ending}"
-    if ending == "csv.gz":
-        path.write_bytes(gzip.compress(frame.write_csv().encode()))
-    else:
-        written(frame, path)
-    assert_frame_equal(read_rows([path], DropReport()), frame, check_exact=True)
 
 
 def test_folders_are_read_whole_and_files_of_other_columns_side_by_side(tmp_path: Path) -> None:
@@ -94,52 +82,12 @@ def test_dates_of_several_forms_in_one_column() -> None:
     assert rows["timestamp"].to_list() == [NOON] * 3
 
 
-def test_state_vectors_of_opensky_are_in_si_and_their_heading_is_a_track() -> None:
-    rows = normal(
-        time=[1709294400],
-        icao24=["4CA001"],
-        lat=[52.0],
-        lon=[4.0],
-        velocity=[205.7776],
-        heading=[91.0],
-        vertrate=[-10.16],
-        baroaltitude=[9144.0],
-        geoaltitude=["9296.4"],
-        ias=[270],
-        mach=[0.7],
-        tas=[420],
-    )
-    expected = {
-        "icao24": "4ca001",
-        "altitude": 30_000.0,
-        "geoaltitude": 30_500.0,
-        "groundspeed": 400.0,
-        "vertical_rate": -2000.0,
-        "track": 91.0,
-        "IAS": 270.0,
-        "Mach": 0.7,
-        "TAS": 420.0,
-        "latitude": 52.0,
-    }
-    for name, value in expected.items():
-        assert rows[name][0] == (value if isinstance(value, str) else pytest.approx(value, rel=1e-9)), "a division each"
-    assert "heading" not in rows.columns
-
-
 def test_names_of_other_sources_and_letters_of_any_case() -> None:
     rows = normal(
         ts=[1709294400.25], hex=[" ~ABCDEF "], alt_baro=[3e4], ias=[270], MACH=[0.7], GS=[400], mag_heading=[5]
     )
     assert rows.columns == ["timestamp", "icao24", "altitude", "IAS", "Mach", "groundspeed", "heading"]
     assert rows["icao24"][0] == "abcdef"
-
-
-def test_text_among_numbers_is_missing_and_noted_and_not_finite_is_missing() -> None:
-    report = DropReport()
-    table = pl.DataFrame({"timestamp": [1.0] * 4, **ROW} | {"IAS": ["270", "x", "nan", "inf"]})
-    rows = normalise(table, Path("rows.csv"), report)
-    assert rows["IAS"].to_list() == [270.0, None, None, None]
-    assert report.notes == {"values of IAS that could not be read": 1}
 
 
 def test_snapshots_are_timed_at_the_last_message_and_ground_is_no_altitude() -> None:
@@ -202,8 +150,3 @@ def test_empty_files_beside_others_are_left_out_and_counted(tmp_path: Path) -> N
     (tmp_path / "other.parquet").touch()
     with pytest.raises(DataError, match="no row in"):
         prepare(tmp_path)
-
-
-def test_a_missing_file_of_types_is_told_as_missing(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match=r"no file .*none.csv; expected one that is there; to mend it, check the path"):
-        prepare(fleet(1), types=tmp_path / "none.csv")

@@ -74,8 +74,18 @@ def holed(data: xarray.Dataset) -> xarray.Dataset:
     return data.where((abs(data["latitude"] - 52) > 3) | (abs(data["pressure_level"] - 400) > 60))
 
 
+def versions(data: xarray.Dataset) -> xarray.Dataset:
+    """First and final values beside each other, as in the last months of ERA5."""
+    first = data["valid_time"] < data["valid_time"][2]
+    return xarray.concat([data.where(first), data.where(~first)], "expver").transpose("valid_time", "expver", ...)
+
+
 SAME = lambda values: values  # noqa: E731
 CERTAIN: dict[str, Change] = {
+    "names of before 2024": lambda d: changed("level", SAME, units="millibars")(
+        d.rename(valid_time="time", pressure_level="level")
+    ),
+    "two versions": versions,
     "a level twice": repeated("pressure_level"),
     "a latitude twice": repeated("latitude"),
     "a meridian twice": repeated("longitude"),

@@ -10,7 +10,7 @@ import torch
 pytest.importorskip("xarray", reason="xarray is an extra of descentflow (wind)")
 
 import xarray
-from weather_toys import LONGITUDE, NEW, OLD, START, levels_fl, linear, linear_wind, weather, written
+from weather_toys import START, levels_fl, linear, linear_wind, weather, written
 
 import descentflow as df
 from descentflow.air.field_air import along_track, field_airs, paths_of_flights
@@ -40,32 +40,6 @@ def some_points(n: int = 300) -> tuple[Points, np.ndarray]:
     hours = rng.uniform(0, 160, n)
     places = rng.uniform(110, 400, n), rng.uniform(45, 59, n), rng.uniform(-7, 17, n)
     return Points(START.astype(float) + 3600 * hours, *places), hours
-
-
-def renamed(data: xarray.Dataset, change: str) -> xarray.Dataset:
-    if change == "pascal":
-        data = data.assign_coords(pressure_level=100 * data["pressure_level"]).sortby("pressure_level")
-        data["pressure_level"].attrs["units"] = "Pa"
-    if change == "greenwich":
-        return data.assign_coords(longitude=LONGITUDE % 360).sortby("longitude")
-    if change == "versions":
-        parts = [data.where(data["time"] < data["time"][5]), data.where(data["time"] >= data["time"][5])]
-        return xarray.concat(parts, "expver").transpose("time", "expver", ...)
-    return data
-
-
-@pytest.mark.parametrize(
-    ("names", "change"), [(NEW, ""), (OLD, ""), (NEW, "pascal"), (NEW, "greenwich"), (OLD, "versions")]
-)
-def test_a_field_that_is_linear_is_given_back_in_each_layout(
-    names: tuple[str, str], change: str, tmp_path: Path
-) -> None:
-    path = written(renamed(weather(linear, linear_wind, names=names), change), tmp_path / "era5.nc")
-    points, hours = some_points()
-    with weather_field(path) as field:
-        found = field.at(points)
-    expected = linear(hours, *points[1:]), *linear_wind(hours, *points[1:])
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
 
 
 def test_a_rough_field_is_interpolated_as_xarray_does(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ ADVICE = {
     FLIGHTS_OF_SEVERAL_TYPES: "correct the column typecode, or give rows of different aircraft different icao24",
     **{VALUES_APART.format(name=name): JOIN_MEND.format(name=name) for name in OF_OTHER_ROWS},
 }
-"""Note -> what to do about it, which a warning says."""
+"""Note -> advice of its warning."""
 
 
 def tell_absent_types(wanted: Sequence[str], present: Iterable[str], what: str, option: str) -> None:

@@ -47,7 +47,7 @@ def fates(rows: pl.DataFrame, truth: pl.DataFrame) -> pl.DataFrame:
     )
     left = rows.sort("flight_id", "timestamp").with_row_index("row")
     labelled, dropped = left.select("row", "label"), pl.DataFrame(schema={"row": pl.UInt32, "reason": pl.String})
-    for one in (*before_rates(Cleaning()).filters, *after_rates(Cleaning()).filters):
+    for one in (*before_rates(Cleaning()), *after_rates(Cleaning())):
         before = left = with_rate(left)
         left = one(left, DropReport())
         gone = before.join(left, on="row", how="anti").select("row", pl.lit(one.reason).alias("reason"))

@@ -8,7 +8,7 @@ from surveillance_toys import rows_at
 
 from descentflow.surveillance.cleaning.descent_filters import Descending, Falling, LargestDescent, SteadyDescent
 from descentflow.surveillance.cleaning.faulty_values import AirspeedsAgree, Despike
-from descentflow.surveillance.cleaning.filters import SEGMENT
+from descentflow.surveillance.cleaning.filters import SEGMENT, filtered
 from descentflow.surveillance.cleaning.rates import ConstantRate
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt
 from descentflow.surveillance.rows.drop_report import DropReport
@@ -55,14 +55,14 @@ def test_descent_begins_at_500_fpm_and_knows_the_distance_to_level_flight() -> N
 
 
 def test_transients_go_on_both_sides_of_level_flight() -> None:
-    rates = [0.0] * 3 + [-2000.0] * 6 + [0.0] * 3
+    rates, steady = [0.0] * 3 + [-2000.0] * 6 + [0.0] * 3, (Descending(), SteadyDescent(20.0))
     rows = rows_at(EVERY_10_S, vertical_rate=rates)
     report = DropReport()
-    kept = (Descending() | SteadyDescent(20.0))(rows, report)
+    kept = filtered(rows, steady, report)
     assert seconds_left(kept) == [40.0, 50.0, 60.0, 70.0]
     assert [(s.step, s.rows_dropped) for s in report.steps] == [("not_descending", 6), ("transient", 2)]
     # Where a flight begins in descent, no transient is known of.
-    assert len((Descending() | SteadyDescent(20.0))(rows.slice(5, 4), DropReport())) == 4
+    assert len(filtered(rows.slice(5, 4), steady, DropReport())) == 4
 
 
 def managed(

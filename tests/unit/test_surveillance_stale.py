@@ -8,7 +8,7 @@ from surveillance_toys import fleet, flight, rows_at
 from descentflow.surveillance.cleaning.chain import before_rates
 from descentflow.surveillance.cleaning.descent_filters import ClearedSpeed, Descending
 from descentflow.surveillance.cleaning.faulty_values import Stale
-from descentflow.surveillance.cleaning.filters import SEGMENT
+from descentflow.surveillance.cleaning.filters import SEGMENT, filtered
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.rows.air_data import mach_of_cas
 from descentflow.surveillance.rows.drop_report import DropReport
@@ -45,7 +45,7 @@ def test_a_held_value_goes_but_for_its_first_row(column: str) -> None:
 
 def test_a_register_held_whole_goes_too() -> None:
     rows = frozen(descent(), 60, 90, "IAS", "Mach", "vertical_rate")
-    assert set(range(61, 91)).isdisjoint(before_rates(Cleaning())(rows, DropReport())["row"])
+    assert set(range(61, 91)).isdisjoint(filtered(rows, before_rates(Cleaning()), DropReport())["row"])
 
 
 @pytest.mark.parametrize("column", LIMITS)
@@ -101,6 +101,6 @@ def test_a_change_of_speed_that_mach_shares_is_no_spike() -> None:
     ias = np.array([250.0, 250, 252, 265, 287, 268, 252, 250, 250])
     rows = rows_at([60.0 * n for n in range(9)], altitude=altitude, IAS=ias, Mach=mach_of_cas(ias, altitude))
     chain = before_rates(Cleaning())
-    assert len(chain(rows, DropReport())) == 9
+    assert len(filtered(rows, chain, DropReport())) == 9
     strange = rows.with_columns(Mach=pl.Series(mach_of_cas(np.where(ias == 287, 250.0, ias), altitude)))
-    assert len(chain(strange, DropReport())) == 8
+    assert len(filtered(strange, chain, DropReport())) == 8

@@ -1,4 +1,4 @@
-"""From the rows of an aircraft to free descents on flight levels: filters that compose, and their thresholds.
+"""From the rows of an aircraft to free descents on flight levels: filters in order, and their thresholds.
 
 Reading order: :mod:`~descentflow.surveillance.cleaning.thresholds` (every threshold, with its source),
 :mod:`~descentflow.surveillance.cleaning.chain` (the filters in their order),

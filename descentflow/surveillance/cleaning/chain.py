@@ -126,36 +126,33 @@ def clean(
     return Outcome(found, report, present, untyped, shown, level)
 
 
-def before_rates(rules: Cleaning) -> filters.Chain:
+def before_rates(rules: Cleaning) -> tuple[filters.Filter, ...]:
     """Filters of altitude, IAS, Mach and reported rate, applied before missing rates are computed from altitude."""
     stale = {"seconds": rules.stale_s, "longest_gap_s": rules.longest_gap_s}
+    agreeing = {"agreeing_kt": rules.spike_agreeing_kt}
     return (
-        faulty_values.Despike("altitude", rules.spike_altitude_ft, fastest=rules.fastest_altitude_ftps)
-        | faulty_values.Despike(
-            "IAS", rules.spike_ias_kt, fastest=rules.fastest_ias_ktps, agreeing_kt=rules.spike_agreeing_kt
-        )
-        | faulty_values.Despike(
-            "Mach", rules.spike_mach, fastest=rules.fastest_mach_ps, agreeing_kt=rules.spike_agreeing_kt
-        )
-        | Stale("altitude", rules.stale_altitude_ft, **stale)
-        | Stale("IAS", rules.stale_ias_kt, **stale)
-        | Stale("Mach", rules.stale_mach, **stale)
-        | Stale("vertical_rate", rules.stale_altitude_ft, **stale)
-        | faulty_values.AirspeedsAgree(rules.airspeeds_differ_kt)
+        faulty_values.Despike("altitude", rules.spike_altitude_ft, fastest=rules.fastest_altitude_ftps),
+        faulty_values.Despike("IAS", rules.spike_ias_kt, fastest=rules.fastest_ias_ktps, **agreeing),
+        faulty_values.Despike("Mach", rules.spike_mach, fastest=rules.fastest_mach_ps, **agreeing),
+        Stale("altitude", rules.stale_altitude_ft, **stale),
+        Stale("IAS", rules.stale_ias_kt, **stale),
+        Stale("Mach", rules.stale_mach, **stale),
+        Stale("vertical_rate", rules.stale_altitude_ft, **stale),
+        faulty_values.AirspeedsAgree(rules.airspeeds_differ_kt),
     )
 
 
-def after_rates(rules: Cleaning) -> filters.Chain:
+def after_rates(rules: Cleaning) -> tuple[filters.Filter, ...]:
     """Filters that keep free descent, in their order."""
-    descent = (
-        faulty_values.Despike("vertical_rate", rules.spike_rate_fpm, fastest=rules.fastest_rate_fpmps)
-        | descent_filters.Descending(rules.slowest_fpm)
-        | descent_filters.SteadyDescent(rules.transient_s)
-    )
-    if rules.cleared_speed_after_s is not None:
-        descent |= ClearedSpeed(rules.cleared_speed_after_s, rules.cleared_speed_within_kt)
+    after_s, within_kt = rules.cleared_speed_after_s, rules.cleared_speed_within_kt
     return (
-        descent | ConstantRate(rules) | descent_filters.LargestDescent(rules.climb_back_ft) | descent_filters.Falling()
+        faulty_values.Despike("vertical_rate", rules.spike_rate_fpm, fastest=rules.fastest_rate_fpmps),
+        descent_filters.Descending(rules.slowest_fpm),
+        descent_filters.SteadyDescent(rules.transient_s),
+        *([] if after_s is None else [ClearedSpeed(after_s, within_kt)]),
+        ConstantRate(rules),
+        descent_filters.LargestDescent(rules.climb_back_ft),
+        descent_filters.Falling(),
     )
 
 
@@ -190,16 +187,16 @@ def _cleaned(rows: pl.DataFrame, work: Work) -> Outcome:
 def _free(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> tuple[pl.DataFrame, pl.DataFrame]:
     """Rows of free descent, and level flight; filters get the columns that they use, others are added at the end."""
     before, after = before_rates(rules), after_rates(rules)
-    used = (*COLUMNS_OF_ALL_FILTERS, *(name for one in after.filters for name in one.uses))
+    used = (*COLUMNS_OF_ALL_FILTERS, *(name for one in after for name in one.uses))
     needed = [name for name in used if name in rows.columns]
     # Numbers compare faster than names.
     narrow = rows.select(needed).with_columns(pl.col("flight_id").rle_id()).with_row_index(ROW_NUMBER)
-    narrow = before(narrow, report)
+    narrow = filters.filtered(narrow, before, report)
     absent = narrow["vertical_rate"].null_count() if "vertical_rate" in narrow.columns else len(narrow)
     report.note(DIFFERENCED, absent)
     rated = narrow = with_rate(narrow)
     held = np.zeros(len(rows), dtype=bool)
-    for one in after.filters:
+    for one in after:
         kept = one(narrow, report)
         if isinstance(one, ConstantRate):
             held[narrow[ROW_NUMBER]] = True

@@ -1,11 +1,11 @@
-"""Filters of rows: small classes that compose with ``|``; each counts what it drops under its reason.
+"""Filters of rows: small classes, applied in order; each counts what it drops under its reason.
 
 A filter gets rows sorted by flight and time and returns those to keep. ``a | b`` applies `a`, then `b`. Windows of time
 around the rows of each flight are computed for all rows at once.
 """
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -113,30 +113,16 @@ class Filter(ABC):
         """Apply the filter and count what it drops."""
         return report.count(self.reason, rows, self.keep(rows))
 
-    def __or__(self, other: "Filter | Chain") -> "Chain":
-        """This filter, then another."""
-        return Chain((self,)) | other
 
-
-@dataclass(frozen=True)
-class Chain:
-    """Filters applied one after the other.
+def filtered(rows: pl.DataFrame, some: Sequence[Filter], report: DropReport) -> pl.DataFrame:
+    """Rows that all filters keep, applied in order.
 
     Example:
         >>> rows = pl.DataFrame({"flight_id": 1, "altitude": [5000.0, 5025.0, 4950.0]})
         >>> from descentflow.surveillance.cleaning.descent_filters import Falling, LargestDescent
-        >>> Chain((LargestDescent(), Falling()))(rows, DropReport())["altitude"].to_list()
+        >>> filtered(rows, [LargestDescent(), Falling()], DropReport())["altitude"].to_list()
         [5000.0, 4950.0]
     """
-
-    filters: tuple[Filter, ...] = ()
-
-    def __call__(self, rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
-        """Apply them in order."""
-        for one in self.filters:
-            rows = one(rows, report)
-        return rows
-
-    def __or__(self, other: "Filter | Chain") -> "Chain":
-        """These filters, then another."""
-        return Chain(self.filters + (other.filters if isinstance(other, Chain) else (other,)))
+    for one in some:
+        rows = one(rows, report)
+    return rows

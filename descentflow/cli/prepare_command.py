@@ -109,7 +109,7 @@ def run(
 
     rows = rows or []
     _check_outputs(rows, types, out, [one for one in (report, air_table) if one])
-    _check_resources(memory, workers)
+    _check_memory(memory)
     if figures:
         check_folder(figures, "index.html")
     if level_flight:
@@ -179,7 +179,7 @@ def _check_outputs(rows: list[Path], types: Path | None, out: Path, others: list
         )
 
 
-def _check_resources(memory: int, workers: int | None) -> None:
+def _check_memory(memory: int) -> None:
     from descentflow.surveillance.out_of_core.spill import LEAST_BYTES
 
     if memory < LEAST_BYTES:
@@ -188,8 +188,6 @@ def _check_resources(memory: int, workers: int | None) -> None:
             expected=f"{LEAST_BYTES / 1e6:,.0f} MB or more; the program itself takes more than half of that",
             mend="allow more",
         )
-    if workers is not None and workers < 1:
-        raise ConfigError(f"--workers {workers}", expected="1 or more", mend="leave it out for all processors")
 
 
 def cleaning_of_options(config: Path | None, options: dict[str, Any]) -> Cleaning:

@@ -68,29 +68,18 @@ def test_a_fit_tells_its_folder_before_it_reads_descents(taken: str, capsys: pyt
 @pytest.mark.parametrize(
     "call",
     [
-        lambda out: df.fit("none.parquet", "gaussian", out=f"{out}.ckpt"),
-        lambda out: df.simulate("A320", 1, out=f"{out}.parquet"),
+        lambda: df.fit("none.parquet", "gaussian", out="folder.ckpt"),
+        lambda: df.simulate("A320", 1, out="folder.parquet"),
+        lambda: WorldFiles.named(Path("w.parquet")),
+        lambda: check_folder(".", "other.csv", "scores.csv"),
     ],
 )
-def test_a_call_tells_its_output_first(taken: str, call: Callable[[str], object]) -> None:
-    Path("folder").mkdir()
-    Path("folder.parquet").mkdir()
-    Path("folder.ckpt").mkdir()
+@pytest.mark.usefixtures("taken")
+def test_a_call_tells_its_output_first(call: Callable[[], object]) -> None:
+    for name in ("folder.parquet", "folder.ckpt", "w_truth.parquet", "scores.csv"):
+        Path(name).mkdir()
     with pytest.raises(DataError, match="is a folder"):
-        call("folder")
-
-
-def test_the_files_of_a_folder_are_looked_at_too(tmp_path: Path) -> None:
-    (tmp_path / "scores.csv").mkdir()
-    assert check_folder(tmp_path, "other.csv") == tmp_path
-    with pytest.raises(DataError, match=r"scores\.csv is a folder"):
-        check_folder(tmp_path, "scores.csv")
-
-
-def test_the_truth_of_a_world_may_not_be_a_folder(tmp_path: Path) -> None:
-    (tmp_path / "w_truth.parquet").mkdir()
-    with pytest.raises(DataError, match="is a folder"):
-        WorldFiles.named(tmp_path / "w.parquet")
+        call()
 
 
 def test_what_polars_tells_of_a_full_disk_is_told_as_the_system_does(tmp_path: Path) -> None:

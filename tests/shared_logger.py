@@ -41,15 +41,6 @@ class SharedLogger(Logger):
         """Nothing is kept."""
 
 
-class WriteAndFail(Callback):
-    """A user's file in the run's folder, and then an error."""
-
-    def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Write and fail."""
-        (Path(trainer.loggers[0].log_dir or ".") / "notes.txt").write_text("mine")
-        raise ValueError("as a user's callback may")
-
-
 class Fail(Callback):
     """An error, and nothing else."""
 

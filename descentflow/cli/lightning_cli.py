@@ -23,8 +23,7 @@ from descentflow.core.threads import one_thread_unless_told
 from descentflow.core.user_files import read_settings, settings_text
 from descentflow.densities.kinds import KINDS
 from descentflow.representation.read_checkpoint import SECTION, read_checkpoint
-from descentflow.training.callbacks.failed_run import RemoveFailedRun, WholeConfig
-from descentflow.training.callbacks.kept_epochs import KeptEpochs, WholeCheckpoints
+from descentflow.training.callbacks.kept_epochs import KeptEpochs, WholeCheckpoints, WholeConfig
 from descentflow.training.callbacks.log_prob_writer import WriteLogProb
 from descentflow.training.callbacks.score_callback import ScoreCallback
 from descentflow.training.callbacks.show_progress import ShowProgress
@@ -146,9 +145,6 @@ class DescentCLI(LightningCLI):
         if self.subcommand == "fit" and self.config["fit"].ckpt_path is None:
             _check_metrics(trainer)
         trainer.strategy.checkpoint_io = WholeCheckpoints()
-        for callback in trainer.callbacks:  # type: ignore[attr-defined]
-            if isinstance(callback, RemoveFailedRun):
-                callback.note(trainer)
         return trainer
 
     def before_fit(self) -> None:
@@ -235,7 +231,7 @@ def run(command: str, rest: Sequence[str]) -> None:
             DescentDataModule,
             subclass_mode_model=True,
             seed_everything_default=0,
-            trainer_defaults={"callbacks": [WriteLogProb(), every_epoch, RemoveFailedRun(), ShowProgress()]},
+            trainer_defaults={"callbacks": [WriteLogProb(), every_epoch, ShowProgress()]},
             save_config_callback=WholeConfig if command == "fit" else None,
             save_config_kwargs={"overwrite": False},
             parser_kwargs={

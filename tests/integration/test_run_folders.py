@@ -6,13 +6,9 @@ from pathlib import Path
 
 import pytest
 from command_line_toys import QUICK
-from filelock import FileLock
-from lightning.pytorch import Trainer
-from lightning.pytorch.loggers import CSVLogger
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from descentflow.cli.entry import main
-from descentflow.training.callbacks.failed_run import LOCK, RemoveFailedRun
 
 pytestmark = pytest.mark.usefixtures("components_once", "plain_figures")
 
@@ -60,13 +56,6 @@ def test_tensorboard_shows_settings_beside_the_best_score_and_no_score_that_nobo
     assert b"Gaussian" in told
 
 
-@pytest.mark.parametrize("logger", [[], ["--trainer.logger=CSVLogger", "--trainer.logger.save_dir=runs"]])
-def test_a_fit_that_fails_leaves_nothing(here: Path, logger: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["fit", "--model", "Gaussian", "--data.descents", "absent.parquet", *logger]) == 2
-    assert "no file absent.parquet" in capsys.readouterr().err
-    assert not list(here.iterdir())
-
-
 def test_trainer_options_that_contradict_each_other_are_told_in_a_line(
     here: Path, descents: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -75,72 +64,9 @@ def test_trainer_options_that_contradict_each_other_are_told_in_a_line(
     (line,) = capsys.readouterr().err.strip().splitlines()[-1:]
     assert line.startswith("descentflow fit: ")
     assert "max_epochs" in line
-    assert not list(here.iterdir())
 
 
 SHARED = "--trainer.logger=shared_logger.SharedLogger"
-ONE_FOLDER = ["--trainer.logger.save_dir=runs", "--trainer.logger.name=", "--trainer.logger.version="]
-IN_RUNS = [
-    [SHARED, "--trainer.logger.save_dir=runs"],
-    ["--trainer.logger=CSVLogger", *ONE_FOLDER],
-    ["--trainer.logger=TensorBoardLogger", *ONE_FOLDER],
-    [
-        "--trainer.logger=CSVLogger",
-        "--trainer.logger.save_dir=runs",
-        "--trainer.logger.name=",
-        "--trainer.logger.version=7",
-    ],
-]
-
-
-@pytest.mark.filterwarnings("ignore:Experiment logs directory")  # Lightning's own, of its CSV files
-@pytest.mark.parametrize("logger", [*IN_RUNS, [SHARED], ["--trainer.logger=false"]])
-def test_a_fit_that_fails_removes_no_file_of_others(here: Path, logger: list[str]) -> None:
-    kept = [here / "notes.txt", here / "runs" / "notes.txt", here / "runs" / "7" / "metrics.csv", here / "metrics.csv"]
-    for path in kept:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text("mine")
-    assert main(["fit", "--model", "Gaussian", "--data.descents", "absent.parquet", *logger]) == 2
-    assert all(path.read_text() == "mine" for path in kept)
-
-
-def test_a_fit_that_fails_keeps_what_others_wrote_into_its_new_folder(here: Path, descents: Path) -> None:
-    words = ["--model", "Gaussian", "--data.descents", str(descents), *QUICK]
-    failing = ["--trainer.callbacks+=shared_logger.WriteAndFail"]
-    with pytest.raises(ValueError, match="as a user's"):
-        main(["fit", *words, *failing])
-    assert [path.name for path in (here / "runs").rglob("*") if path.is_file()] == ["notes.txt"]
-
-
-def test_a_fit_that_fails_in_a_folder_of_others_takes_its_own_files_out(here: Path, descents: Path) -> None:
-    kept = here / "runs" / "notes.txt"
-    kept.parent.mkdir()
-    kept.write_text("mine")
-    logger = ["--trainer.logger=TensorBoardLogger", *ONE_FOLDER]
-    with pytest.raises(ValueError, match="as a user's"):
-        main(
-            [
-                "fit",
-                *["--model", "Gaussian", "--data.descents", str(descents), *QUICK, *logger],
-                "--trainer.callbacks+=shared_logger.WriteAndFail",
-            ]
-        )
-    assert {path.name for path in kept.parent.iterdir()} == {"notes.txt"}
-    assert main(["fit", "--model", "Gaussian", "--data.descents", "absent.parquet", *logger]) == 2
-    assert {path.name for path in kept.parent.iterdir()} == {"notes.txt"}
-
-
-def test_a_fit_that_fails_before_it_claims_a_folder_leaves_it_to_the_run_that_has(here: Path) -> None:
-    trainer = Trainer(logger=CSVLogger("logs"), accelerator="cpu")
-    failed = RemoveFailedRun()
-    failed.note(trainer)
-    folder = here / "logs" / "lightning_logs" / "version_0"
-    folder.mkdir(parents=True)
-    (folder / "metrics.csv").write_text("of another")
-    other = FileLock(folder / LOCK, is_singleton=False)
-    with other:
-        failed.on_exception(trainer, None, ValueError())
-    assert (folder / "metrics.csv").read_text() == "of another"
 
 
 def test_a_fit_without_a_logger_that_fails_does_not_stand_in_the_way_of_the_next(here: Path, descents: Path) -> None:
@@ -158,12 +84,6 @@ def test_runs_of_a_logger_that_shares_its_folder_have_folders_of_their_own(here:
         assert (folder / "config.yaml").is_file()
         checkpoint = str(folder / "checkpoints" / "best.ckpt")
         assert main(["validate", "--ckpt_path", checkpoint]) == 0
-
-
-@pytest.mark.parametrize("model", ["Gaussian", "MaskedAffineFlow"])
-def test_models_train_in_64_bits(here: Path, descents: Path, model: str) -> None:
-    words = ["fit", "--model", model, "--data.descents", str(descents), *QUICK, "--trainer.precision", "64"]
-    assert main([*words, "--trainer.max_epochs", "2"]) == 0
 
 
 @pytest.mark.parametrize("precision", ["bf16-mixed", "16-true", "bf16-true"])

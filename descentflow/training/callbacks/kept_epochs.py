@@ -9,9 +9,11 @@ import torch
 from lightning.fabric.plugins import TorchCheckpointIO
 from lightning.pytorch import LightningModule, Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint
+from lightning.pytorch.cli import SaveConfigCallback
 
-from descentflow.core.errors import DescentflowWarning
-from descentflow.core.files import whole_file
+from descentflow.core.errors import ConfigError, DescentflowWarning
+from descentflow.core.files import remove_left, whole_file
+from descentflow.training.run_folders import folder_of
 
 
 class WholeCheckpoints(TorchCheckpointIO):
@@ -32,6 +34,39 @@ class WholeCheckpoints(TorchCheckpointIO):
         Path(path).parent.mkdir(parents=True, exist_ok=True)
         with whole_file(path) as temporary:
             torch.save(checkpoint, temporary)
+
+
+class WholeConfig(SaveConfigCallback):
+    """Writes a run's `config.yaml` whole; that of another run with a checkpoint is not written over.
+
+    Example:
+        >>> from lightning.pytorch.cli import LightningArgumentParser
+        >>> WholeConfig(LightningArgumentParser(), {}).config_filename
+        'config.yaml'
+    """
+
+    def setup(self, trainer: Trainer, pl_module: LightningModule, stage: str) -> None:
+        """Write the settings, once, and remove what killed runs left.
+
+        Raises:
+            ConfigError: If the folder has the settings and a checkpoint of another run.
+            DataError: If they cannot be written.
+        """
+        if self.already_saved or not trainer.is_global_zero:
+            return
+        folder = folder_of(trainer)
+        path = folder / self.config_filename
+        if path.exists() and next(folder.rglob("*.ckpt"), None):
+            raise ConfigError(
+                f"{path} of another run",
+                expected="a folder of its own for each run",
+                mend="move it away, or choose another --trainer.default_root_dir",
+            )
+        folder.mkdir(parents=True, exist_ok=True)
+        remove_left(folder.parent, "version_*/**/*")
+        with whole_file(path) as temporary:
+            self.parser.save(self.config, temporary, skip_none=False, overwrite=True, multifile=self.multifile)
+        self.already_saved = True
 
 
 class KeptEpochs(ModelCheckpoint):

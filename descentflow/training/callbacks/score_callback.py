@@ -1,6 +1,5 @@
 """Rejection sampling and scores while a model trains, and in full when it is tested."""
 
-import re
 from io import BytesIO
 from typing import Any
 
@@ -14,8 +13,6 @@ from descentflow.core.errors import SamplingError
 from descentflow.core.progress import stage
 from descentflow.evaluation.evaluate import N_SPLITS, evaluate_profiles
 from descentflow.evaluation.evaluation_report import Evaluation
-from descentflow.evaluation.metrics.score_registry import rows
-from descentflow.evaluation.metrics.score_table import ScoreTable
 from descentflow.evaluation.metrics.scores import n_comparisons
 from descentflow.representation.flight_parts import Part
 from descentflow.training.datamodule import data_of
@@ -63,7 +60,6 @@ class ScoreCallback(Callback):
         """
         self.every_n_epochs, self.n_samples, self.n_test_samples = every_n_epochs, n_samples, n_test_samples
         self.seed = seed
-        self._charted: set[str] = set()
 
     def on_validation_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Score against the validation flights in the epochs that are due, before other callbacks ask for scores."""
@@ -127,10 +123,7 @@ class ScoreCallback(Callback):
                 self._show(logger, found, kind, trainer.global_step)
 
     def _show(self, logger: TensorBoardLogger, found: Evaluation, kind: str, step: int) -> None:
-        """Charts of scores beside floors, once, and the figures."""
-        if kind not in self._charted:
-            logger.experiment.add_custom_scalars(score_charts(kind, found.scores))
-            self._charted.add(kind)
+        """The figures."""
         with stage("drawing figures"):
             for name, picture in found.pictures.items():
                 image = imread(BytesIO(picture), format="png")[:, :, :3]
@@ -145,28 +138,3 @@ def _values(found: Evaluation, kind: str) -> dict[str, float]:
         f"{kind}/acceptance": found.rejections.acceptance,
         **{f"{kind}/rejected/{rule}": count / drawn for rule, count in found.rejections.broken.items()},
     }
-
-
-def score_charts(stage: str, table: ScoreTable) -> dict[str, Any]:
-    """A layout for TensorBoard's ``add_custom_scalars``: a chart for each score that has a noise floor.
-
-    Args:
-        stage: ``val`` or ``test``, with which the names of the scalars begin.
-        table: The scores that are logged.
-
-    Example:
-        >>> from descentflow.evaluation.metrics.score_table import Score
-        >>> floor = Score("cas_below_transition", "wasserstein", "kt", equal_size=2.6, floor=2.4)
-        >>> score_charts("val", ScoreTable((floor,)))["val: scores beside noise floors"]
-        {'CAS below, Wasserstein (kt)': ['Multiline', ['^val/score/cas_below_transition/wasserstein_equal_size$', ...]]}
-    """
-    labels = {(part.name, one.name): f"{part.short}, {one.short}" for part, one in rows(costly=True)}
-    charts = {}
-    for row in table:
-        if row.equal_size == row.equal_size and row.floor == row.floor:
-            name = f"{stage}/score/{row.quantity}/{row.statistic}"
-            # TensorBoard takes them for regular expressions.
-            both = [f"^{re.escape(f'{name}_{kind}')}$" for kind in ("equal_size", "floor")]
-            label = labels.get((row.quantity, row.statistic), name)
-            charts[f"{label} ({row.unit})"] = ["Multiline", both]
-    return {f"{stage}: scores beside noise floors": charts}

@@ -17,7 +17,6 @@ def run(
     number: Annotated[int, "-n"] = 10_000,
     seed: int = 0,
     draw_budget: int | None = None,
-    resamples: int | None = None,
     no_figures: bool = False,
 ) -> None:
     """Sample a checkpoint and score the samples against real descents.
@@ -39,16 +38,15 @@ def run(
         number: samples
         seed: of sampling and splits
         draw_budget: most draws before giving up (default: 100 for each sample)
-        resamples: also write intervals.csv: 90 % bootstrap intervals of the scores over flights
         no_figures: draw no figures
     """
-    from descentflow.core.files import check_folder, whole_file
+    from descentflow.core.files import check_folder
     from descentflow.core.progress import stage
     from descentflow.evaluation.evaluate import N_SPLITS, evaluate
     from descentflow.evaluation.evaluation_report import FILES
     from descentflow.evaluation.metrics.scores import n_comparisons
 
-    check_folder(out, *FILES, "intervals.csv")
+    check_folder(out, *FILES)
     with stage("reading descents") as shown:
         found = evaluate(
             checkpoint,
@@ -64,8 +62,5 @@ def run(
         )
     with stage("classifying and writing"):
         found.write(out, figures=not no_figures)
-    if resamples is not None:
-        with stage("resampling flights"), whole_file(out / "intervals.csv") as temporary:
-            found.intervals(resamples, seed).write_csv(temporary)
     print(found)
     print(f"wrote {out / 'scores.csv'}{'' if no_figures else ' and figures'}")

@@ -1,7 +1,7 @@
 """Result of an evaluation: scores beside their noise floor, rejections, and figures."""
 
 import json
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import cached_property
 from io import BytesIO
 from math import isnan
@@ -10,7 +10,7 @@ from typing import Any
 import polars as pl
 from matplotlib.figure import Figure
 
-from descentflow.core.arguments import Count, Output, checked_arguments
+from descentflow.core.arguments import Output, checked_arguments
 from descentflow.core.files import check_folder, whole_file
 from descentflow.core.tabular import to_pandas
 from descentflow.evaluation.figures.components import components_figure
@@ -18,7 +18,6 @@ from descentflow.evaluation.figures.level_cuts import cuts_figure
 from descentflow.evaluation.figures.profile_bands import profiles_figure
 from descentflow.evaluation.figures.score_figures import acceptance_figure, classifier_figure, level_scores_figure
 from descentflow.evaluation.level_flight_beside import in_words
-from descentflow.evaluation.metrics.bootstrap import score_intervals
 from descentflow.evaluation.metrics.classifier import MIN_PAIRS, Detection, detect
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.score_registry import FUEL, level_parts
@@ -121,21 +120,6 @@ class Evaluation(InNotebook):
         levels, transition = self.real.levels_fl, self.representation.decoder.transition_fl
         inside = float(levels[0]) < transition < float(levels[-1])
         return transition if inside else float(levels[len(levels) // 2])
-
-    @checked_arguments
-    def intervals(self, n_resamples: Count = 50, seed: int = 0) -> pl.DataFrame:
-        """90 % bootstrap intervals of the scores over held-out flights: columns ``quantity statistic low high``.
-
-        Args:
-            n_resamples: Resamples of the flights, at least two.
-            seed: Of the resampling.
-
-        Raises:
-            ConfigError: If there are fewer than two resamples.
-        """
-        transition_fl = self.representation.decoder.transition_fl
-        found = score_intervals(self.scores, self.samples, self.real, transition_fl, seed, n_resamples)
-        return pl.DataFrame([asdict(one) for one in found]).fill_nan(None)
 
     def to_polars(self) -> pl.DataFrame:
         """The scores: a row for each quantity and statistic, see :class:`~.metrics.score_table.Score`."""

@@ -228,13 +228,6 @@ def whole_distances(samples: Values, real: Values) -> dict[str, Tensor]:
     return _enough(level_distances(*samples, *real))
 
 
-def resampled_levels(samples: Values, real: Values, drawn: Tensor) -> dict[str, Tensor]:
-    """Level statistics (n_resamples, K) of all samples against the flights at positions ``drawn`` (n_resamples, m)."""
-    values, mask = real
-    found = [whole_distances(samples, (values[one], mask[one])) for one in drawn]
-    return {name: torch.stack([one[name] for one in found]) for name in found[0]}
-
-
 def _enough_flights(whole: Tensor) -> Tensor:
     """Scores by flight, all NaN where too few flights have one."""
     return whole if int((~whole.isnan()).sum()) >= MIN_VALUES else torch.full_like(whole, torch.nan)

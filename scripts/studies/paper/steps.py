@@ -5,6 +5,7 @@ Every step is a few calls of the functions that the front door offers: simulate,
 
 import json
 import shutil
+from dataclasses import asdict
 from pathlib import Path
 
 import polars as pl
@@ -78,6 +79,7 @@ def fit_and_score(plan: StudyPlan, name: str, folder: Path) -> None:
         ['classifier.csv', 'intervals.csv', 'level_flight.csv', 'scores.csv']
     """
     from descentflow.evaluation.evaluate import evaluate
+    from studies.paper.score_intervals import score_intervals
 
     model, descents = folder / name, folder / "descents.parquet"
     model.mkdir(exist_ok=True)
@@ -88,7 +90,9 @@ def fit_and_score(plan: StudyPlan, name: str, folder: Path) -> None:
         found = evaluate(model / "model.ckpt", descents, n=plan.n_samples, seed=plan.seed)
         found.write(model, figures=False)
         with whole_file(model / "intervals.csv") as temporary:
-            found.intervals(RESAMPLES, plan.seed).write_csv(temporary)
+            transition_fl = found.representation.decoder.transition_fl
+            intervals = score_intervals(found.scores, found.samples, found.real, transition_fl, plan.seed, RESAMPLES)
+            pl.DataFrame([asdict(one) for one in intervals]).fill_nan(None).write_csv(temporary)
         print(found)
     (model / "done").touch()
 

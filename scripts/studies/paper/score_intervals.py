@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from descentflow.core.errors import ConfigError
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.evaluation.metrics.noise_floor import resampled_levels
+from descentflow.evaluation.metrics.noise_floor import whole_distances
 from descentflow.evaluation.metrics.score_registry import QUANTITIES, level_statistics, parts_of
 from descentflow.evaluation.metrics.score_table import ScoreTable
 
@@ -69,8 +68,6 @@ def score_intervals(
         >>> below.low <= below.high
         True
     """
-    if n_resamples < 2:
-        raise ConfigError(f"{n_resamples} resamples", expected="at least two", mend="ask for 50")
     generator = torch.Generator().manual_seed(seed)
     few = samples.subset(torch.randperm(len(samples), generator=generator)[:MAX_SAMPLES])
     drawn = torch.randint(len(real), (n_resamples, len(real)), generator=generator)
@@ -91,7 +88,9 @@ def _level_spreads(
     """Standard deviation over the resamples of each score by level, averaged over the levels of each part."""
     spreads = {}
     for quantity in QUANTITIES:
-        distances = resampled_levels(quantity.of(samples), quantity.of(real), drawn)
+        values, mask = quantity.of(real)
+        each = [whole_distances(quantity.of(samples), (values[one], mask[one])) for one in drawn]
+        distances = {name: torch.stack([one[name] for one in each]) for name in each[0]}
         for part in parts_of(quantity):
             chosen = part.levels(real.levels_fl, transition_fl)
             for one in level_statistics():

@@ -1,12 +1,12 @@
+"""Bootstrap intervals of scores over held-out flights."""
+
 import pytest
 import toys
 
-from descentflow.core.errors import ConfigError
 from descentflow.core.units import KT_MPS
-from descentflow.evaluation.metrics.bootstrap import score_intervals
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.evaluation.metrics.score_table import ScoreTable
 from descentflow.evaluation.metrics.scores import score
+from studies.paper.score_intervals import score_intervals
 
 
 def sets(n: int, seed: int) -> DescentSet:
@@ -34,8 +34,3 @@ def test_the_width_is_that_of_a_mean_over_flights() -> None:
     expected = 2 * 1.645 * float(mean_by_flight.std()) / 200**0.5
     # 200 resamples tell a standard deviation to 5 %; few flights of these lack a level.
     assert one.high - one.low == pytest.approx(expected, rel=0.2)
-
-
-def test_one_resample_has_no_spread() -> None:
-    with pytest.raises(ConfigError, match="at least two"):
-        score_intervals(ScoreTable(()), sets(10, 1), sets(10, 2), 170.0, n_resamples=1)

@@ -17,16 +17,14 @@ def run(
     seed: int = 0,
     context_table: Path | None = None,
     continuations: Path | None = None,
-    occupancy: Path | None = None,
-    step_s: float = 10.0,
     figure: Path | None = None,
     **where: Unpack[Where],
 ) -> None:
     """Predict descents from the part at and above a flight level.
 
     Intervals of the time and the distance to each level below are written, and on request every continuation, in the
-    columns of `descentflow sample`, and the probability of being at each level over time. Where the descents go on
-    below that level, the share of flights inside their intervals is printed too.
+    columns of `descentflow sample`. Where the descents go on below that level, the share of flights inside their
+    intervals is printed too.
 
     Args:
         checkpoint: checkpoint that `descentflow fit` wrote (.ckpt)
@@ -38,8 +36,6 @@ def run(
         seed: the same seed gives the same predictions
         context_table: CSV or Parquet with flight_id and the context, for a conditional model
         continuations: also write every continuation (.parquet, .csv)
-        occupancy: also write the occupancy of levels (.parquet, .csv)
-        step_s: step of the occupancy's time
         figure (FILE): also draw CAS (kt), vertical rate (ft/min) and time (min) against flight level, predicted and
             flown, of the first four flights: .png or .svg
     """
@@ -55,7 +51,7 @@ def run(
 
     one_thread_unless_told()
     plan = ground_plan(**where)
-    tables = [output for output in (out, continuations, occupancy) if output is not None]
+    tables = [output for output in (out, continuations) if output is not None]
     for output in tables:
         check_output(output)
     if figure is not None:
@@ -77,8 +73,6 @@ def run(
         ahead.write(out)
         if continuations is not None:
             write_table(ahead.continuations(), continuations)
-        if occupancy is not None:
-            write_table(ahead.occupancy(step_s), occupancy)
     if figure is not None:
         with stage(f"drawing {figure}"):
             write_figure(ahead.figure(), figure)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
+from typing import TypedDict
 
 from torch import Tensor
 
@@ -45,6 +46,17 @@ class GroundPlan:
         return place(
             flown, self.path, self.wind, to_go_m=self.to_go_nm * NM_M, end_time=self.end_time, tailwind_mps=tailwind_mps
         )
+
+
+class Ground(TypedDict, total=False):
+    """Where descents are flown, by the arguments of :func:`ground_plan`."""
+
+    end: Point | None
+    track: float | None
+    route: Sequence[Point] | None
+    wind: str | Path | Wind | None
+    to_go_nm: float
+    end_time: datetime | str | None
 
 
 NOWHERE = GroundPlan()

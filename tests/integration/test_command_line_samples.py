@@ -153,15 +153,14 @@ def test_evaluate_leaves_out_what_was_trained_on(run: Path, descents: Path, tmp_
     assert {p.name for p in (tmp_path / "new").iterdir()} >= {"scores.csv", "rejections.json", "profiles.png"}
 
 
-def test_predict_descent_writes_intervals_and_occupancy(run: Path, descents: Path, tmp_path: Path, capsys) -> None:
+def test_predict_descent_writes_intervals(run: Path, descents: Path, tmp_path: Path, capsys) -> None:
     words = ["predict-descent", str(run / "checkpoints" / "best.ckpt"), str(descents), "--from-fl", "290", "-n", "60"]
-    assert main([*words, "--out", str(tmp_path / "p.parquet"), "--occupancy", str(tmp_path / "o.parquet")]) == 0
+    assert main([*words, "--out", str(tmp_path / "p.parquet")]) == 0
     said = capsys.readouterr().out
     assert "times calibrated on 211 flights of the fit" in said
     assert "90 % intervals hold" in said
     table = pl.read_parquet(tmp_path / "p.parquet")
     assert (table["q05_s"] <= table["q95_s"]).all()
-    assert set(pl.read_parquet(tmp_path / "o.parquet")["flight_id"]) == set(table["flight_id"])
     placed = ["--end", "52.3,4.76", "--track", "180", "--continuations", str(tmp_path / "all.csv")]
     assert main([*words, *placed, "--out", str(tmp_path / "p.csv")]) == 0
     intervals, every = pl.read_csv(tmp_path / "p.csv"), pl.read_csv(tmp_path / "all.csv")

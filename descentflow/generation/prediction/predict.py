@@ -2,10 +2,9 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import polars as pl
 
@@ -20,14 +19,11 @@ from descentflow.generation.prediction.summary import (
     continuations_table,
     control_intervals,
     coverage,
-    occupancy_table,
     time_intervals,
 )
 from descentflow.generation.prediction.time_calibration import Control
 from descentflow.generation.sample_tables import UNITS
-from descentflow.positions.ground_path import Point
-from descentflow.positions.ground_plan import NOWHERE, GroundPlan, ground_plan
-from descentflow.positions.wind import Wind
+from descentflow.positions.ground_plan import NOWHERE, Ground, GroundPlan, ground_plan
 from descentflow.reporting.in_notebook import InNotebook
 from descentflow.representation.encode_flights import (
     EncodedFlights,
@@ -78,29 +74,15 @@ class Prediction(InNotebook):
         """Number of flights predicted."""
         return len(self.flights)
 
-    def placed(
-        self,
-        *,
-        end: Point | None = None,
-        track: float | None = None,
-        route: Sequence[Point] | None = None,
-        wind: str | Path | Wind | None = None,
-        to_go_nm: float = 0.0,
-        end_time: datetime | str | None = None,
-    ) -> "Prediction":
+    def placed(self, **ground: Unpack[Ground]) -> "Prediction":
         """The same predictions laid over the ground, see :func:`descentflow.positions.ground_plan.ground_plan`.
 
-        Raises:
-            ConfigError: If the arguments contradict each other, or one of them cannot be.
-            DataError: If a file of winds cannot be read.
-
         Example:
-            >>> ahead = predict("best.ckpt", "descents.parquet", from_fl=290, n=50)
+            >>> ahead = predict("best.ckpt", "descents.parquet", from_fl=250, n=60)
             >>> ahead.placed(end=(51.47, -0.45), track=270.0, wind="290/40").to_polars().columns[-3:]
             ['latitude', 'longitude', 'track']
         """
-        plan = ground_plan(end=end, track=track, route=route, wind=wind, to_go_nm=to_go_nm, end_time=end_time)
-        return replace(self, plan=plan)
+        return replace(self, plan=ground_plan(**ground))
 
     @property
     def _level(self) -> int:
@@ -137,20 +119,6 @@ class Prediction(InNotebook):
     def continuations(self) -> pl.DataFrame:
         """Every continuation in the columns of samples, see :func:`~.summary.continuations_table`."""
         return continuations_table(self.flights, self.plan)
-
-    @checked_arguments
-    def occupancy(self, step_s: float = 10.0) -> pl.DataFrame:
-        """Probability of being at each level over time, see :func:`~.summary.occupancy_table`.
-
-        Args:
-            step_s: Step of the time since the last observed level.
-
-        Raises:
-            ConfigError: If the step is not positive.
-        """
-        if step_s <= 0:
-            raise ConfigError(f"a step of {step_s:g} s", expected="above 0", mend="pass for instance 10")
-        return occupancy_table(self.flights, step_s)
 
     def coverage(self) -> pl.DataFrame:
         """Errors of the forecasts by level, beside least squares on CAS and rate as a control.

@@ -13,7 +13,6 @@ from descentflow.generation.prediction.predictor import Continuations, observed_
 from descentflow.generation.prediction.time_calibration import Control
 from descentflow.generation.sample_tables import to_frame
 from descentflow.positions.ground_plan import NOWHERE, GroundPlan
-from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.representation.profiles import Profiles
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
@@ -113,42 +112,6 @@ def continuations_table(predictions: Sequence[Continuations], plan: GroundPlan =
     )
 
 
-def level_occupancy(flown: Trajectories, times_s: Tensor) -> Tensor:
-    """Probability of being at each level at each time.
-
-    A descent is at a level from the time it passes it until it passes the next one below; above its entry level it
-    is never. After the lowest level it is at none, so a row sums to the probability of not having passed that yet.
-
-    Args:
-        flown: n descents, all equally probable, on L levels.
-        times_s: (T,) ascending times since the entry, not negative.
-
-    Returns:
-        (T, L) probabilities.
-
-    Example:
-        >>> from descentflow.generation.sample import sample
-        >>> flown = sample("best.ckpt", 50).trajectories
-        >>> shares = level_occupancy(flown, torch.arange(0, 300, 10.0))
-        >>> shares.shape[0], float(shares[0].sum())
-        (30, 1.0)
-    """
-    n, n_levels = flown.time_s.shape
-    # Upwards times fall; downwards they rise, which searchsorted needs. Above the entry, nothing was passed yet.
-    falling = torch.where(flown.mask, flown.time_s, -1.0).flip(1).contiguous()
-    passed = torch.searchsorted(falling, times_s.to(falling).expand(n, -1).contiguous(), right=True)
-    # As many levels as were passed, counted from the top of the grid: the last of them is where the descent is.
-    index = n_levels - passed
-    on_grid = times_s.to(falling) <= falling[:, -1:]
-    counts = torch.zeros(len(times_s), n_levels, dtype=torch.float64)
-    counts.index_put_(
-        (torch.arange(len(times_s)).expand(n, -1)[on_grid], index[on_grid]),
-        torch.ones((), dtype=torch.float64),
-        accumulate=True,
-    )
-    return counts / n
-
-
 def actual_times(predictions: Sequence[Continuations], flights: Profiles) -> pl.DataFrame:
     """Rest of flights below the last observed level, for those with every level below it.
 
@@ -225,35 +188,3 @@ def control_intervals(predictions: Sequence[Continuations], flights: Profiles, c
             "q95_s": (middle + half).ravel(),
         }
     )
-
-
-def occupancy_table(predictions: Sequence[Continuations], step_s: float) -> pl.DataFrame:
-    """Occupancy of every prediction as a long table, levels that no continuation is at left out.
-
-    Returns:
-        Columns ``flight_id time_s level_fl probability``.
-
-    Example:
-        >>> from descentflow.generation.prediction.predict import predict
-        >>> ahead = predict("best.ckpt", "descents.parquet", from_fl=290, n=50)
-        >>> table = occupancy_table(ahead.flights[:1], step_s=30.0)
-        >>> table.filter(time_s=0.0)["probability"].sum()
-        1.0
-    """
-    parts = []
-    for one in predictions:
-        flown = one.trajectories
-        times = torch.arange(0, float(flown.time_s[:, 0].max()) + step_s, step_s, dtype=torch.float64)
-        shares = level_occupancy(flown, times)
-        row, column = shares.nonzero(as_tuple=True)
-        parts.append(
-            pl.DataFrame(
-                {
-                    "flight_id": one.flight_id,
-                    "time_s": times[row].numpy(),
-                    "level_fl": flown.levels_fl[column].to(torch.int32).numpy(),
-                    "probability": shares[row, column].numpy(),
-                }
-            )
-        )
-    return pl.concat(parts)

@@ -58,7 +58,7 @@ def weights_of(model: Density, noise_seed: int, n: int, component: Tensor | None
         return noise, mixture.locs[component] + (mixture.scale_trils[component] @ noise[..., None])[..., 0]
     if isinstance(model, MaskedAffineFlowDensity):
         noise = torch.randn(n, d, generator=torch.Generator().manual_seed(noise_seed), dtype=model.white_dtype)
-        return noise, model.of_white(noise)
+        return noise, model.of_white(noise, torch.zeros(len(noise), 0))
     first, second = (torch.Generator().manual_seed(noise_seed) for _ in range(2))
     return torch.randn(n, d, generator=first, dtype=torch.float64), model.draw(n, second)
 

@@ -61,19 +61,19 @@ class AffinePass:
         for one in self.maps:
             one.__dict__.pop("_places", None)
 
-    def __call__(self, z: Tensor, context: Tensor | None = None) -> tuple[Tensor, Tensor]:
-        """Weights (n, d) at contexts (n, c) if there are any: (n, d), and the log-determinant (n,)."""
+    def __call__(self, z: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
+        """Weights (n, d) at contexts (n, c): (n, d), and the log-determinant (n,)."""
         constants = self._kept(z.device)
         maps, shifts, log_det = self._linear(constants)
         layers = [made(one.autoregressive_net) for one in self.affine]  # type: ignore[arg-type]
         (first, second, last), (at_first, at_second, at_last) = self._layers(layers, constants)
         at_hidden = torch.baddbmm(at_second[:, :, None], second, at_first[:, :, None])[:, :, 0]
         hidden = second @ first
-        given = None
-        if context is not None:
+        given: tuple[Tensor, ...] = ()
+        if context.shape[1]:
             known = MAX_INPUT * torch.tanh(context / MAX_INPUT) if self.bounded else context
             c = context.shape[1]
-            given, hidden = known @ hidden[:, :, :c].mT, hidden[:, :, c:]
+            given, hidden = (known @ hidden[:, :, :c].mT).unbind(), hidden[:, :, c:]
         # Of each flow in one product: the weights, and what its network takes of them.
         inner = maps / MAX_INPUT if self.bounded else hidden @ maps
         at_inner = shifts / MAX_INPUT if self.bounded else (hidden @ shifts[:, :, None])[:, :, 0] + at_hidden
@@ -85,7 +85,7 @@ class AffinePass:
             z, taken = torch.split(torch.addmm(at_both[one], z, both[one]), sizes, 1)
             if self.bounded:
                 taken = torch.addmm(at_hiddens[one], taken.tanh(), hiddens[one])
-            if given is not None:
+            if given:
                 taken = taken + given[one]
             raw, shift = torch.addmm(at_lasts[one], taken.relu(), lasts[one]).chunk(2, 1)
             if self.bounded:

@@ -229,7 +229,7 @@ class CheckpointSummary:
             "levels": f"FL{levels[0]:.0f} to FL{levels[-1]:.0f}, {len(levels)} of them",
             "flights": f"fitted to {split.describe()}",
             "descents": f"{made.get('descents', 'unknown')} ({types})",
-            "context": "none" if parts.context is None else parts.context.describe(),
+            "context": parts.context.describe(),
             "air": "standard" if parts.air is None else parts.air.describe(),
             "effects added": ", ".join(added.effects) if added is not None else "none",
             "cleaning": _cleaning(parts.cleaning),

@@ -7,7 +7,8 @@ from typing import Literal
 
 from torch import Tensor
 
-from descentflow.densities.em import fit_steps, steps_of
+from descentflow.densities.em import fit_mixture
+from descentflow.densities.em_steps import Steps
 from descentflow.densities.mixture_parameters import Mixture, n_parameters
 
 FLIGHTS_PER_PARAMETER = 15
@@ -69,29 +70,25 @@ def numbers_tried(most: int) -> list[int]:
 
 
 def select_mixture(
-    weights: Tensor,
+    flights: Tensor | Steps,
     *,
-    context: Tensor | None = None,
     seed: int,
     n_restarts: int = 8,
     tolerance: float = 1e-6,
     extend: bool = True,
     criterion: Criterion = "bic",
-    prior_flights: float = 0.0,
     only: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Selection:
     """Choose the number of mixture components by an information criterion (paper, appendix C).
 
     Args:
-        weights: Standardised weights (n, d) of the training flights.
-        context: (n, c) encoded context, if there is one.
+        flights: Standardised weights (n, d) of the training flights, or their steps.
         seed: Of the starts.
         n_restarts: Starts for each number of components.
         tolerance: As in :func:`~descentflow.densities.em.fit_mixture`.
         extend: Go on beyond 15 flights per parameter, for a criterion has its own price for parameters.
         criterion: ``bic``, as in the paper, or ``aic``.
-        prior_flights: Flights by which covariances are shrunk, see :mod:`descentflow.densities.em_steps`.
         only: Number of components, taken whatever its criterion is.
         progress: Progress callback: called after each number of components with how many will be tried at most.
 
@@ -104,8 +101,8 @@ def select_mixture(
         >>> select_mixture(weights, seed=0, n_restarts=2).mixture.n_components
         2
     """
-    steps, (n, dimension) = steps_of(weights, context, prior_flights), weights.shape
-    n_context = 0 if context is None else context.shape[1]
+    steps = flights if isinstance(flights, Steps) else Steps(flights)
+    (n, dimension), n_context = steps.weights.shape, steps.context.shape[1]
     most = max_components(n, dimension, n_context)
     if extend:
         furthest = max_components(n, dimension, n_context, MIN_FLIGHTS_PER_PARAMETER)
@@ -115,7 +112,7 @@ def select_mixture(
     tried: dict[int, Mixture] = {}
     values: dict[int, float] = {}
     for k in numbers:
-        tried[k], likelihood = fit_steps(steps, k, seed=seed, n_restarts=n_restarts, tolerance=tolerance)
+        tried[k], likelihood = fit_mixture(steps, k, seed=seed, n_restarts=n_restarts, tolerance=tolerance)
         values[k] = price * n_parameters(k, dimension, n_context) - 2 * n * likelihood
         if progress is not None:
             progress(len(numbers))

@@ -124,8 +124,7 @@ class Density(nn.Module, ABC):
             True
         """
         rows = self.rows_of_context(context, n)
-        generator = torch.Generator(self.device).manual_seed(seed)
-        return self.draw(n, generator) if rows is None else self.draw(n, generator, rows)
+        return self.draw(n, torch.Generator(self.device).manual_seed(seed), rows)
 
     @property
     def mixture(self) -> Mixture | None:
@@ -136,7 +135,7 @@ class Density(nn.Module, ABC):
     def mixture_at(self, context: Tensor | None = None) -> Mixture | None:
         """The density as a Gaussian mixture, at one context (1, c) where it takes one; None if it is not a mixture."""
         mixture, rows = self.mixture, self.rows_of_context(context, 1)
-        return mixture if mixture is None or rows is None else mixture.at(rows[0].to(mixture.locs))
+        return mixture and mixture.at(rows[0].to(mixture.locs))
 
     def log_observed(self, evidence: Evidence, context: Tensor | None = None) -> Tensor:
         """Log-likelihood (n,) of what was observed of n flights, in nats, up to a constant of each flight.
@@ -161,15 +160,14 @@ class Density(nn.Module, ABC):
         if mixture is not None:
             return log_observed(mixture, evidence, rows)
         if evidence.known:
-            return self.log_prob(evidence.points) if rows is None else self.log_prob(evidence.points, rows)
-        return self.estimate_observed(evidence, rows).log_prob
+            return self.log_prob(evidence.points, rows)
+        return self.estimate_observed(evidence, rows, self.wide_gaussian(rows)).log_prob
 
     def estimate_observed(
         self,
         evidence: Evidence,
-        context: Tensor | None = None,
-        *,
-        gaussian: Mixture | None = None,
+        context: Tensor,
+        gaussian: Mixture,
         n_draws: int = SCORING_DRAWS,
         seed: int = 0,
     ) -> Estimate:
@@ -177,37 +175,31 @@ class Density(nn.Module, ABC):
 
         Args:
             evidence: Of n flights whose weights are not known.
-            context: (n, c) where the density is conditioned on one.
-            gaussian: What proposes, a mixture of one; :meth:`wide_gaussian` if absent.
+            context: (n, c); c is 0 where the density is conditioned on none.
+            gaussian: Of what proposes, a mixture of one, for instance :meth:`wide_gaussian`.
             n_draws: Draws of each flight's weights.
             seed: Of the draws: the same ones for every density, so that differences between densities vary less.
         """
-        proposing = self.wide_gaussian(context) if gaussian is None else gaussian
         parts, order = [], []
         for index, rows in evidence.chunks():
-            given = None if context is None else context[index]
-            proposals = propose(proposing, rows, n_draws, given, seed)
-            parts.append(estimate(self._log_density, proposals, given))
+            proposals = propose(gaussian, rows, n_draws, context[index], seed)
+            parts.append(estimate(self.log_prob, proposals, context[index]))
             order.append(index)
         back = torch.cat(order).argsort()
         return Estimate(*(torch.cat([getattr(p, name) for p in parts])[back] for name in ("log_prob", "effective")))
 
     @torch.no_grad()
-    def wide_gaussian(self, context: Tensor | None = None) -> Mixture:
+    def wide_gaussian(self, context: Tensor) -> Mixture:
         """A Gaussian (a mixture of one) wider than the density, which proposes where there is no closed form.
 
         Args:
-            context: Contexts at which the density is going to be asked, if it takes one.
+            context: Contexts (m, c) at which the density is going to be asked; c is 0 where it takes none.
         """
-        n = MOMENT_DRAWS
-        rows = None if context is None else context[torch.arange(n, device=context.device) % len(context)]
-        drawn = self.sample(n, 0, rows).to(torch.float64)
+        rows = context[torch.arange(MOMENT_DRAWS, device=context.device) % len(context)]
+        drawn = self.sample(len(rows), 0, rows).to(torch.float64)
         drawn = drawn[drawn.isfinite().all(1)]
         factor = torch.linalg.cholesky(torch.cov(drawn.T) + 1e-6 * torch.eye(self.dimension).to(drawn))
         return widened(Mixture(drawn.new_ones(1), drawn.mean(0)[None], factor[None]))
-
-    def _log_density(self, weights: Tensor, context: Tensor | None) -> Tensor:
-        return self.log_prob(weights) if context is None else self.log_prob(weights, context)
 
     @checked_arguments
     def n_flights(self, weights: Tensor) -> int:
@@ -225,21 +217,22 @@ class Density(nn.Module, ABC):
         return len(weights)
 
     @checked_arguments
-    def rows_of_context(self, context: Tensor | None, n: int) -> Tensor | None:
-        """The context (n, c) of n flights, checked; None for a density without context.
+    def rows_of_context(self, context: Tensor | None, n: int) -> Tensor:
+        """The context (n, c) of n flights, checked; c is 0 for a density without context.
 
         Raises:
             ConfigError: If there should be none, should be one, or it has another shape.
         """
-        if context is None and self.n_context == 0:
-            return None
-        known = self._representation.context if self._representation is not None else None
-        what = known.describe() if known is not None else f"{self.n_context} numbers per flight"
-        if context is None:
+        what = f"{self.n_context} numbers per flight"
+        if self._representation is not None and self._representation.context.columns:
+            what = self._representation.context.describe()
+        if context is None and self.n_context:
             raise ConfigError(
                 "a conditional density without a context", expected=what, mend="pass the context of every flight"
             )
-        if self.n_context == 0 or context.shape[1:] != (self.n_context,) or len(context) not in (1, n):
+        if context is None:
+            return torch.zeros(n, 0, device=self.device)
+        if context.shape[1:] != (self.n_context,) or len(context) not in (1, n):
             raise ConfigError(
                 f"context of shape {tuple(context.shape)} for {n} flights",
                 expected=f"({n}, {self.n_context}): {what}" if self.n_context else "none: the density knows no context",

@@ -1,7 +1,6 @@
 """Expectation maximisation for mixtures, with or without a context: starts, restarts and convergence.
 
-The likelihood, and one step towards its maximum, are those of :mod:`descentflow.densities.em_steps`, with a context
-those of :mod:`descentflow.densities.regression_steps`; everything else is the same for both.
+The likelihood, and one step towards its maximum, are those of :mod:`descentflow.densities.em_steps`.
 """
 
 import warnings
@@ -9,35 +8,19 @@ import warnings
 import torch
 from torch import Tensor
 
-from descentflow.densities.em_steps import GaussianSteps, Steps
+from descentflow.densities.em_steps import Steps
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.regression_steps import RegressionSteps
 
 SCREENING_ITERATIONS = 30
 """EM steps after which restarts are compared."""
 FINALISTS = 4
 """Restarts that go on to convergence."""
+ITERATIONS = 500
+"""EM steps of a finalist at most."""
 STARTING_FLIGHTS = 4096
 """Flights, evenly of the training flights, with which starts are tried and compared; all of them take it from there."""
 STARTING_ITERATIONS = 100
 """EM steps of a finalist where it is of some of the flights."""
-
-
-def steps_of(weights: Tensor, context: Tensor | None = None, prior_flights: float = 0.0) -> Steps:
-    """The steps for weights (n, d) of flights and, if there is one, context (n, c).
-
-    Args:
-        weights: Of the flights.
-        context: (n, c) encoded context.
-        prior_flights: Flights by which covariances are shrunk, see :mod:`descentflow.densities.em_steps`.
-
-    Example:
-        >>> type(steps_of(torch.randn(100, 2))).__name__
-        'GaussianSteps'
-    """
-    return (
-        GaussianSteps(weights, prior_flights) if context is None else RegressionSteps(weights, context, prior_flights)
-    )
 
 
 def start(steps: Steps, n_components: int, seed: int) -> Mixture:
@@ -49,7 +32,7 @@ def start(steps: Steps, n_components: int, seed: int) -> Mixture:
         seed: Of k-means.
 
     Example:
-        >>> first = start(steps_of(torch.tensor([[0.0], [1.0], [10.0], [11.0]])), n_components=2, seed=0)
+        >>> first = start(Steps(torch.tensor([[0.0], [1.0], [10.0], [11.0]])), n_components=2, seed=0)
         >>> sorted(first.locs.flatten().tolist())
         [0.5, 10.5]
     """
@@ -57,22 +40,13 @@ def start(steps: Steps, n_components: int, seed: int) -> Mixture:
     return steps.maximise(torch.nn.functional.one_hot(labels, n_components).to(torch.float64))
 
 
-def best_start(
-    weights: Tensor,
-    n_components: int,
-    *,
-    context: Tensor | None = None,
-    seed: int,
-    n_restarts: int,
-    prior_flights: float = 0.0,
-) -> Mixture:
+def best_start(steps: Steps, n_components: int, *, seed: int, n_restarts: int) -> Mixture:
     """The first mixture with the highest likelihood among ``n_restarts``, each as :func:`start` makes it.
 
     Example:
-        >>> best_start(torch.randn(50, 2), 3, seed=0, n_restarts=2).locs.shape
+        >>> best_start(Steps(torch.randn(50, 2)), 3, seed=0, n_restarts=2).locs.shape
         torch.Size([3, 2])
     """
-    steps = steps_of(weights, context, prior_flights)
     starts = [start(steps, n_components, seed + i) for i in range(n_restarts)]
     return max(starts, key=lambda mixture: float(steps.expectation(mixture)[1]))
 
@@ -83,7 +57,7 @@ def converge(steps: Steps, mixture: Mixture, *, iterations: int, tolerance: floa
     It grows in every step but where covariances are shrunk, which may cost some of it.
 
     Example:
-        >>> steps = steps_of(torch.randn(200, 2))
+        >>> steps = Steps(torch.randn(200, 2))
         >>> first = start(steps, n_components=2, seed=0)
         >>> converge(steps, first, iterations=50, tolerance=1e-6)[1] > float(steps.expectation(first)[1])
         True
@@ -98,15 +72,7 @@ def converge(steps: Steps, mixture: Mixture, *, iterations: int, tolerance: floa
 
 
 def fit_mixture(
-    weights: Tensor,
-    n_components: int,
-    *,
-    context: Tensor | None = None,
-    seed: int,
-    n_restarts: int = 8,
-    iterations: int = 500,
-    tolerance: float = 1e-6,
-    prior_flights: float = 0.0,
+    flights: Tensor | Steps, n_components: int, *, seed: int, n_restarts: int = 8, tolerance: float = 1e-6
 ) -> tuple[Mixture, float]:
     """Maximum-likelihood mixture from several starts.
 
@@ -114,14 +80,11 @@ def fit_mixture(
     best go on to convergence. Where flights are many, some of them do this, and the best mixture is converged by all.
 
     Args:
-        weights: Standardised weights (n, d).
+        flights: Standardised weights (n, d), or their steps, with a context and a prior if there are any.
         n_components: Number of mixture components k.
-        context: (n, c) encoded context, on which means and proportions depend where there is one.
         seed: Of the starts.
         n_restarts: Number of starts.
-        iterations: Maximum number of EM steps of a finalist.
         tolerance: Gain of the mean log-likelihood (nats) below which EM stops.
-        prior_flights: Flights by which covariances are shrunk, see :mod:`descentflow.densities.em_steps`.
 
     Returns:
         The mixture and its mean log-likelihood (nats per flight).
@@ -133,26 +96,7 @@ def fit_mixture(
         >>> sorted(round(float(p), 2) for p in fitted.probs)
         [0.33, 0.67]
     """
-    return fit_steps(
-        steps_of(weights, context, prior_flights),
-        n_components,
-        seed=seed,
-        n_restarts=n_restarts,
-        iterations=iterations,
-        tolerance=tolerance,
-    )
-
-
-def fit_steps(
-    steps: Steps, n_components: int, *, seed: int, n_restarts: int = 8, iterations: int = 500, tolerance: float = 1e-6
-) -> tuple[Mixture, float]:
-    """:func:`fit_mixture` for steps that are used again, for instance with another number of components.
-
-    Example:
-        >>> steps = steps_of(torch.randn(100, 2))
-        >>> [fit_steps(steps, k, seed=0, n_restarts=1)[0].n_components for k in (1, 2)]
-        [1, 2]
-    """
+    steps = flights if isinstance(flights, Steps) else Steps(flights)
     some = steps.some(STARTING_FLIGHTS)
 
     def best(starts: list[Mixture], most: int) -> list[Mixture]:
@@ -162,8 +106,8 @@ def fit_steps(
 
     starts = [start(some, n_components, seed + i) for i in range(n_restarts if n_components > 1 else 1)]
     finals = best(starts, SCREENING_ITERATIONS)[:FINALISTS]
-    finals = best(finals, iterations if some is steps else min(iterations, STARTING_ITERATIONS))
-    return converge(steps, finals[0], iterations=iterations, tolerance=tolerance)
+    finals = best(finals, ITERATIONS if some is steps else STARTING_ITERATIONS)
+    return converge(steps, finals[0], iterations=ITERATIONS, tolerance=tolerance)
 
 
 def k_means_labels(points: Tensor, n_groups: int, seed: int) -> Tensor:

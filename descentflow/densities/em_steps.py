@@ -1,6 +1,10 @@
-"""Interface of expectation maximisation to the flights and to the kind of mixture component."""
+"""One step of expectation maximisation for a mixture of linear regressions of the weights on a context.
 
-from abc import ABC, abstractmethod
+The conditional of a joint mixture over weights and context has the same components, but it spends them on the shape of
+the context, which is not generated, and has no density for a 0/1 column; here the likelihood of the weights alone
+decides. Both steps are one matrix product over the flights. A context of no numbers leaves a mixture of Gaussians.
+"""
+
 from math import log, pi
 
 import torch
@@ -8,36 +12,109 @@ from torch import Tensor
 
 from descentflow.densities.mixture_parameters import Mixture
 
+JITTER = 1e-6
+"""Added to the variances, as scikit-learn's ``reg_covar``."""
+RIDGE = 1.0
+"""The prior of zero slopes counts as this many flights at one standard deviation of context: few, but enough for a
+mixture component of few flights."""
+GATE_STEPS = 5
+"""Steps of the gate within one M step; each raises its likelihood (Boehning 1992, doi:10.1007/BF00048682)."""
 
-class Steps(ABC):
-    """The steps of EM for one set of flights.
+
+class Steps:
+    """The steps of EM for one set of flights (paper, appendix C).
+
+    Args:
+        weights: (n, d) of flights.
+        context: (n, c) encoded context, if there is one.
+        prior_flights: Flights by which covariances are shrunk, see :func:`shrunk`.
 
     Example:
-        >>> from descentflow.densities.em_steps import GaussianSteps
-        >>> steps: Steps = GaussianSteps(torch.randn(100, 2).double())
-        >>> one = steps.maximise(torch.ones(100, 1).double())  # all flights in one mixture component
-        >>> steps.log_joint(one).shape, steps.improve(one)[0].locs.shape
-        (torch.Size([100, 1]), torch.Size([1, 2]))
+        >>> steps = Steps(torch.tensor([[0.0], [1.0], [10.0], [11.0]]))
+        >>> steps.maximise(torch.tensor([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 1.0]]).double()).locs.tolist()
+        [[0.5], [10.5]]
+        >>> context = torch.linspace(-1, 1, 2000)[:, None].double()
+        >>> fitted = Steps(0.5 + 2 * context, context).maximise(torch.ones(2000, 1).double())
+        >>> [round(float(v), 2) for v in (fitted.locs, fitted.slopes)]
+        [0.5, 2.0]
     """
 
-    prior_flights: float
-    """Flights by which covariances are shrunk."""
+    def __init__(self, weights: Tensor, context: Tensor | None = None, prior_flights: float = 0.0) -> None:
+        self.weights, self.prior_flights = weights.to(torch.float64), prior_flights
+        self.context = self.weights[:, :0] if context is None else context.to(torch.float64)
+        self.features = quadratic_features(torch.cat([self.weights, self.context], 1))
+        self.design = torch.cat([torch.ones_like(self.weights[:, :1]), self.context], 1)
+        self.penalty = RIDGE * torch.eye(self.design.shape[1]).to(self.design)
+        self.penalty[0, 0] = JITTER  # the intercept of the gate is free
+        self.factor = torch.linalg.cholesky(self.design.T @ self.design / 2 + self.penalty)
 
-    @abstractmethod
-    def points_to_group(self, seed: int) -> Tensor:
-        """Points (n, d) for the start by k-means."""
-
-    @abstractmethod
-    def log_joint(self, mixture: Mixture) -> Tensor:
-        """Log of proportion times density (n, k) of each flight and mixture component, in nats."""
-
-    @abstractmethod
-    def maximise(self, responsibilities: Tensor, before: Mixture | None = None) -> Mixture:
-        """The M step, from the mixture before it where it is no closed form."""
-
-    @abstractmethod
     def some(self, most: int) -> "Steps":
         """The steps of at most so many of the flights, evenly chosen; these themselves if there are no more."""
+        if len(self.weights) <= most:
+            return self
+        chosen = evenly(len(self.weights), most)
+        return Steps(self.weights[chosen], self.context[chosen], self.prior_flights)
+
+    def points_to_group(self, seed: int) -> Tensor:
+        """Points (n, d) for the start by k-means: weights, or what context leaves of them for every other two seeds."""
+        if seed // 2 % 2 == 0 or not self.context.shape[1]:
+            return self.weights
+        one = self.maximise(torch.ones_like(self.weights[:, :1]))
+        return self.weights - one.locs - self.context @ one.slopes[0].T
+
+    def log_joint(self, mixture: Mixture) -> Tensor:
+        """Log of proportion times density (n, k) of each flight and mixture component, in nats."""
+        k, d = mixture.locs.shape
+        precision = torch.cholesky_inverse(mixture.scale_trils)
+        # Of weights and context together: the density is that of the weights less slopes times context.
+        lift = torch.cat([torch.eye(d).to(precision).expand(k, d, d), -mixture.slopes], 2)
+        linear = (precision @ mixture.locs[:, :, None])[:, :, 0]
+        constant = (
+            mixture.probs.log()
+            - 0.5 * (linear * mixture.locs).sum(1)
+            - mixture.scale_trils.diagonal(dim1=1, dim2=2).log().sum(1)
+            - 0.5 * d * log(2 * pi)
+        )
+        whole = (lift.mT @ linear[:, :, None])[:, :, 0]
+        whole[:, d:] += mixture.gate
+        joint = (
+            self.features @ torch.cat([-0.5 * (lift.mT @ precision @ lift).flatten(1), whole, constant[:, None]], 1).T
+        )
+        return joint - (mixture.probs.log() + self.context @ mixture.gate.T).logsumexp(1, keepdim=True)
+
+    def maximise(self, responsibilities: Tensor, before: Mixture | None = None) -> Mixture:
+        """Ridge regression of each component under responsibilities (n, k), and the gate from where it was."""
+        d, size = self.weights.shape[1], self.weights.shape[1] + self.context.shape[1]
+        moments = responsibilities.T @ self.features
+        count = moments[:, -1].clamp(min=1e-9)
+        means = moments[:, -1 - size : -1] / count[:, None]
+        second = moments[:, : size * size].reshape(-1, size, size) / count[:, None, None]
+        spread = second - means[:, :, None] * means[:, None, :]
+        own, across, given = spread[:, :d, :d], spread[:, d:, :d], spread[:, d:, d:]
+        ridge = self.penalty[1:, 1:] / count[:, None, None]
+        slopes = torch.linalg.solve(given + ridge, across).mT
+        left = own - slopes @ across - (slopes @ across).mT + slopes @ given @ slopes.mT
+        factors = cholesky_or_small(shrunk(left, count, self.prior_flights), JITTER)
+        locs = means[:, :d] - (slopes @ means[:, d:, None])[:, :, 0]
+        return Mixture(*self._gate(responsibilities, count, before, (locs, factors, slopes)))
+
+    def _gate(
+        self, responsibilities: Tensor, count: Tensor, before: Mixture | None, others: tuple[Tensor, Tensor, Tensor]
+    ) -> tuple[Tensor, ...]:
+        """Proportions and gate after some bounded Newton steps of a multinomial regression, about the ``others``."""
+        if not self.context.shape[1]:
+            return (count / count.sum(), *others)
+        if before is None:
+            table = self.design.new_zeros(self.design.shape[1], len(count))
+            table[0] = (responsibilities.mean(0) + 1e-12).log()
+        else:
+            table = torch.cat([before.probs.log()[:, None], before.gate], 1).T
+            table = table - table.mean(1, keepdim=True)
+        for _ in range(GATE_STEPS):
+            gradient = self.design.T @ (responsibilities - (self.design @ table).softmax(1)) - self.penalty @ table
+            table = table + torch.cholesky_solve(gradient, self.factor)
+        table = table - table.mean(1, keepdim=True)  # softmax knows differences only
+        return (table[0].softmax(0), *others, table[1:].T.clone())
 
     def expectation(self, mixture: Mixture) -> tuple[Tensor, Tensor]:
         """The E step: responsibilities (n, k) and the mean log-likelihood (nats per flight)."""
@@ -85,59 +162,6 @@ def shrunk(covariances: Tensor, counts: Tensor, prior_flights: float) -> Tensor:
     own = counts[:, None, None]
     shared = (own * covariances).sum(0) / counts.sum()
     return (own * covariances + prior_flights * shared) / (own + prior_flights)
-
-
-JITTER = 1e-6
-"""Added to the variances, as scikit-learn's ``reg_covar``."""
-
-
-class GaussianSteps(Steps):
-    """The steps of a mixture without a context (paper, appendix C), of flights whose weights are known.
-
-    Example:
-        >>> steps = GaussianSteps(torch.tensor([[0.0], [1.0], [10.0], [11.0]]))
-        >>> steps.maximise(torch.tensor([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 1.0]]).double()).locs.tolist()
-        [[0.5], [10.5]]
-    """
-
-    def __init__(self, weights: Tensor, prior_flights: float = 0.0) -> None:
-        """Take the training flights' weights (n, d), and how many flights covariances are shrunk by."""
-        self.weights, self.prior_flights = weights.to(torch.float64), prior_flights
-        self.features = quadratic_features(self.weights)
-
-    def some(self, most: int) -> Steps:
-        """The steps of at most so many of the flights, evenly chosen."""
-        n = len(self.weights)
-        if n <= most:
-            return self
-        return GaussianSteps(self.weights[evenly(n, most)], self.prior_flights)
-
-    def points_to_group(self, seed: int) -> Tensor:
-        """Points (n, d) for the start by k-means: the weights."""
-        return self.weights
-
-    def log_joint(self, mixture: Mixture) -> Tensor:
-        """Log of proportion times density (n, k) of each flight and mixture component, in nats."""
-        d = mixture.locs.shape[1]
-        precision = torch.cholesky_inverse(mixture.scale_trils)
-        linear = (precision @ mixture.locs[:, :, None])[:, :, 0]
-        constant = (
-            mixture.probs.log()
-            - 0.5 * (linear * mixture.locs).sum(1)
-            - mixture.scale_trils.diagonal(dim1=1, dim2=2).log().sum(1)
-            - 0.5 * d * log(2 * pi)
-        )
-        return self.features @ torch.cat([-0.5 * precision.flatten(1), linear, constant[:, None]], 1).T
-
-    def maximise(self, responsibilities: Tensor, before: Mixture | None = None) -> Mixture:
-        """The mixture that maximises the expected log-likelihood under responsibilities (n, k)."""
-        d = self.weights.shape[1]
-        moments = responsibilities.T @ self.features
-        count = moments[:, -1].clamp(min=1e-9)
-        locs = moments[:, -1 - d : -1] / count[:, None]
-        second = moments[:, : d * d].reshape(-1, d, d) / count[:, None, None]
-        own = shrunk(second - locs[:, :, None] * locs[:, None, :], count, self.prior_flights)
-        return Mixture(count / count.sum(), locs, cholesky_or_small(own, JITTER))
 
 
 def quadratic_features(weights: Tensor) -> Tensor:

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor, nn
 
 from descentflow.densities.affine_pass import AffinePass, FlowDraw
-from descentflow.densities.gaussian import TransformedDensity, standard_normal
+from descentflow.densities.gaussian import TransformedDensity
 from descentflow.densities.importance import widened
 from descentflow.densities.layers import (
     Bounded,
@@ -74,18 +74,10 @@ class FlowDensity(TransformedDensity):
         self.scale.copy_(scale_tril.norm(dim=1))
         # The identity but for the order of the weights, which the linear maps change.
         eye = torch.eye(self.dimension, dtype=self.white_dtype, device=self.device)
-        context = (eye.new_zeros(self.dimension, self.n_context),) if self.n_context else ()
-        order = self.flow.inverse(eye, *context).argmax(1).argsort()
+        order = self.flow.inverse(eye, *self._extra(eye.new_zeros(self.dimension, self.n_context))).argmax(1).argsort()
         self.order.copy_(order)
         rows = (scale_tril / self.scale[:, None])[order]
         self.correlation_tril.copy_(torch.linalg.cholesky(rows @ rows.T))
-
-    @torch.no_grad()
-    def base_log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
-        """Log density (n,) of an untrained flow, the Gaussian alone."""
-        standard = self._standardised(weights, self.rows_of_context(context, len(weights)))[:, self.order]
-        log_det = self.scale.log().sum() + self.correlation_tril.diagonal().log().sum()
-        return standard_normal(self._uncorrelated(standard)) - log_det
 
     @torch.no_grad()
     def base_log_observed(self, evidence: Evidence, context: Tensor | None = None) -> Tensor:
@@ -98,46 +90,47 @@ class FlowDensity(TransformedDensity):
         correlation = (self.correlation_tril @ self.correlation_tril.T)[place][:, place]
         factor = torch.linalg.cholesky(self.scale[:, None] * correlation * self.scale)
         one = self.loc.new_ones(1)
-        if not self.n_context:
-            return Mixture(one, self.loc[None], factor[None])
         return Mixture(one, self.loc[None], factor[None], self.slope[None], self.loc.new_zeros(1, self.n_context))
 
     @torch.no_grad()
-    def wide_gaussian(self, context: Tensor | None = None) -> Mixture:
+    def wide_gaussian(self, context: Tensor) -> Mixture:
         """A Gaussian wider than the density: of a whitened flow the one that it starts from, widened."""
         return widened(self.base_gaussian()) if self.whitened else super().wide_gaussian(context)
 
-    def to_white(self, weights: Tensor, context: Tensor | None = None) -> tuple[Tensor, Tensor]:
+    def to_white(self, weights: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
         """Normals (n, d) of weights (n, d), and the log-determinant (n,) of that map."""
         return in_parts(self._to_white, weights, context)
 
-    def _to_white(self, weights: Tensor, context: Tensor | None) -> tuple[Tensor, Tensor]:
-        dtype = self.white_dtype
-        given = None if context is None else context.to(dtype)
+    def _to_white(self, weights: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
+        dtype, given = self.white_dtype, context.to(self.white_dtype)
         if not self.whitened:
             return self._pass(weights.to(dtype), given)
         z, log_det = self._pass(self._standardised(weights, context).to(dtype), given)
         own = self.scale.log().sum() + self.correlation_tril.diagonal().log().sum()
         return self._uncorrelated(z), log_det - own.to(dtype)
 
-    def _pass(self, z: Tensor, context: Tensor | None) -> tuple[Tensor, Tensor]:
+    def _extra(self, context: Tensor) -> tuple[Tensor, ...]:
+        """The context as normflows takes it: an argument where there is one."""
+        return (context.to(self.white_dtype),) if self.n_context else ()
+
+    def _pass(self, z: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
         """Through the flows, from weights to the standard normal, with the log-determinant."""
         log_det = torch.zeros(len(z), dtype=z.dtype, device=z.device)
         for flow in reversed(self.flow.flows):
             # Not normflows' own loop, which adds up log-determinants in single precision.
-            z, part = flow.inverse(z) if context is None else flow.inverse(z, context)
+            z, part = flow.inverse(z, *self._extra(context))
             log_det = log_det + part
         return z, log_det
 
-    def of_white(self, white: Tensor, context: Tensor | None = None) -> Tensor:
+    def of_white(self, white: Tensor, context: Tensor) -> Tensor:
         """Weights (n, d) of standard normals (n, d), at context (n, c) if it takes one.
 
         Example:
             >>> flow = SplineFlowDensity(dimension=2, whitened=True)
-            >>> flow.of_white(torch.zeros(1, 2))  # a whitened flow is its Gaussian until it is trained
+            >>> flow.of_white(torch.zeros(1, 2), torch.zeros(1, 0))  # its Gaussian, until it is trained
             tensor([[0., 0.]], dtype=torch.float64...)
         """
-        extra = () if context is None else (context.to(self.white_dtype),)
+        extra = self._extra(context)
         if not self.whitened:
             plain: Tensor = self.flow.forward(white.to(self.white_dtype), *extra)
             return plain.to(torch.float64)
@@ -151,10 +144,10 @@ class FlowDensity(TransformedDensity):
         dtype: torch.dtype = next(self.flow.parameters()).dtype
         return dtype
 
-    def _locs(self, context: Tensor | None) -> Tensor:
-        return self.loc if context is None else self.loc + context.to(self.loc.dtype) @ self.slope.T
+    def _locs(self, context: Tensor) -> Tensor:
+        return self.loc + context.to(self.loc.dtype) @ self.slope.T
 
-    def _standardised(self, weights: Tensor, context: Tensor | None) -> Tensor:
+    def _standardised(self, weights: Tensor, context: Tensor) -> Tensor:
         return (weights.to(self.loc.dtype) - self._locs(context)) / self.scale
 
     def _uncorrelated(self, z: Tensor) -> Tensor:
@@ -187,7 +180,8 @@ class MaskedAffineFlowDensity(FlowDensity):
     Example:
         >>> flow = MaskedAffineFlowDensity(dimension=4, n_flows=2, whitened=True)
         >>> weights = flow.sample(3, seed=0)  # a whitened flow is its Gaussian until it is trained
-        >>> torch.allclose(flow.log_prob(weights).double(), flow.base_log_prob(weights), atol=1e-5)
+        >>> expected = flow.base_log_observed(Evidence.of_weights(weights))
+        >>> torch.allclose(flow.log_prob(weights).double(), expected, atol=1e-5)
         True
     """
 
@@ -236,7 +230,7 @@ class MaskedAffineFlowDensity(FlowDensity):
             self._at_once = AffinePass([turned.flow for turned in flows[::2]], flows[1::2])
             self.register_load_state_dict_post_hook(self._at_once.forget)
 
-    def _pass(self, z: Tensor, context: Tensor | None) -> tuple[Tensor, Tensor]:
+    def _pass(self, z: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
         return super()._pass(z, context) if self._at_once is None else self._at_once(z, context)
 
     def weight_draw(self, dtype: torch.dtype) -> WeightDraw:
@@ -262,7 +256,8 @@ class SplineFlowDensity(FlowDensity):
     Example:
         >>> flow = SplineFlowDensity(dimension=4, n_flows=1, whitened=True)
         >>> weights = flow.sample(3, seed=0)  # a whitened flow is its Gaussian until it is trained
-        >>> torch.allclose(flow.log_prob(weights).double(), flow.base_log_prob(weights), atol=1e-5)
+        >>> expected = flow.base_log_observed(Evidence.of_weights(weights))
+        >>> torch.allclose(flow.log_prob(weights).double(), expected, atol=1e-5)
         True
     """
 

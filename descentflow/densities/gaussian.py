@@ -13,7 +13,6 @@ from torch import Tensor, nn
 from descentflow.densities.density import Density
 from descentflow.densities.importance import widened
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.densities.weight_draws import MixtureDraw, WeightDraw
 
 
 class TransformedDensity(Density):
@@ -22,16 +21,16 @@ class TransformedDensity(Density):
     Example:
         >>> from descentflow.densities.gaussian import GaussianDensity
         >>> density: TransformedDensity = GaussianDensity(dimension=2)
-        >>> density.of_white(torch.zeros(1, 2)).tolist()
+        >>> density.of_white(torch.zeros(1, 2), torch.zeros(1, 0)).tolist()
         [[0.0, 0.0]]
     """
 
     @abstractmethod
-    def of_white(self, white: Tensor, context: Tensor | None = None) -> Tensor:
-        """Weights (n, d) of normals (n, d), at context (n, c) if it takes one."""
+    def of_white(self, white: Tensor, context: Tensor) -> Tensor:
+        """Weights (n, d) of normals (n, d), at contexts (n, c)."""
 
     @abstractmethod
-    def to_white(self, weights: Tensor, context: Tensor | None = None) -> tuple[Tensor, Tensor]:
+    def to_white(self, weights: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
         """Normals (n, d) of weights (n, d), and the log-determinant (n,) of that map."""
 
     @property
@@ -51,7 +50,7 @@ class TransformedDensity(Density):
     def draw(self, n: int, generator: torch.Generator, context: Tensor | None = None) -> Tensor:
         """Draw (n, d); a draw that is not finite is left for the sampler to count."""
         white = torch.randn(n, self.dimension, generator=generator, dtype=self.white_dtype, device=self.device)
-        return self.of_white(white, context)
+        return self.of_white(white, self.rows_of_context(context, n))
 
 
 def standard_normal(white: Tensor) -> Tensor:
@@ -86,13 +85,13 @@ class GaussianDensity(TransformedDensity):
         if n_context:
             self.slope = nn.Parameter(torch.zeros(dimension, n_context, dtype=torch.float64))
 
+        else:
+            self.register_buffer("slope", torch.zeros(dimension, 0, dtype=torch.float64), persistent=False)
+
     @property
     def mixture(self) -> Mixture:
         """The density as a mixture of one."""
-        one = self.loc.new_ones(1)
-        if not self.n_context:
-            return Mixture(one, self.loc[None], self.scale_tril[None])
-        gate = self.loc.new_zeros(1, self.n_context)
+        one, gate = self.loc.new_ones(1), self.loc.new_zeros(1, self.n_context)
         return Mixture(one, self.loc[None], self.scale_tril[None], self.slope[None], gate)
 
     @mixture.setter
@@ -100,32 +99,27 @@ class GaussianDensity(TransformedDensity):
     def mixture(self, mixture: Mixture) -> None:
         self.loc.copy_(mixture.locs[0])
         self.scale_tril.copy_(mixture.scale_trils[0])
-        if mixture.slopes is not None:
-            self.slope.copy_(mixture.slopes[0])
+        self.slope.copy_(mixture.slopes[0])
 
     @torch.no_grad()
-    def wide_gaussian(self, context: Tensor | None = None) -> Mixture:
+    def wide_gaussian(self, context: Tensor) -> Mixture:
         """The Gaussian, widened."""
         return widened(self.mixture)
-
-    def weight_draw(self, dtype: torch.dtype) -> WeightDraw:
-        """The one Gaussian, in double precision whatever is asked for."""
-        return MixtureDraw(self.mixture)
 
     @property
     def white_dtype(self) -> torch.dtype:
         """Double precision, as the parameters."""
         return self.loc.dtype
 
-    def of_white(self, white: Tensor, context: Tensor | None = None) -> Tensor:
-        """Weights (n, d) of normals (n, d), at context (n, c) if it takes one."""
+    def of_white(self, white: Tensor, context: Tensor) -> Tensor:
+        """Weights (n, d) of normals (n, d), at contexts (n, c)."""
         return self._locs(context) + (self.scale_tril @ white.to(self.loc.dtype)[..., None])[..., 0]
 
-    def to_white(self, weights: Tensor, context: Tensor | None = None) -> tuple[Tensor, Tensor]:
+    def to_white(self, weights: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
         """Normals (n, d) of weights (n, d), and the log-determinant (n,) of that map."""
         off = weights.to(self.loc.dtype) - self._locs(context)
         white = torch.linalg.solve_triangular(self.scale_tril, off.T, upper=False).T
         return white, -self.scale_tril.diagonal().log().sum().expand(len(weights))
 
-    def _locs(self, context: Tensor | None) -> Tensor:
-        return self.loc if context is None else self.loc + context.to(self.loc.dtype) @ self.slope.T
+    def _locs(self, context: Tensor) -> Tensor:
+        return self.loc + context.to(self.loc.dtype) @ self.slope.T

@@ -7,7 +7,7 @@ bound in expectation, and its gradient weights the draws by their share of $p / 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log
 
 import torch
@@ -78,32 +78,29 @@ def propose(
     shape = (len(evidence), n_draws, found.means.shape[2])
     white = torch.randn(shape, generator=generator, dtype=found.means.dtype, device=found.means.device)
     weights = found.means + white @ factor.mT
-    rows = None if context is None else context.repeat_interleave(n_draws, 0)
+    rows = gaussian.rows(context, len(evidence)).repeat_interleave(n_draws, 0)
     drawn = log_observed(gaussian, Evidence.of_weights(weights.flatten(0, 1)), rows)
     return Proposals(weights, found.log_joint - drawn.reshape(shape[:2]))
 
 
-def estimate(
-    log_density: Callable[[Tensor, Tensor | None], Tensor], proposals: Proposals, context: Tensor | None = None
-) -> Estimate:
+def estimate(log_density: Callable[[Tensor, Tensor], Tensor], proposals: Proposals, context: Tensor) -> Estimate:
     """Log-likelihood of each flight under a density.
 
     Args:
-        log_density: Weights (m, d) and context (m, c) or None -> log density (m,).
+        log_density: Weights (m, d) and context (m, c) -> log density (m,).
         proposals: Of :func:`propose`.
-        context: (n, c), if there is one.
+        context: (n, c); c is 0 without one.
 
     Example:
         >>> gaussian = Mixture(torch.ones(1), torch.zeros(1, 1), torch.ones(1, 1, 1))
         >>> seen = Evidence(torch.tensor([[4.0]]), torch.tensor([0]), torch.tensor([[[3.0]]]))
         >>> itself = lambda weights, _: log_observed(gaussian, Evidence.of_weights(weights))
-        >>> found = estimate(itself, propose(gaussian, seen, 5, seed=0))
+        >>> found = estimate(itself, propose(gaussian, seen, 5, seed=0), torch.zeros(1, 0))
         >>> torch.allclose(found.log_prob, log_observed(gaussian, seen)), round(float(found.effective), 6)
         (True, 1.0)
     """
     n, draws = proposals.log_offset.shape
-    rows = None if context is None else context.repeat_interleave(draws, 0)
-    log_prob = log_density(proposals.weights.flatten(0, 1), rows).reshape(n, draws)
+    log_prob = log_density(proposals.weights.flatten(0, 1), context.repeat_interleave(draws, 0)).reshape(n, draws)
     # A draw at which a flow overflows has no density there.
     terms = torch.where(log_prob.isfinite(), log_prob, -torch.inf) + proposals.log_offset.to(log_prob)
     shares = terms.detach().softmax(1)
@@ -117,4 +114,4 @@ def widened(gaussian: Mixture, factor: float = WIDER) -> Mixture:
         >>> widened(Mixture(torch.ones(1), torch.zeros(1, 1), torch.ones(1, 1, 1)), 2.0).scale_trils.item()
         2.0
     """
-    return Mixture(gaussian.probs, gaussian.locs, factor * gaussian.scale_trils, gaussian.slopes, gaussian.gate)
+    return replace(gaussian, scale_trils=factor * gaussian.scale_trils)

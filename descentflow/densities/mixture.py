@@ -13,7 +13,6 @@ from torch.distributions import constraints
 
 from descentflow.densities.density import Density
 from descentflow.densities.mixture_parameters import Mixture, log_proportions
-from descentflow.densities.weight_draws import MixtureDraw, WeightDraw
 
 # Without this two mixtures in one process share their parameters by name.
 pyro.settings.set(module_local_params=True)
@@ -26,7 +25,7 @@ class MixtureProgram(PyroModule):
     ``locs[z] + slopes[z] c`` and the mixing proportions are ``softmax(log probs + gate c)``.
 
     Example:
-        >>> MixtureProgram(n_components=3, dimension=2)(5).shape
+        >>> MixtureProgram(n_components=3, dimension=2)(torch.zeros(5, 0).double()).shape
         torch.Size([5, 2])
     """
 
@@ -49,26 +48,24 @@ class MixtureProgram(PyroModule):
         if n_context:
             self.slopes = PyroParam(zeros[:, :, None].repeat(1, 1, n_context))  # type: ignore[assignment]
             self.gate = PyroParam(zeros[:, :1].repeat(1, n_context))  # type: ignore[assignment]
+        else:
+            self.register_buffer("slopes", zeros[:, :, None].repeat(1, 1, 0), persistent=False)
+            self.register_buffer("gate", zeros[:, :0], persistent=False)
 
     @config_enumerate  # type: ignore[untyped-decorator]
-    def forward(self, n: int, weights: Tensor | None = None, context: Tensor | None = None) -> Tensor:
-        """Draw the weights (n, d) of n flights, or condition on those observed, at context (n, c) if there is one."""
-        with pyro.plate("flights", n):
-            if context is None:
-                component = pyro.sample("component", dist.Categorical(self.probs))
-                locs = self.locs[component]
-            else:
-                component = pyro.sample("component", dist.Categorical(logits=self.probs.log() + context @ self.gate.T))
-                locs = self.locs[component] + (self.slopes[component] @ context[:, :, None])[..., 0]
+    def forward(self, context: Tensor, weights: Tensor | None = None) -> Tensor:
+        """Draw the weights (n, d) of flights at contexts (n, c), or condition on those observed."""
+        with pyro.plate("flights", len(context)):
+            component = pyro.sample("component", dist.Categorical(logits=self.probs.log() + context @ self.gate.T))
+            locs = self.locs[component] + (self.slopes[component] @ context[:, :, None])[..., 0]
             flight = dist.MultivariateNormal(locs, scale_tril=self.scale_trils[component])
             drawn: Tensor = pyro.sample("weights", flight, obs=weights)
         return drawn
 
     @property
     def mixture(self) -> Mixture:
-        """The parameters, with slopes and gate if there is a context."""
-        line = (self.slopes, self.gate) if self.n_context else ()
-        return Mixture(self.probs, self.locs, self.scale_trils, *line)
+        """The parameters."""
+        return Mixture(self.probs, self.locs, self.scale_trils, self.slopes, self.gate)
 
     def guide(self, *observed: object) -> None:
         """Nothing to approximate: the only latent variable is enumerated exactly."""
@@ -102,10 +99,6 @@ class GaussianMixtureDensity(Density):
         super().__init__(dimension, n_context)
         self.program = MixtureProgram(n_clusters, dimension, n_context)
 
-    def weight_draw(self, dtype: torch.dtype) -> WeightDraw:
-        """The mixture, in double precision whatever is asked for."""
-        return MixtureDraw(self.mixture)
-
     def settings(self) -> dict[str, Any]:
         """Number of mixture components; numbers of context if there are any."""
         context = {"n_context": self.n_context} if self.n_context else {}
@@ -125,17 +118,13 @@ class GaussianMixtureDensity(Density):
             self.program = MixtureProgram(mixture.n_components, self.dimension, self.n_context).to(self.device)
         self.program.probs = mixture.probs
         self.program.locs, self.program.scale_trils = mixture.locs, mixture.scale_trils
-        if self.n_context:
-            assert mixture.slopes is not None
-            assert mixture.gate is not None
-            self.program.slopes, self.program.gate = mixture.slopes, mixture.gate
+        self.program.slopes, self.program.gate = mixture.slopes, mixture.gate
 
     def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
         """Log density (n,) of weights (n, d) at context (n, c): the program's, the component summed out."""
-        rows = _double(self.rows_of_context(context, self.n_flights(weights)))
-        weights = weights.to(torch.float64)
+        rows = self.rows_of_context(context, self.n_flights(weights)).to(torch.float64)
         enumerated = poutine.enum(self.program, first_available_dim=-2)
-        trace = poutine.trace(enumerated).get_trace(len(weights), weights, rows)
+        trace = poutine.trace(enumerated).get_trace(rows, weights.to(torch.float64))
         trace.compute_log_prob()
         joint = trace.nodes["component"]["log_prob"] + trace.nodes["weights"]["log_prob"]
         total: Tensor = joint.logsumexp(0)
@@ -143,13 +132,11 @@ class GaussianMixtureDensity(Density):
 
     def draw(self, n: int, generator: torch.Generator, context: Tensor | None = None) -> Tensor:
         """Draw (n, d): what the program draws, without Pyro, whose state all threads share."""
-        mixture, rows = self.mixture, _double(context)
-        shares = (log_proportions(mixture, rows).exp() if rows is not None else mixture.probs).expand(n, -1)
+        mixture, rows = self.mixture, self.rows_of_context(context, n).to(torch.float64)
+        shares = log_proportions(mixture, rows).exp()
         component = torch.multinomial(shares, 1, replacement=True, generator=generator)[:, 0]
         white = torch.randn(n, self.dimension, generator=generator, dtype=torch.float64, device=self.device)
-        locs = mixture.locs[component]
-        if rows is not None and mixture.slopes is not None:
-            locs = locs + (mixture.slopes[component] @ rows[:, :, None])[..., 0]
+        locs = mixture.locs[component] + (mixture.slopes[component] @ rows[:, :, None])[..., 0]
         return locs + (mixture.scale_trils[component] @ white[..., None])[..., 0]
 
     def negative_elbo(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
@@ -160,12 +147,7 @@ class GaussianMixtureDensity(Density):
         """
         if not bool((self.program.scale_trils.diagonal(dim1=1, dim2=2) > 0).all()):
             raise torch.linalg.LinAlgError("a covariance that is not positive definite")  # type: ignore[attr-defined]
+        rows = self.rows_of_context(context, len(weights)).to(torch.float64)
         elbo = TraceEnum_ELBO(max_plate_nesting=1)
-        loss: Tensor = elbo.differentiable_loss(
-            self.program, self.program.guide, len(weights), weights, _double(context)
-        )
+        loss: Tensor = elbo.differentiable_loss(self.program, self.program.guide, rows, weights)
         return loss
-
-
-def _double(context: Tensor | None) -> Tensor | None:
-    return None if context is None else context.to(torch.float64)

@@ -5,12 +5,15 @@ in closed form (Bovy, Hogg and Roweis 2011, doi:10.1214/10-AOAS439): the posteri
 $C = (V_k^{-1} + A)^{-1}$ and the mean $m_k + C A (p - m_k)$.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import torch
 from torch import Tensor
 
 from descentflow.representation.evidence import Evidence
+
+NO_CONTEXT = torch.zeros(1, 0)
+"""Context (1, c) of a flight for a density that follows none."""
 
 
 @dataclass(frozen=True)
@@ -24,8 +27,8 @@ class Mixture:
         probs: (k,) mixing proportions, at context zero where there is a context.
         locs: (k, d) means, at context zero.
         scale_trils: (k, d, d) lower Cholesky factors of the covariances.
-        slopes: (k, d, c) change of the means with the context; None without a context.
-        gate: (k, c) change of the log proportions with the context; None without a context.
+        slopes: (k, d, c) change of the means with the context; c is 0 without one.
+        gate: (k, c) change of the log proportions with the context.
 
     Example:
         >>> line = Mixture(torch.ones(1), torch.zeros(1, 2), torch.eye(2)[None], torch.ones(1, 2, 1), torch.zeros(1, 1))
@@ -36,8 +39,13 @@ class Mixture:
     probs: Tensor
     locs: Tensor
     scale_trils: Tensor
-    slopes: Tensor | None = None
-    gate: Tensor | None = None
+    slopes: Tensor = NO_CONTEXT
+    gate: Tensor = NO_CONTEXT
+
+    def __post_init__(self) -> None:
+        if not self.slopes.numel():
+            object.__setattr__(self, "slopes", self.locs.new_zeros(*self.locs.shape, 0))
+            object.__setattr__(self, "gate", self.locs.new_zeros(len(self.locs), 0))
 
     @property
     def n_components(self) -> int:
@@ -46,15 +54,17 @@ class Mixture:
 
     def cpu(self) -> "Mixture":
         """The same parameters on the CPU, without their graph."""
-        line = (None if one is None else one.detach().cpu() for one in (self.slopes, self.gate))
-        return Mixture(*(one.detach().cpu() for one in (self.probs, self.locs, self.scale_trils)), *line)
+        return Mixture(*(getattr(self, one.name).detach().cpu() for one in fields(self)))
 
     def at(self, context: Tensor) -> "Mixture":
         """The Gaussian mixture at one context (c,)."""
-        if self.slopes is None or self.gate is None:
-            return self
         probs = (self.probs.log() + self.gate @ context).softmax(0)
         return Mixture(probs, self.locs + self.slopes @ context, self.scale_trils)
+
+    def rows(self, context: Tensor | None, n: int) -> Tensor:
+        """Context (n, c) of n flights, zero where none is given; a mixture that follows none takes none of it."""
+        c = self.slopes.shape[2]
+        return self.locs.new_zeros(n, c) if context is None else context[:, :c].to(self.locs)
 
 
 def n_parameters(n_components: int, dimension: int, n_context: int = 0) -> int:
@@ -101,16 +111,16 @@ def posteriors(mixture: Mixture, evidence: Evidence, context: Tensor | None = No
     precision = torch.cholesky_inverse(mixture.scale_trils)
     factor = torch.linalg.cholesky(precision + evidence.precisions[:, None])
     covariances = torch.cholesky_inverse(factor)
-    group, locs = evidence.group, locations(mixture, context)
+    given, group, precisions = mixture.rows(context, len(evidence)), evidence.group, evidence.precisions[:, None]
+    locs = locations(mixture, given)
     off = evidence.points[:, None] - locs  # (n, k, d)
-    if context is None:
-        pulled = evidence.shift[:, None] - (evidence.precisions[:, None] @ locs[..., None])[group, ..., 0]
-    else:
-        pulled = off @ evidence.precisions[group]
+    # Of the flights of one matrix at once, as far as their means do not differ by context.
+    pulled = evidence.shift[:, None] - (precisions @ mixture.locs[..., None])[group, ..., 0]
+    pulled = pulled - ((precisions @ mixture.slopes)[group] @ given[:, None, :, None])[..., 0]
     moved = (covariances[group] @ pulled[..., None])[..., 0]
     log_det = (factor.diagonal(dim1=-2, dim2=-1).log() + mixture.scale_trils.diagonal(dim1=-2, dim2=-1).log()).sum(-1)
     fit = -0.5 * (pulled * (off - moved)).sum(-1) - log_det[group]
-    log_joint = log_proportions(mixture, context) + fit + evidence.log_scale[:, None]
+    log_joint = log_proportions(mixture, given) + fit + evidence.log_scale[:, None]
     return FlightPosteriors(log_joint, locs + moved, covariances)
 
 
@@ -133,43 +143,41 @@ def log_observed(mixture: Mixture, evidence: Evidence, context: Tensor | None = 
         ...     torch.zeros(1, 2)))), 4)  # and the log density at the origin
         (0.0, -1.8379)
     """
-    parts, order = [], []
+    given, parts, order = mixture.rows(context, len(evidence)), [], []
     for index, rows in evidence.chunks():
-        given = None if context is None else context[index]
-        joint = _joint_of_known(mixture, rows, given) if rows.known else posteriors(mixture, rows, given).log_joint
-        parts.append(joint.logsumexp(1))
+        joint_of = _joint_of_known if rows.known else _joint_of_seen
+        parts.append(joint_of(mixture, rows, given[index]).logsumexp(1))
         order.append(index)
     if not parts:
         return mixture.probs.new_zeros(0)
     return torch.cat(parts)[torch.cat(order).argsort()]
 
 
-def locations(mixture: Mixture, context: Tensor | None) -> Tensor:
-    """Means (1, k, d) of the components, or (n, k, d) where they follow a context.
+def locations(mixture: Mixture, context: Tensor) -> Tensor:
+    """Means (n, k, d) of the components at contexts (n, c).
 
     Example:
-        >>> locations(Mixture(torch.ones(1), torch.zeros(1, 2), torch.eye(2)[None]), None).shape
-        torch.Size([1, 1, 2])
+        >>> locations(Mixture(torch.ones(1), torch.zeros(1, 3), torch.eye(3)[None]), torch.zeros(5, 0)).shape
+        torch.Size([5, 1, 3])
     """
-    if context is None or mixture.slopes is None:
-        return mixture.locs[None]
-    return mixture.locs + torch.einsum("nc,kdc->nkd", context.to(mixture.slopes), mixture.slopes)
+    return mixture.locs + torch.einsum("nc,kdc->nkd", context, mixture.slopes)
 
 
-def log_proportions(mixture: Mixture, context: Tensor | None) -> Tensor:
-    """Log mixing proportions (1, k), or (n, k) where they follow a context.
+def log_proportions(mixture: Mixture, context: Tensor) -> Tensor:
+    """Log mixing proportions (n, k) at contexts (n, c).
 
     Example:
-        >>> half = torch.full((2,), 0.5)
-        >>> log_proportions(Mixture(half, torch.zeros(2, 1), torch.ones(2, 1, 1)), None).exp()
-        tensor([[0.5000, 0.5000]])
+        >>> log_proportions(Mixture(torch.ones(1), torch.zeros(1, 1), torch.ones(1, 1, 1)), torch.zeros(1, 0))
+        tensor([[0.]])
     """
-    if context is None or mixture.gate is None:
-        return mixture.probs.log()[None]
-    return (mixture.probs.log() + context.to(mixture.gate) @ mixture.gate.T).log_softmax(1)
+    return (mixture.probs.log() + context @ mixture.gate.T).log_softmax(1)
 
 
-def _joint_of_known(mixture: Mixture, evidence: Evidence, context: Tensor | None) -> Tensor:
+def _joint_of_seen(mixture: Mixture, evidence: Evidence, context: Tensor) -> Tensor:
+    return posteriors(mixture, evidence, context).log_joint
+
+
+def _joint_of_known(mixture: Mixture, evidence: Evidence, context: Tensor) -> Tensor:
     normals = torch.distributions.MultivariateNormal(
         locations(mixture, context), scale_tril=mixture.scale_trils, validate_args=False
     )

@@ -7,10 +7,9 @@ flights are then spread as widely as those of complete ones.
 import torch
 from torch import Tensor
 
-from descentflow.densities.em_steps import JITTER, cholesky_or_small
+from descentflow.densities.em_steps import JITTER, RIDGE, cholesky_or_small
 from descentflow.densities.importance import LEAST_VARIANCE
 from descentflow.densities.mixture_parameters import Mixture, posteriors
-from descentflow.densities.regression_steps import RIDGE, regression
 from descentflow.representation.evidence import Evidence
 
 MOST_STEPS, TOLERANCE = 1000, 1e-9
@@ -45,33 +44,35 @@ def one_gaussian(
     points = evidence.points
     d = points.shape[1]
     given = points[:, :0] if context is None else context.to(points)
-    gate = given.new_zeros(1, given.shape[1])
+    one, gate = points.new_ones(1), given.new_zeros(1, given.shape[1])
+    middle, penalty = given.mean(0), ridge * torch.eye(given.shape[1]).to(given)
+    design = given - middle
 
     def maximise(means: Tensor, spread: Tensor) -> Mixture:
-        """Regression of means (n, d), whose covariance is so much wider."""
-        loc, slope, covariance = regression(means, given, torch.ones_like(means[:, 0]), ridge)
-        factor = cholesky_or_small(covariance + spread, jitter)
-        line = () if context is None else (slope[None], gate)
-        return Mixture(points.new_ones(1), loc[None], factor[None], *line)
+        """Ridge regression of means (n, d), whose covariance is so much wider."""
+        centred = means - means.mean(0)
+        slope = torch.linalg.solve(design.T @ design + penalty, design.T @ centred).T
+        left = centred - design @ slope.T
+        factor = cholesky_or_small(left.T @ left / len(left) + spread, jitter)
+        return Mixture(one, (means.mean(0) - slope @ middle)[None], factor[None], slope[None], gate)
 
     if evidence.known:
         return maximise(points, points.new_zeros(d, d))
-    line = () if context is None else (points.new_zeros(1, d, given.shape[1]), gate)
-    eye = torch.eye(d, dtype=points.dtype, device=points.device)
-    one, before = Mixture(points.new_ones(1), points.new_zeros(1, d), eye[None], *line), -float("inf")
+    flat, eye = points.new_zeros(1, d, given.shape[1]), torch.eye(d, dtype=points.dtype, device=points.device)
+    found, before = Mixture(one, points.new_zeros(1, d), eye[None], flat, gate), -float("inf")
     chunks = list(evidence.chunks())
     for _ in range(MOST_STEPS):
         means, spread, likelihood = torch.empty_like(points), points.new_zeros(d, d), 0.0
         for index, rows in chunks:
-            found = posteriors(one, rows, None if context is None else given[index])
-            means[index] = found.means[:, 0]
+            seen = posteriors(found, rows, given[index])
+            means[index] = seen.means[:, 0]
             counts = torch.bincount(rows.group, minlength=len(rows.precisions)).to(points)
-            spread += (counts[:, None, None] * found.covariances[:, 0]).sum(0)
-            likelihood += float(found.log_joint.sum())
+            spread += (counts[:, None, None] * seen.covariances[:, 0]).sum(0)
+            likelihood += float(seen.log_joint.sum())
         if likelihood / len(points) - before < TOLERANCE:
             break
-        one, before = maximise(means, spread / len(points)), likelihood / len(points)
-    return one
+        found, before = maximise(means, spread / len(points)), likelihood / len(points)
+    return found
 
 
 @torch.no_grad()
@@ -98,8 +99,9 @@ def drawn_weights(
     drawn = torch.empty_like(evidence.points)
     generator = None if seed is None else torch.Generator(drawn.device).manual_seed(seed)
     white = torch.randn(drawn.shape, generator=generator, dtype=drawn.dtype, device=drawn.device)
+    given = gaussian.rows(context, len(drawn))
     for index, rows in evidence.chunks():
-        found = posteriors(gaussian, rows, None if context is None else context[index])
+        found = posteriors(gaussian, rows, given[index])
         factor = cholesky_or_small(found.covariances[:, 0], LEAST_VARIANCE)[rows.group]
         drawn[index] = found.means[:, 0] + (factor @ white[index][..., None])[..., 0]
     return drawn

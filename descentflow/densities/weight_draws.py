@@ -33,31 +33,26 @@ class MixtureDraw(WeightDraw):
     locs: Tensor
     scale_trils: Tensor
     log_probs: Tensor
-    slopes: Tensor | None
-    gate: Tensor | None
+    slopes: Tensor
+    gate: Tensor
 
     def __init__(self, mixture: Mixture) -> None:
         """Copy a mixture."""
         super().__init__()
         self.n_components = mixture.n_components
         self.picks = mixture.n_components > 1
+        kept = {"locs": mixture.locs, "scale_trils": mixture.scale_trils, "log_probs": mixture.probs.log()}
         # Absent and not empty where there is none: empty tensors cannot be saved with a program.
-        kept = {
-            "locs": mixture.locs,
-            "scale_trils": mixture.scale_trils,
-            "log_probs": mixture.probs.log(),
-            "slopes": mixture.slopes,
-            "gate": mixture.gate,
-        }
+        kept |= {"slopes": mixture.slopes, "gate": mixture.gate} if mixture.slopes.numel() else {}
         for name, value in kept.items():
-            self.register_buffer(name, None if value is None else value.detach().cpu().double().clone())
+            self.register_buffer(name, value.detach().cpu().double().clone())
         if self.picks:
             self.redraw = "noise and uniform, with the same entry_fl"
 
     def component(self, uniform: Tensor, context: Tensor | None = None) -> Tensor:
         """Components (n,) of flights by uniform numbers (n,): the inverse of the cumulative proportions."""
         logits = self.log_probs[None]
-        if context is not None and self.gate is not None:
+        if context is not None:
             logits = logits + context.double() @ self.gate.T
         cumulative = logits.softmax(1).cumsum(1)
         # The last is one but for rounding, and every number is below it.
@@ -68,10 +63,7 @@ class MixtureDraw(WeightDraw):
         white = noise.double()
         if uniform is None:
             weights = self.locs[0] + white @ self.scale_trils[0].T
-            shift = None if context is None or self.slopes is None else context.double() @ self.slopes[0].T
-        else:
-            chosen = self.component(uniform, context)
-            weights = self.locs[chosen] + (self.scale_trils[chosen] @ white[:, :, None])[:, :, 0]
-            at = None if context is None or self.slopes is None else self.slopes[chosen] @ context.double()[:, :, None]
-            shift = None if at is None else at[:, :, 0]
-        return weights if shift is None else weights + shift
+            return weights if context is None else weights + context.double() @ self.slopes[0].T
+        chosen = self.component(uniform, context)
+        weights = self.locs[chosen] + (self.scale_trils[chosen] @ white[:, :, None])[:, :, 0]
+        return weights if context is None else weights + (self.slopes[chosen] @ context.double()[:, :, None])[:, :, 0]

@@ -73,7 +73,7 @@ def describe(density: Density, sampler: SamplerGraph, precision: Precision) -> d
         "entry_share": _numbers(counts / counts.sum()),
         "redraw": sampler.draw.redraw,
     }
-    if parts.context is not None:
+    if parts.n_context:
         described["context"] = [_context(column) for column in parts.context.columns]
     return described
 

@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from descentflow.air.level_air import LevelAir
+from descentflow.air.weather_layout import names_weather
 from descentflow.core.errors import ConfigError, DescentflowWarning
 from descentflow.core.units import FL_M
 from descentflow.generation.samples import Samples
@@ -24,28 +25,36 @@ NAME = "deviation_k"
 """The column of a context that is a temperature: K from the standard atmosphere."""
 
 
-def given_deviation_k(representation: Representation, encoded: Tensor | None) -> Tensor | None:
-    """Temperature deviations (m,) of encoded contexts (m, c), zero where one is missing; None where none is given.
+def gives_temperature(representation: Representation) -> bool:
+    """True if samples have the true airspeed of their context's temperature.
 
-    None also where descents are flown in another way in an air of their own: by a model of drag in its flights' own
-    air, and by a correction, which gives them the airspeed of the real flights' air.
+    Not where descents are flown in an air of their own in another way: by a model of drag in its flights' own air, and
+    by a correction, which gives them the airspeed of the real flights' air.
 
     Example:
         >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> given_deviation_k(load_representation("best.ckpt"), None) is None
-        True
+        >>> gives_temperature(load_representation("best.ckpt"))
+        False
     """
-    encoder = representation.context
     own = representation.air is not None or representation.correction is not None
-    if encoder is None or encoded is None or own:
-        return None
-    place = 0
-    for column in encoder.columns:
-        if column.name == NAME and column.kind == "number":
+    return not own and any((one.name, one.kind) == (NAME, "number") for one in representation.context.columns)
+
+
+def given_deviation_k(representation: Representation, encoded: Tensor) -> Tensor:
+    """Temperature deviations (m,) of encoded contexts (m, c), zero where one is missing or none is given.
+
+    Example:
+        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> given_deviation_k(load_representation("best.ckpt"), torch.zeros(1, 0))
+        tensor([0.], dtype=torch.float64)
+    """
+    place, found = 0, torch.zeros(len(encoded), dtype=torch.float64)
+    for column in representation.context.columns if gives_temperature(representation) else ():
+        if column.name == NAME:
             found = encoded[:, place].detach().cpu().double() * column.scale + column.mean
             return torch.where(encoded[:, place + 1].cpu() > 0, 0.0, found) if column.indicator else found
         place += column.width
-    return None
+    return found
 
 
 def airspeed_ratio(deviation_k: Tensor, levels_fl: Tensor) -> Tensor:
@@ -87,52 +96,37 @@ def samples_in_given_air(samples: Samples, deviation_k: Tensor) -> Samples:
     found = replace(samples, trajectories=in_given_air(samples.trajectories, own))
     if samples.air is None:
         return found
-    wind = samples.air.tailwind_mps
-    return replace(found, air=LevelAir(own[:, None].expand(wind.shape).clone(), wind))
+    return replace(found, air=LevelAir(samples.air.deviation_k + own[:, None], samples.air.tailwind_mps))
 
 
-def check_one_temperature(deviation_k: Tensor | None, air: LevelAir | None, *, field: bool) -> None:
-    """Refuse a temperature beside that of the context, whose rate would have both.
+def check_one_temperature(representation: Representation, asked: object, air: LevelAir | None) -> None:
+    """Refuse a temperature beside that of the context, whose rate would have both; tell where one is not flown.
 
     Args:
-        deviation_k: That of the contexts; None if they give none.
-        air: What else is asked.
-        field: Whether a weather field is asked, which has a temperature.
+        representation: The model's.
+        asked: The air that was asked for, perhaps the path of a weather field; None for none.
+        air: The same on the model's levels; None in standard air and in a field.
 
     Raises:
         ConfigError: If there are two.
 
-    Example:
-        >>> check_one_temperature(torch.tensor([15.0]), None, field=False)
-        >>> check_one_temperature(torch.tensor([15.0]), LevelAir.uniform(torch.arange(150, 351), 15.0), field=False)
-        Traceback (most recent call last):
-        descentflow.core.errors.ConfigError: a temperature of the air beside the context's deviation_k; expected ...
-    """
-    if deviation_k is None or not (field or (air is not None and bool(air.deviation_k.any()))):
-        return
-    raise ConfigError(
-        f"a temperature of the air beside the context's {NAME}",
-        expected=f"one of them: the model has learnt what {NAME} does to the rate, and TAS is that of the context",
-        mend="leave the temperature out of the air (a tailwind may stay), or take a model without this context",
-    )
-
-
-def tell_drawn_airs(representation: Representation, asked: object) -> None:
-    """Tell where airs are drawn from the training flights' own beside a context that gives a temperature.
-
-    Args:
-        representation: The model's.
-        asked: The air that was asked for; None for none.
-
     Warns:
-        DescentflowWarning: If the airs have other temperatures than the context.
+        DescentflowWarning: If airs are drawn from the training flights' own, with other temperatures than the context.
 
     Example:
         >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> tell_drawn_airs(load_representation("best.ckpt"), None)  # a model of drag in standard air
+        >>> known = load_representation("best.ckpt")  # knows no context
+        >>> check_one_temperature(known, None, LevelAir.uniform(known.decoder.levels_fl, 15.0))
     """
+    warm = names_weather(asked) or (air is not None and bool(air.deviation_k.any()))
+    if gives_temperature(representation) and warm:
+        raise ConfigError(
+            f"a temperature of the air beside the context's {NAME}",
+            expected=f"one of them: the model has learnt what {NAME} does to the rate, and TAS is that of the context",
+            mend="leave the temperature out of the air (a tailwind may stay), or take a model without this context",
+        )
     drawn = representation.air is not None and (asked is None or asked == "training")
-    if drawn and representation.context is not None and NAME in representation.context.names:
+    if drawn and NAME in representation.context.names:
         warnings.warn(
             f"samples are flown in airs drawn from the training flights' own, whatever the context's {NAME} is; to fly "
             f"them in that of the context, give the air too: {NAME}=VALUE, or a table by level",

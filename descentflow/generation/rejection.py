@@ -35,8 +35,8 @@ class Sampler(Protocol):
         True
     """
 
-    def sample(self, n: int, seed: int, context: Tensor | None = None) -> Tensor:
-        """Draw (n, d) weights, row i for row i of context (n, c) if there is one."""
+    def sample(self, n: int, seed: int, context: Tensor) -> Tensor:
+        """Draw (n, d) weights, row i for row i of context (n, c)."""
 
 
 class AirWhereFlown(Protocol):
@@ -75,7 +75,8 @@ def sample_descents(
         parts: Its representation.
         n: Number of descents wanted.
         seed: Makes the whole result repeatable on one machine.
-        context: (m, c) encoded contexts, for a conditional density: sample i has context i modulo m.
+        context: (m, c) encoded contexts, for a conditional density: sample i has context i modulo m. None, or c is 0,
+            for others.
         entry: (m,) indices of entry levels. With contexts, one for each of them; without, the levels to draw from
             with replacement, for instance those of the test flights (paper, section 4.2). If absent, they are drawn
             as the training flights entered.
@@ -98,7 +99,8 @@ def sample_descents(
         (100, 100)
     """
     budget = draw_budget or max(100 * n, 10_000)
-    wanted = _Wanted(model, parts, n, seed, context, entry, air)
+    given = torch.zeros(1, 0) if context is None else context
+    wanted = _Wanted(model, parts, n, seed, given, entry, air)
     drawn, plausible, broken = 0, 0, torch.zeros(len(RULES), dtype=torch.long)
     weights, kept, owners = [], [], []
     for start in range(0, n, BATCH):
@@ -126,9 +128,9 @@ def sample_descents(
         raise SamplingError(
             f"only {report}",
             expected=f"{n} plausible descents within {budget} draws",
-            mend="train on more flights or with fewer components, or raise the draw budget"
-            if context is None
-            else "give a context like those of the training flights, or raise the draw budget",
+            mend="give a context like those of the training flights, or raise the draw budget"
+            if given.shape[1]
+            else "train on more flights or with fewer components, or raise the draw budget",
         )
     order = torch.cat(owners).argsort()
     return Samples(torch.cat(weights)[order], concatenate(kept).subset(order), report, air=wanted.airs(torch.arange(n)))
@@ -143,7 +145,7 @@ class _Wanted:
         parts: Representation,
         n: int,
         seed: int,
-        context: Tensor | None,
+        context: Tensor,
         entry: Tensor | None,
         air: LevelAir | AirWhereFlown | None,
     ) -> None:
@@ -154,11 +156,11 @@ class _Wanted:
         # By a generator of its own, so that weights and entries are those of the seed in any air.
         n_airs = len(air) if isinstance(air, LevelAir) else 1
         self.air_row = torch.randint(n_airs, (n,), generator=torch.Generator().manual_seed(seed))
-        if context is not None and n_airs == len(context):
+        if context.shape[1] and n_airs == len(context):
             self.air_row = everyone % n_airs
         if entry is None:
             self.entry = parts.plausibility.draw_entry(n, self.generator)
-        elif context is not None:
+        elif context.shape[1]:
             self.entry = entry[everyone % len(context)]
         elif isinstance(air, LevelAir) and n_airs == len(entry):
             self.entry = entry[self.air_row]
@@ -178,9 +180,8 @@ class _Wanted:
             drawn: Draws that all had.
         """
         samples, decoder = now.repeat(times), self.parts.decoder
-        weights = self._weights(
-            None if self.context is None else self.context[samples % len(self.context)], len(samples)
-        )
+        own_seed = int(torch.randint(2**31, (), generator=self.generator))
+        weights = self.model.sample(len(samples), own_seed, self.context[samples % len(self.context)])
         entry = self.entry[samples].to(weights.device)
         uniform = torch.rand(len(samples), generator=self.generator, dtype=torch.float64)
         residual = decoder.residuals.draw(weights, entry, uniform)
@@ -190,7 +191,3 @@ class _Wanted:
         elif self.air is not None:
             flown = self.air.fly(decoder.aircraft, flown)
         return weights, flown
-
-    def _weights(self, context: Tensor | None, n: int) -> Tensor:
-        seed = int(torch.randint(2**31, (), generator=self.generator))
-        return self.model.sample(n, seed) if context is None else self.model.sample(n, seed, context)

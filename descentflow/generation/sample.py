@@ -4,8 +4,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import torch
 
@@ -14,12 +13,7 @@ from descentflow.core.arguments import Count, checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.core.threads import one_thread_where_they_spin
 from descentflow.densities.checkpoint import as_density
-from descentflow.generation.given_temperature import (
-    check_one_temperature,
-    given_deviation_k,
-    samples_in_given_air,
-    tell_drawn_airs,
-)
+from descentflow.generation.given_temperature import check_one_temperature, given_deviation_k, samples_in_given_air
 from descentflow.generation.rejection import sample_descents
 from descentflow.generation.sample_airs import Airs, airs_of
 from descentflow.generation.sample_contexts import Contexts, context_rows, entry_levels
@@ -90,12 +84,10 @@ def sample(
     representation = density.representation
     _check_memory(n, len(representation.decoder.levels_fl))
     contexts = context_rows(context, representation.context)
-    encoded = None if contexts is None or representation.context is None else representation.context.encode(contexts)
-    given, field = given_deviation_k(representation, encoded), air if names_weather(air) else None
-    airs = None if field is not None else airs_of(air, representation)
-    check_one_temperature(given, airs, field=field is not None)
-    tell_drawn_airs(representation, air)
-    with nullcontext() if field is None else _along_path(field, plan) as along:
+    encoded, in_field = representation.context.encode(contexts), names_weather(air)
+    airs = None if in_field else airs_of(air, representation)
+    check_one_temperature(representation, air, airs)
+    with _along_path(air, plan) if in_field else nullcontext() as along:
         found = sample_descents(
             density,
             representation,
@@ -110,12 +102,12 @@ def sample(
         if along is not None:
             there = along.found(found.trajectories)
             found = replace(found, air=there.air, flown_at=there.positions)
-    found = found if given is None else samples_in_given_air(found, given)
+    found = samples_in_given_air(found, given_deviation_k(representation, encoded))
     return replace(found, context=contexts, plan=plan, origin=origin_of(density, seed))
 
 
 @contextmanager
-def _along_path(field: str | Path, plan: GroundPlan) -> "Iterator[AirAlongPath]":
+def _along_path(field: Any, plan: GroundPlan) -> "Iterator[AirAlongPath]":
     """The air of a weather field along a plan's path."""
     # Here: samples without a field need none of it.
     from descentflow.air.weather_field import weather_field

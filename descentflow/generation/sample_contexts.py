@@ -18,13 +18,13 @@ Contexts = Mapping[str, Any] | pl.DataFrame | str | Path
 """Values of one context by name, a table with one context in each row, or the path of such a table."""
 
 
-def context_rows(context: Contexts | None, encoder: ContextEncoder | None) -> pl.DataFrame | None:
-    """The contexts as a table with the encoder's columns; None for a density without context.
+def context_rows(context: Contexts | None, encoder: ContextEncoder) -> pl.DataFrame:
+    """The contexts as a table with the encoder's columns; one without columns for a density without context.
 
     Args:
         context: Values by name (text is read as the column's kind; None where the model knows missing values), a table,
             or the path of a CSV or Parquet table.
-        encoder: The density's; None if it has no context.
+        encoder: The density's.
 
     Raises:
         ConfigError: If the density has no context, none is given to one that has, a name or a value cannot be, or a
@@ -36,14 +36,14 @@ def context_rows(context: Contexts | None, encoder: ContextEncoder | None) -> pl
         >>> context_rows({"deviation_k": "7.5"}, encoder)["deviation_k"].to_list()
         [7.5]
     """
-    if encoder is None:
-        if context is not None:
-            raise ConfigError(
-                "a context for a model that knows no context",
-                expected="a model that was fitted with data.context",
-                mend="leave the context out, or fit with data.context",
-            )
-        return None
+    if context is not None and not encoder.columns:
+        raise ConfigError(
+            "a context for a model that knows no context",
+            expected="a model that was fitted with data.context",
+            mend="leave the context out, or fit with data.context",
+        )
+    if context is None and not encoder.columns:
+        return pl.DataFrame()
     if context is None:
         raise ConfigError(
             "a conditional model without a context",
@@ -77,7 +77,7 @@ def _one_row(context: Mapping[str, Any], encoder: ContextEncoder) -> pl.DataFram
 
 
 def entry_levels(
-    representation: Representation, contexts: pl.DataFrame | None, entry_fl: float | Sequence[float] | None
+    representation: Representation, contexts: pl.DataFrame, entry_fl: float | Sequence[float] | None
 ) -> Tensor | None:
     """Indices (m,) of the levels where descents start; None if they are drawn as the training flights entered.
 
@@ -94,26 +94,25 @@ def entry_levels(
     Example:
         >>> from descentflow.representation.read_checkpoint import load_representation
         >>> representation = load_representation("best.ckpt")
-        >>> representation.decoder.levels_fl[entry_levels(representation, None, [300, 320])]
+        >>> representation.decoder.levels_fl[entry_levels(representation, pl.DataFrame(), [300, 320])]
         tensor([300., 320.], dtype=torch.float64)
     """
-    own = None if contexts is None or "entry_fl" not in contexts.columns else contexts["entry_fl"]
-    levels = representation.decoder.levels_fl
+    own, levels = "entry_fl" in contexts.columns, representation.decoder.levels_fl
     if entry_fl is None:
-        wanted = None if own is None else own.cast(pl.Float64, strict=False)
+        wanted = contexts["entry_fl"].cast(pl.Float64, strict=False) if own else None
         return None if wanted is None or wanted.null_count() else _nearest(levels, wanted.to_list())
     asked = [float(one) for one in np.atleast_1d(entry_fl)]
     # At the lowest level nothing is left to descend.
     wrong = [one for one in asked if not float(levels[0] + levels[1]) / 2 < one <= float(levels[-1])]
-    n_contexts = None if contexts is None else len(contexts)
-    if own is not None or wrong or not asked or (n_contexts not in (None, len(asked)) and len(asked) != 1):
+    one_each = len(contexts) if len(asked) == 1 and contexts.width else 1
+    if own or wrong or not asked or (contexts.width and len(contexts) != len(asked) * one_each):
         raise ConfigError(
             f"entry_fl {', '.join(f'{one:g}' for one in asked[:8])}"
-            + (" beside a context that holds entry_fl" if own is not None else ""),
+            + (" beside a context that holds entry_fl" if own else ""),
             expected=f"flight levels above {levels[0]:.0f}, up to {levels[-1]:.0f}: one, or one for each context",
-            mend="leave entry_fl to the context" if own is not None else "choose levels of the model's grid",
+            mend="leave entry_fl to the context" if own else "choose levels of the model's grid",
         )
-    return _nearest(levels, asked if n_contexts is None or len(asked) > 1 else asked * n_contexts)
+    return _nearest(levels, asked * one_each)
 
 
 def _nearest(levels_fl: Tensor, wanted: list[float]) -> Tensor:

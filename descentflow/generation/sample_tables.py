@@ -17,6 +17,8 @@ from descentflow.positions.placing import Positions, place
 from descentflow.representation.decoder.trajectories import Trajectories, burn_of
 
 TIMESTAMP = pl.Datetime("us", "UTC")
+NO_CONTEXT = pl.DataFrame()
+"""Contexts of samples that have none: no columns."""
 UNITS = {
     "time_s": "s",
     "altitude_ft": "ft",
@@ -94,7 +96,7 @@ def _over_ground(positions: Positions) -> dict[str, np.ndarray]:
 
 def to_frame(
     flown: Trajectories,
-    context: pl.DataFrame | None = None,
+    context: pl.DataFrame = NO_CONTEXT,
     positions: Positions | None = None,
     air: LevelAir | None = None,
 ) -> pl.DataFrame:
@@ -128,7 +130,7 @@ def to_frame(
     if "unix_s" in columns:
         stamps = (1e6 * pl.col("unix_s")).round().cast(pl.Int64).cast(TIMESTAMP)
         table = table.with_columns(timestamp=stamps).drop("unix_s")
-    if context is None:
+    if not context.width:
         return table
     rows = context[sample_id % len(context)]
     return table.with_columns([rows[name].alias(f"given_{name}") for name in context.columns])
@@ -136,7 +138,7 @@ def to_frame(
 
 def to_dataset(
     flown: Trajectories,
-    context: pl.DataFrame | None = None,
+    context: pl.DataFrame = NO_CONTEXT,
     positions: Positions | None = None,
     air: LevelAir | None = None,
 ) -> Any:
@@ -164,7 +166,7 @@ def to_dataset(
         for name, values in _quantities(flown, positions, air).items()
     }
     coordinates: dict[str, Any] = {"level_fl": ("level", flown.levels_fl.cpu().numpy().astype(np.int32))}
-    if context is not None:
+    if context.width:
         rows = context[np.arange(len(flown)) % len(context)]
         coordinates |= {f"given_{name}": ("sample", rows[name].to_list()) for name in context.columns}
     return optional_library("xarray").Dataset(variables, coords=coordinates)
@@ -173,7 +175,7 @@ def to_dataset(
 def write_samples(
     flown: Trajectories,
     path: Path,
-    context: pl.DataFrame | None = None,
+    context: pl.DataFrame = NO_CONTEXT,
     positions: Positions | None = None,
     air: LevelAir | None = None,
     origin: Mapping[str, str] | None = None,
@@ -209,7 +211,7 @@ def write_samples(
 def _write_netcdf(
     flown: Trajectories,
     path: Path,
-    context: pl.DataFrame | None,
+    context: pl.DataFrame,
     quantities: Mapping[str, np.ndarray],
     origin: Mapping[str, str],
 ) -> None:
@@ -225,7 +227,7 @@ def _write_netcdf(
         level = file.createVariable("level_fl", "i4", ("level",))
         level[:] = flown.levels_fl.cpu().numpy().astype(np.int32)
         level.long_name = "flight level"
-        if context is not None:
+        if context.width:
             row = file.createVariable("given_row", "i4", ("sample",))
             row[:] = np.arange(n, dtype=np.int32) % len(context)
         mask = flown.mask.cpu().numpy()

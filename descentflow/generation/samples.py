@@ -1,11 +1,11 @@
 """Result of sampling: plausible descents and the account of every draw behind them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 import polars as pl
@@ -19,10 +19,8 @@ from descentflow.core.tabular import to_pandas
 from descentflow.core.version import __version__
 from descentflow.densities.density import Density
 from descentflow.generation.sample_tables import to_dataset, to_frame, write_samples
-from descentflow.positions.ground_path import Point
-from descentflow.positions.ground_plan import NOWHERE, GroundPlan, ground_plan
+from descentflow.positions.ground_plan import NOWHERE, Ground, GroundPlan, ground_plan
 from descentflow.positions.placing import Positions
-from descentflow.positions.wind import Wind
 from descentflow.reporting.in_notebook import InNotebook
 from descentflow.representation.decoder.trajectories import Trajectories
 
@@ -79,7 +77,7 @@ class Samples(InNotebook):
         trajectories: The descents, each from its entry level down to the lowest level of the grid.
         report: What became of every draw.
         context: The contexts that they were drawn for, a row for each: sample i has row i, beginning again after the
-            last. None for a model without context.
+            last. Without columns for a model without context.
         plan: Where they are flown; in still air and at no place unless :meth:`placed`.
         air: The air (n, L) of each; None for standard air.
         flown_at: Where each is, of those that were flown in a weather field along the plan's path.
@@ -100,7 +98,7 @@ class Samples(InNotebook):
     weights: Tensor
     trajectories: Trajectories
     report: RejectionReport
-    context: pl.DataFrame | None = None
+    context: pl.DataFrame = field(default_factory=pl.DataFrame)
     plan: GroundPlan = NOWHERE
     air: LevelAir | None = None
     flown_at: Positions | None = None
@@ -110,16 +108,7 @@ class Samples(InNotebook):
         """Number of descents."""
         return len(self.trajectories)
 
-    def placed(
-        self,
-        *,
-        end: Point | None = None,
-        track: float | None = None,
-        route: Sequence[Point] | None = None,
-        wind: str | Path | Wind | None = None,
-        to_go_nm: float = 0.0,
-        end_time: datetime | str | None = None,
-    ) -> "Samples":
+    def placed(self, **ground: Unpack[Ground]) -> "Samples":
         """The same descents laid over the ground, see :func:`descentflow.positions.ground_plan.ground_plan`.
 
         Raises:
@@ -139,8 +128,7 @@ class Samples(InNotebook):
                 expected="the path in whose air they were flown",
                 mend="sample along the other path",
             )
-        plan = ground_plan(end=end, track=track, route=route, wind=wind, to_go_nm=to_go_nm, end_time=end_time)
-        return replace(self, plan=plan)
+        return replace(self, plan=ground_plan(**ground))
 
     @cached_property
     def positions(self) -> Positions:

@@ -102,8 +102,8 @@ class ContextEncoder:
         tensor([[0., 1.]], dtype=torch.float64)
     """
 
-    def __init__(self, columns: Sequence[Column]) -> None:
-        """Hold fitted columns."""
+    def __init__(self, columns: Sequence[Column] = ()) -> None:
+        """Hold fitted columns; none for flights without a context."""
         self.columns = tuple(columns)
 
     @classmethod
@@ -161,7 +161,7 @@ class ContextEncoder:
                 )
 
     def encode(self, frame: pl.DataFrame) -> Tensor:
-        """Numbers (n, width) of a flight table, float64.
+        """Numbers (n, width) of a flight table, float64; a table without columns is one flight without a context.
 
         Raises:
             ConfigError: If a column is absent, or a value is missing that has no indicator.
@@ -180,7 +180,8 @@ class ContextEncoder:
                 expected=self.describe(),
                 mend="pass values that the training flights had",
             )
-        return torch.cat([column.encode(frame[column.name]) for column in self.columns], 1)
+        nothing = torch.zeros(len(frame) if frame.width else 1, 0, dtype=torch.float64)
+        return torch.cat([nothing, *(column.encode(frame[column.name]) for column in self.columns)], 1)
 
     def encode_one(self, values: Mapping[str, Any]) -> Tensor:
         """Numbers (1, width) of one context.
@@ -200,7 +201,7 @@ class ContextEncoder:
 
     def describe(self) -> str:
         """Names and possible values, for messages."""
-        return ", ".join(_describe(column) for column in self.columns)
+        return ", ".join(_describe(column) for column in self.columns) or "none"
 
     def to_state(self) -> list[dict[str, Any]]:
         """Primitives from which :meth:`from_state` rebuilds it."""
@@ -208,8 +209,18 @@ class ContextEncoder:
 
     @classmethod
     def from_state(cls, state: list[dict[str, Any]]) -> "ContextEncoder":
-        """Rebuild from :meth:`to_state`."""
+        """Rebuild from :meth:`to_state`; a part of another type is an error (TypeError)."""
+        for column in state:
+            texts, numbers = [column["name"], column["kind"]], [column[n] for n in ("mean", "scale")]
+            numbers += [column[name] for name in ("low", "high") if column.get(name) is not None]
+            plain = all(isinstance(one, int | float) and not isinstance(one, bool) for one in numbers)
+            if not plain or not all(isinstance(one, str) for one in texts) or not isinstance(column["indicator"], bool):
+                raise TypeError(f"the context column {column}")
         return cls([Column(**{**column, "values": tuple(column["values"])}) for column in state])
+
+
+NO_CONTEXT = ContextEncoder()
+"""Of models whose density is not conditioned on any."""
 
 
 def _describe(column: Column) -> str:

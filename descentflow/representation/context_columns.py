@@ -118,10 +118,8 @@ def _expression(name: str, top: pl.DataFrame) -> pl.Expr:
     return letters.alias(name)
 
 
-def contexts_of(
-    flight_ids: tuple[str, ...], table: pl.DataFrame | None, encoder: ContextEncoder | None
-) -> Tensor | None:
-    """Encoded context (n, c) of flights in their order; None without an encoder.
+def contexts_of(flight_ids: tuple[str, ...], table: pl.DataFrame, encoder: ContextEncoder) -> Tensor:
+    """Encoded context (n, c) of flights in their order.
 
     Example:
         >>> table = pl.DataFrame({"flight_id": ["a", "b", "c"], "deviation_k": [0.0, 5.0, 10.0]})
@@ -129,14 +127,12 @@ def contexts_of(
         tensor([[ 1.],
                 [-1.]], dtype=torch.float64)
     """
-    if encoder is None or table is None:
-        return None
     order = pl.DataFrame({"flight_id": list(flight_ids)}, schema={"flight_id": pl.String})
     return encoder.encode(order.join(table, on="flight_id", how="left", maintain_order="left"))
 
 
 def with_context(
-    profiles: Profiles, table: pl.DataFrame | None, encoder: ContextEncoder | None, say: Callable[[str], None]
+    profiles: Profiles, table: pl.DataFrame, encoder: ContextEncoder, say: Callable[[str], None]
 ) -> Profiles:
     """The flights whose context can be encoded; ``say`` is called with a count of the others for each column.
 
@@ -150,7 +146,7 @@ def with_context(
         left out 1 flight(s) whose deviation_k is missing or was never trained on
         119
     """
-    if encoder is None or table is None:
+    if not encoder.columns:
         return profiles
     order = pl.DataFrame({"flight_id": list(profiles.flight_ids)})
     lacking = encoder.lacking(order.join(table, on="flight_id", how="left", maintain_order="left"))
@@ -163,7 +159,7 @@ def with_context(
 
 
 def without_missing(
-    frame: pl.DataFrame, table: pl.DataFrame | None, missing: Missing, say: Callable[[str], None]
+    frame: pl.DataFrame, table: pl.DataFrame, missing: Missing, say: Callable[[str], None]
 ) -> pl.DataFrame:
     """The descents of flights whose context is complete, before the split; ``say`` gets a count of the others.
 
@@ -177,7 +173,7 @@ def without_missing(
         left out 1 of 2 flight(s) that lack a value of their context
         ['a', 'a']
     """
-    if table is None or missing == "indicator":
+    if table.width < 2 or missing == "indicator":
         return frame
     whole = table.drop_nulls()
     whole = whole.filter([pl.col(n).is_finite() for n, t in whole.schema.items() if t.is_float()] or True)

@@ -29,13 +29,13 @@ class EncodedFlights:
     Example:
         >>> from descentflow.representation.read_checkpoint import load_representation
         >>> flights = encode_flights(pl.read_parquet("descents.parquet"), load_representation("best.ckpt"))["test"]
-        >>> len(flights), len(flights.subset([0, 3]).weights), flights.context is None
+        >>> len(flights), len(flights.subset([0, 3]).weights), flights.context.shape[1]
         (24, 2, True)
     """
 
     profiles: Profiles
     weights: Tensor
-    context: Tensor | None
+    context: Tensor
 
     def __len__(self) -> int:
         """Number of flights."""
@@ -43,8 +43,7 @@ class EncodedFlights:
 
     def subset(self, positions: list[int]) -> "EncodedFlights":
         """The flights at these positions."""
-        context = None if self.context is None else self.context[positions]
-        return EncodedFlights(self.profiles.subset(positions), self.weights[positions], context)
+        return EncodedFlights(self.profiles.subset(positions), self.weights[positions], self.context[positions])
 
 
 def encode_flights(
@@ -83,8 +82,7 @@ def encode_flights(
         {'train': 86, 'validation': 10, 'test': 24}
     """
     encoder, decoder = representation.context, representation.decoder
-    named = [] if encoder is None else list(encoder.names)
-    table = context_of(descents, named, context_table)
+    table = context_of(descents, list(encoder.names), context_table)
     bottom, top = int(decoder.levels_fl[0]), int(decoder.levels_fl[-1])
     profiles = with_levels(profiles_from_frame(descents, decoder.aircraft, bottom, top), say)
     check_air_asked(representation, air)
@@ -103,9 +101,6 @@ def split_by_model(descents: pl.DataFrame, flight_ids: Sequence[str], representa
         flight_ids: Which of their flights are split.
         representation: The model's.
 
-    Warns:
-        DescentflowWarning: If the model keeps nothing but identifiers of its flights, and none of these is one.
-
     Example:
         >>> from descentflow.representation.read_checkpoint import load_representation
         >>> known, frame = load_representation("best.ckpt"), pl.read_parquet("descents.parquet")
@@ -113,26 +108,15 @@ def split_by_model(descents: pl.DataFrame, flight_ids: Sequence[str], representa
         >>> len(split_by_model(renamed, renamed["flight_id"].unique().to_list(), known).test)
         24
     """
-    seen = representation.seen
-    found = rest_is_test(tuple(flight_ids), representation.split, None if seen is None else seen.among(descents))
-    had = len(representation.split.train) + len(representation.split.validation)
-    if seen is None and had and not found.train and not found.validation:
-        warnings.warn(
-            f"this model keeps only the identifiers of the {had:,} flights that it was trained or validated on, and "
-            "none of them is met here: those of its flights that come under another flight_id count as held out; to "
-            "have them recognised by aircraft and time, fit again",
-            DescentflowWarning,
-            stacklevel=4,
-        )
-    return found
+    return rest_is_test(tuple(flight_ids), representation.split, representation.seen.among(descents))
 
 
 def encode_parts(
     profiles: Profiles,
     split: Split,
     decoder: DescentDecoder,
-    table: pl.DataFrame | None,
-    encoder: ContextEncoder | None,
+    table: pl.DataFrame,
+    encoder: ContextEncoder,
     say: Say,
 ) -> dict[Part, EncodedFlights]:
     """Encode flights on a decoder's grid, part by part.
@@ -165,8 +149,8 @@ def encode_parts(
 
 def context_of(
     descents: pl.DataFrame, names: list[str], context_table: str | Path | pl.DataFrame | None
-) -> pl.DataFrame | None:
-    """Context of every flight before encoding: ``flight_id`` and the named columns; None if none is named.
+) -> pl.DataFrame:
+    """Context of every flight before encoding: ``flight_id`` and the named columns; no flight if none is named.
 
     Raises:
         ConfigError: If there is a table although nothing is named, or a column is nowhere to be found.
@@ -185,7 +169,7 @@ def context_of(
             expected="columns of it in data.context, or a checkpoint that was fitted with some",
             mend="name the columns, or leave the table out",
         )
-    return None
+    return pl.DataFrame(schema={"flight_id": pl.String})
 
 
 def summary_of(parts: dict[Part, EncodedFlights], representation: Representation) -> str:
@@ -202,7 +186,7 @@ def summary_of(parts: dict[Part, EncodedFlights], representation: Representation
     few = "; few to train on: a useful generator needs hundreds" if 0 < len(parts["train"]) < FEW else ""
     return (
         f"flights: {counts}; grid FL{decoder.levels_fl[0]:.0f}-{decoder.levels_fl[-1]:.0f}; components: {decoder.sizes}"
-        + ("" if representation.context is None else f"; context: {representation.context.describe()}")
+        + (f"; context: {representation.context.describe()}" if representation.n_context else "")
         + few
     )
 

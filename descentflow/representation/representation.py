@@ -7,13 +7,13 @@ from torch import Tensor, nn
 
 from descentflow.air.kept_air import KeptAir
 from descentflow.core.counter_random import FIRST_DRAWS, DrawNumbers
-from descentflow.representation.context import ContextEncoder
+from descentflow.representation.context import NO_CONTEXT, ContextEncoder
 from descentflow.representation.correction import Correction
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.representation.linear_curves import Gaps
 from descentflow.representation.plausibility import Plausibility
-from descentflow.representation.seen_flights import SeenFlights
+from descentflow.representation.seen_flights import NO_FLIGHTS, SeenFlights
 from descentflow.surveillance.cleaning.thresholds import Cleaning, kept_cleaning
 
 
@@ -72,11 +72,11 @@ class Representation(nn.Module):
         split: Split,
         provenance: dict[str, Any],
         reference: dict[str, Any] | None = None,
-        context: ContextEncoder | None = None,
+        context: ContextEncoder = NO_CONTEXT,
         cleaning: Cleaning | None = None,
         gaps: Gaps = "marginal",
         air: KeptAir | None = None,
-        seen: SeenFlights | None = None,
+        seen: SeenFlights = NO_FLIGHTS,
         correction: Correction | None = None,
     ) -> None:
         """Hold the parts.
@@ -107,7 +107,7 @@ class Representation(nn.Module):
     @property
     def n_context(self) -> int:
         """Numbers that stand for one flight's context; zero without one."""
-        return 0 if self.context is None else self.context.width
+        return self.context.width
 
     def fly(
         self,
@@ -149,11 +149,11 @@ class Representation(nn.Module):
             state["decoder"]["correction"] = self.correction.to_state()
         if self.air is not None:
             state["air"] = self.air.to_state()
-        if self.seen is not None:
+        if self.seen is not NO_FLIGHTS:
             state["seen_flights"] = self.seen.to_state()
         if self.reference is not None:
             state["reference"] = self.reference
-        if self.context is not None:
+        if self.context.columns:
             state["context"] = self.context.to_state()
         if self.cleaning is not None:
             state["cleaning"] = asdict(self.cleaning)
@@ -169,10 +169,10 @@ class Representation(nn.Module):
             Split.from_state(state["split"]),
             state["provenance"],
             state.get("reference"),
-            ContextEncoder.from_state(state["context"]) if "context" in state else None,
+            ContextEncoder.from_state(state.get("context", [])),
             cleaning,
             state["gaps"],
             None if state.get("air") is None else KeptAir.from_state(state["air"], len(state["decoder"]["levels_fl"])),
-            None if state.get("seen_flights") is None else SeenFlights.from_state(state["seen_flights"]),
+            SeenFlights.from_state(state["seen_flights"]) if "seen_flights" in state else NO_FLIGHTS,
             None if corrected is None else Correction.from_state(corrected, cleaning),
         )

@@ -1,7 +1,7 @@
 """The one DataModule: splits by flight, fits the representation on the train part, serves what flights show."""
 
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -34,12 +34,11 @@ from descentflow.representation.evidence import Evidence
 from descentflow.representation.fit_representation import RepresentationSettings, fit_representation
 from descentflow.representation.flight_parts import Part, levels_shown, one_part, places, top_level, with_levels
 from descentflow.representation.linear_curves import evidence_of, has_noise_model
-from descentflow.representation.own_air import STANDARD, airs_as_kept, in_air_asked
+from descentflow.representation.own_air import MEASURED, STANDARD, airs_by, with_own_air
 from descentflow.representation.profiles import Profiles, profiles_from_frame
 from descentflow.representation.read_checkpoint import load_representation
 from descentflow.representation.representation import Representation, Split
 from descentflow.representation.seen_flights import SeenFlights
-from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.open_descents import FlightSource
 from descentflow.training.chosen_descents import aircraft_of, at_mass, bottom_of, cleaning_told, name_of, of_typecodes
@@ -129,12 +128,7 @@ class DescentDataModule(LightningDataModule):
                 air = None if representation.air is None or self.air == STANDARD else self.air
                 self._parts = encode_flights(frame, known, self.conditions.context_table, air=air, say=rank_zero_info)
             else:
-                read = self._read(done)
-                done.say("fitting components")
-                representation = self._fit(read)
-                done.say("encoding flights")
-                decoder, encoder = representation.decoder, representation.context
-                self._parts = encode_parts(read.profiles, read.split, decoder, read.table, encoder, rank_zero_info)
+                representation = self._fitted(done)
         self._representation = representation
         rank_zero_info(summary_of(self._parts, representation))
 
@@ -173,8 +167,8 @@ class DescentDataModule(LightningDataModule):
             self._evidence[part] = evidence_of(self.representation.decoder, self.profiles(part), self.components.gaps)
         return self._evidence[part]
 
-    def contexts(self, part: Part) -> Tensor | None:
-        """Encoded context (n, c) of a part, float64; None where the density is not conditioned on any."""
+    def contexts(self, part: Part) -> Tensor:
+        """Encoded context (n, c) of a part, float64; c is 0 where the density is not conditioned on any."""
         return self.flights(part).context
 
     def train_dataloader(self) -> DataLoader[Any]:
@@ -197,8 +191,24 @@ class DescentDataModule(LightningDataModule):
         most = -(-len(evidence) // self.batches.fewest_batches) if shuffle else size
         return flight_batches(evidence, self.contexts(part), min(size, most), shuffle=shuffle)
 
-    def _read(self, done: Stage) -> "_Read":
-        """Ask the rows all that is wanted of them, then let them go: a gigabyte for forty thousand flights."""
+    def _fitted(self, done: Stage) -> Representation:
+        """The representation, fitted to the train part; all parts are encoded with it."""
+        profiles, split, table, own_type, kept = self._read(done)
+        done.say("fitting components")
+        train, provenance = one_part(profiles, split, "train"), kept.pop("provenance")
+        found = fit_representation(train, own_type, split, self.components, mass_kg=self.mass_kg, provenance=provenance)
+        found.gaps = self.components.gaps if has_noise_model(found.decoder) else "filled"
+        for name, value in kept.items():
+            setattr(found, name, value)
+        done.say("encoding flights")
+        self._parts = encode_parts(profiles, split, found.decoder, table, found.context, rank_zero_info)
+        return found
+
+    def _read(self, done: Stage) -> tuple[Profiles, Split, pl.DataFrame, PerformanceModel, dict[str, Any]]:
+        """Flights, split, context, type, and parts of the representation by name: all that is wanted of the rows.
+
+        They are let go then: a gigabyte for forty thousand flights.
+        """
         source = FlightSource(self.descents).without_rows()
         frame = of_typecodes(source, self.typecodes, name_of(self.descents))
         done.say("inferring drag")
@@ -206,46 +216,40 @@ class DescentDataModule(LightningDataModule):
         table = context_of(frame, asked.context or [], asked.context_table)
         frame = without_missing(frame, table, asked.missing_context, rank_zero_info)
         own_type = aircraft_of(frame, self.aircraft, self.bada_dir)
-        provenance = {
-            "descents": name_of(self.descents),
-            "typecodes": sorted(frame["typecode"].unique()),
-            "period": Descents(frame, source.metadata).period,
+        kept: dict[str, Any] = {
+            "provenance": {
+                "descents": name_of(self.descents),
+                "typecodes": sorted(frame["typecode"].unique()),
+                "period": Descents(frame, source.metadata).period,
+            },
+            "cleaning": cleaning_told(source),
         }
         # Nothing asks any more for these texts of every row, which are a quarter of what is held.
         frame = frame.drop("typecode", "callsign", strict=False)
         source = Descents(frame, source.metadata)
         profiles, split = self._fresh(frame, source, own_type)
-        flown_by = at_mass(own_type, self.mass_kg)
-        profiles, kept_air, airs = in_air_asked(profiles, frame, flown_by, split, self.air, rank_zero_info)
-        levels, seen = profiles.levels_fl, [*split.train, *split.validation]
-        profiles = _on_levels_shown(profiles.between(*self._grid) if self._grid else profiles, split)
-        low, high = profiles.levels_fl[[0, -1]].tolist()
+        flown_by, levels = at_mass(own_type, self.mass_kg), profiles.levels_fl
         shown = frame.drop(source.computed, strict=False)
-        if kept_air is not None and airs is not None:
+        if self.air != STANDARD:
+            airs = airs_by(self.air, frame, levels)
+            profiles = with_own_air(profiles, flown_by, airs, rank_zero_info)
+            if not airs.wind:
+                rank_zero_info("no wind is known: drag is inferred in still air of the flights' own temperature")
+        profiles = _on_levels_shown(profiles.between(*self._grid) if self._grid else profiles, split)
+        if self.air != STANDARD:
             # By reports, those that were computed from others say nothing.
-            own = airs if kept_air.source == "field" else airs_as_kept(shown, levels, kept_air)
+            measured = self.air == MEASURED
+            own = airs_by(MEASURED, shown, levels, wind=airs.wind) if measured else airs
             shown = in_standard_air(shown, flown_by, own, levels)
-            of_training = one_part(profiles, split, "train").air
-            assert of_training is not None
-            kept_air = replace(kept_air, training=of_training)
-        return _Read(
-            profiles,
-            split,
-            table,
-            own_type,
-            provenance,
-            air=kept_air,
-            reference=reference_state(shown, low, high, seen),
-            context=self._encoder(table, split),
-            cleaning=cleaning_told(source),
-            seen=SeenFlights.of(frame, split.train, split.validation),
-        )
-
-    def _encoder(self, table: pl.DataFrame | None, split: Split) -> ContextEncoder | None:
-        if table is None:
-            return None
-        train = table.filter(pl.col("flight_id").is_in(list(split.train)))
-        return ContextEncoder.fit(train, table.columns[1:], self.conditions.missing_context)
+            trained = one_part(profiles, split, "train").air
+            assert trained is not None
+            kept["air"] = KeptAir("measured" if measured else "field", airs.wind, trained)
+        train = pl.col("flight_id").is_in(list(split.train))
+        kept["context"] = ContextEncoder.fit(table.filter(train), table.columns[1:], asked.missing_context)
+        low, high = profiles.levels_fl[[0, -1]].tolist()
+        kept["reference"] = reference_state(shown, low, high, [*split.train, *split.validation])
+        kept["seen"] = SeenFlights.of(frame, split.train, split.validation)
+        return profiles, split, table, own_type, kept
 
     def _fresh(self, frame: pl.DataFrame, source: Descents, own_type: PerformanceModel) -> tuple[Profiles, Split]:
         """Profiles up to the level that a quarter of the training flights reach, and the split made before."""
@@ -258,20 +262,6 @@ class DescentDataModule(LightningDataModule):
         top = max([top_level(profiles, places(profiles, split, "train")), *self._grid[1:]])
         profiles = profiles.between(bottom, top)
         return with_levels(profiles, rank_zero_info), split
-
-    def _fit(self, read: "_Read") -> Representation:
-        fitted = fit_representation(
-            one_part(read.profiles, read.split, "train"),
-            read.own_type,
-            read.split,
-            self.components,
-            mass_kg=self.mass_kg,
-            provenance=read.provenance,
-        )
-        fitted.air, fitted.context = read.air, read.context
-        fitted.reference, fitted.cleaning, fitted.seen = read.reference, read.cleaning, read.seen
-        fitted.gaps = self.components.gaps if has_noise_model(fitted.decoder) else "filled"
-        return fitted
 
 
 def _on_levels_shown(profiles: Profiles, split: Split) -> Profiles:
@@ -309,19 +299,3 @@ def data_of(trainer: Trainer) -> DescentDataModule:
             mend='trainer.fit(model, datamodule=DescentDataModule("descents.parquet"))',
         )
     return data
-
-
-@dataclass(frozen=True)
-class _Read:
-    """Input of a fit: flights and their split, context, type, and what a checkpoint keeps of them."""
-
-    profiles: Profiles
-    split: Split
-    table: pl.DataFrame | None
-    own_type: PerformanceModel
-    provenance: dict[str, Any]
-    air: KeptAir | None
-    reference: dict[str, Any] | None
-    context: ContextEncoder | None
-    cleaning: Cleaning | None
-    seen: SeenFlights

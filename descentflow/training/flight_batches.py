@@ -14,19 +14,18 @@ from descentflow.representation.evidence import Evidence
 class _Flights(Dataset[Any]):
     """Flights in memory, taken a whole batch at a time."""
 
-    def __init__(self, evidence: Evidence, context: Tensor | None) -> None:
+    def __init__(self, evidence: Evidence, context: Tensor) -> None:
         self.evidence, self.context = evidence, context
 
     def __len__(self) -> int:
         return len(self.evidence)
 
-    def __getitem__(self, position: int) -> tuple[Evidence] | tuple[Evidence, Tensor]:
+    def __getitem__(self, position: int) -> tuple[Evidence, Tensor]:
         return self.__getitems__([position])
 
-    def __getitems__(self, positions: list[int]) -> tuple[Evidence] | tuple[Evidence, Tensor]:
+    def __getitems__(self, positions: list[int]) -> tuple[Evidence, Tensor]:
         index = torch.tensor(positions)
-        rows = self.evidence.rows(index)
-        return (rows,) if self.context is None else (rows, self.context[index])
+        return self.evidence.rows(index), self.context[index]
 
 
 class ShuffledByEpoch(DistributedSampler[int]):
@@ -60,7 +59,7 @@ class ShuffledByEpoch(DistributedSampler[int]):
 
 
 def flight_batches(
-    evidence: Evidence, context: Tensor | None = None, batch_size: int = 512, *, shuffle: bool = False
+    evidence: Evidence, context: Tensor, batch_size: int = 512, *, shuffle: bool = False
 ) -> DataLoader[Any]:
     """A DataLoader of batches ``(evidence,)``, or ``(evidence, context)`` where there is a context.
 

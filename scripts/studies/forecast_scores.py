@@ -69,14 +69,14 @@ class _WithoutContext:
 
     density: Density
 
-    def sample(self, n: int, seed: int, context: Tensor | None = None) -> Tensor:
+    def sample(self, n: int, seed: int, context: Tensor) -> Tensor:
         """Draw (n, d) weights."""
         return self.density.sample(n, seed)
 
 
 @torch.no_grad()
 def forecast_scores(
-    density: Density, flights: Profiles, weights: Tensor, context: Tensor | None, n_draws: int = 100, seed: int = 0
+    density: Density, flights: Profiles, weights: Tensor, context: Tensor, n_draws: int = 100, seed: int = 0
 ) -> dict[str, Tensor]:
     """Proper scores flight by flight; lower is better.
 
@@ -86,7 +86,7 @@ def forecast_scores(
         density: With its representation.
         flights: Held-out flights on its grid, n of them.
         weights: (n, d) their standardised weights.
-        context: (n, c) their context, for a conditional density.
+        context: (n, c) their context; c is 0 where the density takes none.
         n_draws: Samples a flight.
         seed: Of the samples.
 
@@ -105,14 +105,14 @@ def forecast_scores(
         >>> from descentflow.surveillance.descents.prepared_descents import read_descents
         >>> model = load_model("best.ckpt")
         >>> flights = encode_flights(read_descents("descents.parquet").frame, model.representation)["test"]
-        >>> forecast_scores(model, flights.profiles, flights.weights, None, n_draws=10)["nll"].shape
+        >>> forecast_scores(model, flights.profiles, flights.weights, flights.context, n_draws=10)["nll"].shape
         torch.Size([24])
     """
     if len(flights) == 0:
         raise DataError("no flight to score", expected="held-out flights", mend="pass other descents")
     parts, n = density.representation, len(flights)
-    own = weights.new_zeros(n, 1) if context is None else context
-    model = _WithoutContext(density) if context is None else density
+    own = context if context.shape[1] else weights.new_zeros(n, 1)
+    model = density if context.shape[1] else _WithoutContext(density)
     samples = sample_descents(
         model,
         parts,

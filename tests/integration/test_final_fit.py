@@ -14,9 +14,7 @@ from descentflow.core.errors import ConfigError
 from descentflow.densities.checkpoint import load_model
 from descentflow.densities.density import Density
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
-from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models import GaussianMixture
-from descentflow.training.splitting import SplitSettings
 
 pytestmark = pytest.mark.usefixtures("components_once", "plain_figures")
 
@@ -64,12 +62,6 @@ def test_python_and_the_command_line_leave_the_same_two_fits(
     assert torch.equal(fitted.final.representation.decoder.levels_fl, fitted.representation.decoder.levels_fl)
 
 
-def test_what_a_mixture_has_chosen_is_kept(descents: Path) -> None:
-    fitted = df.fit(descents, max_epochs=2)
-    assert isinstance(fitted, GaussianMixture)
-    assert fitted.density.mixture.n_components == fitted.final.mixture.n_components
-
-
 def test_a_final_fit_may_be_left_out(descents: Path, tmp_path: Path) -> None:
     assert df.fit(descents, "gaussian", final=False).final is None
     assert df.fit(descents, "gaussian", test_fraction=0, validation_fraction=0).final is None
@@ -115,12 +107,6 @@ def test_info_says_which_fit_it_is(final: Path, capsys: pytest.CaptureFixture[st
     assert "fitted to all 300 flights, none held out" in said
     assert "scored: the fit to 216 of 300 flights (24 for validation and 60 for test held out)" in said
     assert "score: val/nll" in said
-
-
-def test_all_flights_train_where_none_are_held_out(descents: Path) -> None:
-    data = DescentDataModule(descents, split=SplitSettings(test_fraction=0.0, validation_fraction=0.0))
-    data.setup()
-    assert len(data.profiles("train")) == 300
 
 
 def test_a_run_folder_of_a_fit_from_python_is_one_for_the_commands(

@@ -15,11 +15,10 @@ from descentflow.densities.checkpoint import load_model
 from descentflow.densities.density import Density
 from descentflow.representation.read_checkpoint import read_checkpoint
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
-from descentflow.training import models
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.fit import fit
-from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, SplineFlow
-from descentflow.training.training_settings import NAMES, SETTINGS_OF, settings_of, training_settings
+from descentflow.training.models import Gaussian, GaussianMixture, SplineFlow
+from descentflow.training.training_settings import settings_of, training_settings
 
 pytestmark = pytest.mark.usefixtures("components_once", "plain_figures")
 QUICK = ["--trainer.enable_progress_bar=false", "--trainer.enable_model_summary=false", "--scores.n_samples=200"]
@@ -168,10 +167,3 @@ def test_what_cannot_be_fitted_is_refused(descents: Path, tmp_path: Path) -> Non
     pl.DataFrame({"flight_id": ["a"]}).write_parquet(tmp_path / "rows.parquet")
     with pytest.raises(DataError, match="not prepared descents"):
         fit(tmp_path / "rows.parquet", "gaussian")
-
-
-def test_every_model_of_the_package_has_settings() -> None:
-    kinds = [getattr(models, name) for name in models.MODULES]
-    shipped = {kind.__name__ for kind in kinds if kind is not LatentModel}
-    assert set(SETTINGS_OF) == shipped
-    assert {type(training_settings(name).new_model()).__name__ for name in NAMES} == shipped

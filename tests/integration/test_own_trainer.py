@@ -16,7 +16,7 @@ from descentflow.core.errors import ConfigError, DescentflowWarning
 from descentflow.training.callbacks.score_callback import ScoreCallback
 from descentflow.training.data_settings import BatchSettings
 from descentflow.training.datamodule import DescentDataModule
-from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
+from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
 from descentflow.training.models.optimizers import FlowSteps
 from descentflow.training.splitting import SplitSettings
 
@@ -93,16 +93,6 @@ def test_two_processes_both_have_the_scores(
     assert found[1] == pytest.approx(found[0], rel=equal)
 
 
-@pytest.mark.parametrize("made", [lambda: GaussianMixture(n_clusters=2), lambda: SplineFlow(n_flows=1)])
-def test_parameters_are_double_in_64_bits(
-    made: Callable[[], LatentModel[Any]], tmp_path: Path, data: DescentDataModule
-) -> None:
-    model = made()
-    trainer(tmp_path, precision="64-true").fit(model, data)
-    assert {value.dtype for value in model.density.parameters()} == {torch.float64}
-    assert df.sample(model, 20).trajectories.time_s.isfinite().all()
-
-
 @pytest.mark.parametrize("made", [Gaussian, MaskedAffineFlow, GaussianMixture])
 @pytest.mark.filterwarnings("ignore:You defined a `validation_step`")
 def test_a_fit_without_our_data_module_says_what_it_needs(
@@ -154,13 +144,6 @@ def test_a_mixture_that_diverges_says_so(batch_size: int, descents: Path) -> Non
         df.fit(DescentDataModule(descents, batches=BatchSettings(batch_size=batch_size)), model, max_epochs=2)
 
 
-@pytest.mark.parametrize("made", [Gaussian, MaskedAffineFlow, GaussianMixture])
-def test_no_epoch_is_no_training(made: type[LatentModel[Any]], tmp_path: Path, data: DescentDataModule) -> None:
-    run = trainer(tmp_path, max_epochs=0)
-    run.fit(made(), data)
-    assert (run.current_epoch, run.global_step) == (0, 0)
-
-
 @pytest.mark.parametrize(
     "model",
     [MaskedAffineFlow(n_flows=1, steps=FlowSteps(max_steps=None)), GaussianMixture(training="svi", n_clusters=2)],
@@ -175,11 +158,3 @@ def test_a_closed_form_ends_by_itself(made: type[LatentModel[Any]], tmp_path: Pa
     run = trainer(tmp_path, max_epochs=-1)
     run.fit(made(), data)
     assert run.current_epoch > 0
-
-
-def test_the_sanity_check_is_no_epoch_to_go_back_to(tmp_path: Path, data: DescentDataModule) -> None:
-    """Of a part of the validation flights, which may be likelier than all of them."""
-    model = MaskedAffineFlow(n_flows=1)
-    run = trainer(tmp_path, max_epochs=0, num_sanity_val_steps=2)
-    run.fit(model, data)
-    assert model._best is None

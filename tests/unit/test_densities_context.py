@@ -13,7 +13,8 @@ from torch import Tensor
 
 from descentflow.core.errors import ConfigError
 from descentflow.densities.checkpoint import content_of, load_model
-from descentflow.densities.em import fit_mixture, steps_of
+from descentflow.densities.em import fit_mixture
+from descentflow.densities.em_steps import Steps
 from descentflow.densities.flow import ContextNet, MaskedAffineFlowDensity, SplineFlowDensity
 from descentflow.densities.mixture_parameters import Mixture, n_parameters
 from descentflow.generation.prediction.posterior import log_density, posterior_of, prior_of
@@ -93,23 +94,15 @@ def test_gaussian_is_scikit_learns_linear_regression() -> None:
     np.testing.assert_allclose(covariance, residual.T @ residual / len(residual), atol=1e-9)
 
 
-def test_mixture_of_one_is_the_gaussian() -> None:
-    data = linear(500, 3)
-    module = ContextModule(data, linear(100, 7))
-    one, gaussian = toys.fit(GaussianMixture(1), module, 2), toys.fit(Gaussian(), module, 1)
-    with torch.no_grad():
-        torch.testing.assert_close(one.log_prob(*data), gaussian.log_prob(*data), rtol=1e-8, atol=1e-8)
-
-
 def test_em_of_regressions_never_loses_likelihood_and_finds_the_regimes() -> None:
     weights, context = two_regimes(1500, 0)
-    mixture, best = fit_mixture(weights, 2, context=context, seed=0, n_restarts=2)
-    steps = steps_of(weights, context)
+    steps = Steps(weights, context)
+    mixture, best = fit_mixture(steps, 2, seed=0, n_restarts=2)
     responsibilities, likelihood = steps.expectation(mixture)
     updated = steps.maximise(responsibilities, mixture)
     # The ridge is a penalty, so the likelihood itself may give way by as much as that is worth.
     assert float(steps.expectation(updated)[1]) >= float(likelihood) - 1e-5
-    single = fit_mixture(weights, 1, context=context, seed=0)[1]
+    single = fit_mixture(steps, 1, seed=0)[1]
     assert best > single + 0.5
     assert n_parameters(2, D, C) == 2 * (3 + 6 + 6) + 1 + 2
     gate = (mixture.gate[0] - mixture.gate[1]).abs()
@@ -247,7 +240,6 @@ def test_untrained_flow_is_its_gaussian(density: MaskedAffineFlowDensity) -> Non
     expected = torch.distributions.MultivariateNormal(loc, scale_tril=factor).log_prob(weights)
     with torch.no_grad():
         torch.testing.assert_close(density.log_prob(weights, *given).double(), expected, rtol=1e-4, atol=1e-4)
-        torch.testing.assert_close(density.base_log_prob(weights, *given), expected, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -255,7 +247,6 @@ def test_a_checkpoint_keeps_the_context(name: str, tmp_path: Path) -> None:
     model = trained(name)
     torch.save(content_of(model.density), tmp_path / "m.ckpt")
     loaded = load_model(tmp_path / "m.ckpt")
-    assert loaded.representation.context is not None
     rows = loaded.representation.context.encode_one({"a": "0.5", "b": -1})
     assert torch.equal(loaded.sample(20, 1, rows), model.sample(20, 1, rows))
 

@@ -5,13 +5,12 @@ import math
 import pytest
 import torch
 import toys
-from sklearn.mixture import GaussianMixture as SklearnMixture
 from torch import Tensor
 from torch.distributions import MultivariateNormal
 
 from descentflow.densities.density import Density
-from descentflow.densities.em import fit_mixture, steps_of
-from descentflow.densities.gaussian import GaussianDensity
+from descentflow.densities.em import fit_mixture
+from descentflow.densities.em_steps import Steps
 from descentflow.densities.importance import estimate, propose
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture, log_observed, posteriors
@@ -99,21 +98,12 @@ def test_scores_are_log_densities_where_weights_are_seen_precisely_and_zero_wher
     assert float(log_observed(mixture, nothing).abs().max()) < 1e-12
 
 
-def test_information_and_points_are_the_same_evidence_where_directions_are_not_seen() -> None:
-    """A precision of rank one: the point is the shortest, and precision times point gives the shift back."""
-    direction = normal(D, 1)
-    precision, shift = direction @ direction.T, 2.5 * direction[:, 0]
-    evidence = Evidence.of_information(precision[None], shift[None], torch.zeros(1, dtype=torch.long))
-    torch.testing.assert_close(evidence.shift[0], shift, rtol=1e-9, atol=1e-9)
-    torch.testing.assert_close(evidence.points[0], 2.5 * direction[:, 0] / direction.square().sum())
-
-
 @pytest.mark.parametrize("context", [False, True])
 def test_gradients_are_those_of_finite_differences(context: bool) -> None:
     evidence, _, _ = gappy(drawn(truth(), 6))
     given = normal(6, C, seed=9) if context else None
     mixture = truth(3, context=context)
-    lines = [] if mixture.slopes is None else [mixture.slopes, mixture.gate]
+    lines = [mixture.slopes, mixture.gate] if context else []
     leaves = [t.clone().requires_grad_() for t in (mixture.probs, mixture.locs, mixture.scale_trils.tril(), *lines)]
 
     def loss(*parameters: Tensor) -> Tensor:
@@ -145,20 +135,9 @@ def test_the_single_gaussian_is_the_one_that_direct_optimisation_finds() -> None
     assert ours == pytest.approx(-float(closure().detach()), abs=1e-6)
 
 
-def test_where_nothing_is_missing_the_optimum_is_scikit_learns() -> None:
-    weights = drawn(truth(), 400)
-    fitted, likelihood = fit_mixture(weights, K, seed=0, tolerance=1e-9)
-    theirs = SklearnMixture(K, random_state=0, n_init=5, tol=1e-9, max_iter=5000).fit(weights.numpy())
-    # The same maximum, to both tolerances.
-    assert likelihood == pytest.approx(float(theirs.score(weights.numpy())), abs=1e-4)
-    order = fitted.locs[:, 0].argsort()
-    expected = torch.from_numpy(theirs.means_[theirs.means_[:, 0].argsort()])
-    torch.testing.assert_close(fitted.locs[order], expected, rtol=0, atol=2e-3)
-
-
 @pytest.mark.parametrize("context", [False, True])
 def test_steps_never_lose_likelihood(context: bool) -> None:
-    steps = steps_of(drawn(truth(), 300), normal(300, C, seed=4) if context else None)
+    steps = Steps(drawn(truth(), 300), normal(300, C, seed=4) if context else None)
     mixture, previous = steps.maximise(torch.rand(300, K, generator=torch.Generator().manual_seed(0)).double()), -1e9
     for _ in range(40):
         mixture, likelihood = steps.improve(mixture)
@@ -172,10 +151,11 @@ def test_some_of_many_flights_find_the_start_and_all_of_them_the_end(monkeypatch
     context = normal(2000, C, seed=4)
     for given in (None, context):
         weights = drawn(truth(), 2000)
-        whole, likelihood = fit_mixture(weights, K, context=given, seed=0, n_restarts=3)
+        steps = Steps(weights, given)
+        whole, likelihood = fit_mixture(steps, K, seed=0, n_restarts=3)
         with monkeypatch.context() as fewer:
             fewer.setattr("descentflow.densities.em.STARTING_FLIGHTS", 300)
-            found, again = fit_mixture(weights, K, context=given, seed=0, n_restarts=3)
+            found, again = fit_mixture(steps, K, seed=0, n_restarts=3)
         assert again == pytest.approx(likelihood, abs=2e-4)
         torch.testing.assert_close(found.locs.sort(0).values, whole.locs.sort(0).values, rtol=0, atol=0.05)
 
@@ -187,7 +167,7 @@ def test_with_a_context_known_weights_and_precise_ones_give_the_same() -> None:
     ours = one_gaussian(precise, context)
     for theirs in (
         one_gaussian(Evidence.of_weights(weights), context),
-        fit_mixture(weights, 1, context=context, seed=0)[0],
+        fit_mixture(Steps(weights, context), 1, seed=0)[0],
     ):
         same(ours, theirs)
 
@@ -247,7 +227,8 @@ def test_importance_sampling_meets_the_closed_form() -> None:
     evidence, _, _ = gappy(drawn(truth(), 40))
     opaque = Opaque(truth())
     with torch.no_grad():
-        found = opaque.estimate_observed(evidence, n_draws=4000)
+        none = torch.zeros(len(evidence), 0)
+        found = opaque.estimate_observed(evidence, none, opaque.wide_gaussian(none), 4000)
     expected = log_observed(truth(), evidence)
     # The error of each estimate is 1 / sqrt(effective draws); five of them, for 40 flights: once in 40,000.
     error = 5 * (1 / (found.effective * 4000) - 1 / 4000).clamp(min=0).sqrt() + 1e-9
@@ -258,18 +239,12 @@ def test_importance_sampling_meets_the_closed_form() -> None:
 def test_the_bound_that_flows_are_trained_by_is_below_the_likelihood_and_rises_with_draws() -> None:
     evidence, _, _ = gappy(drawn(truth(), 400))
     opaque, exact = Opaque(truth()), float(log_observed(truth(), evidence).mean())
-    bounds = []
+    bounds, none = [], torch.zeros(len(evidence), 0)
     for draws in (1, 8, 64):
-        proposals = propose(opaque.wide_gaussian(), evidence, draws, seed=1)
+        proposals = propose(opaque.wide_gaussian(none), evidence, draws, seed=1)
         with torch.no_grad():
-            bounds.append(float(estimate(lambda w, _: opaque.log_prob(w), proposals).log_prob.mean()))
+            bounds.append(float(estimate(opaque.log_prob, proposals, none).log_prob.mean()))
     assert bounds[0] < bounds[1] < bounds[2] < exact + 0.02
-
-
-def test_svis_loss_is_the_likelihood_with_the_component_summed_out() -> None:
-    density, weights = GaussianMixtureDensity(D, K), drawn(truth(), 30)
-    density.mixture = truth()
-    torch.testing.assert_close(density.negative_elbo(weights), -density.log_prob(weights).sum())
 
 
 @pytest.mark.parametrize(
@@ -296,16 +271,3 @@ def test_every_model_recovers_the_spread_from_gappy_flights(model: LatentModel, 
         score, best = (float(x.mean()) for x in (fitted.log_observed(held_out), log_observed(mixture, held_out)))
     assert best - 0.25 < score < best + 0.05
     assert math.isfinite(score)
-
-
-def test_a_gaussian_density_says_its_mixture_and_takes_one() -> None:
-    density = GaussianDensity(D, C)
-    mixture = truth(context=True)
-    one = Mixture(
-        torch.ones(1).double(), mixture.locs[:1], mixture.scale_trils[:1], mixture.slopes[:1], 0 * mixture.gate[:1]
-    )
-    density.mixture = one
-    weights, context = normal(10, D), normal(10, C, seed=1)
-    torch.testing.assert_close(
-        density.log_observed(Evidence.of_weights(weights), context), density.log_prob(weights, context)
-    )

@@ -7,12 +7,9 @@ import torch
 import toys
 import yaml
 from torch import Tensor
-from torch.distributions import Categorical, MixtureSameFamily, MultivariateNormal
 
 from descentflow.core.errors import ConfigError
 from descentflow.densities.component_search import (
-    MIN_FLIGHTS_PER_PARAMETER,
-    max_components,
     select_mixture,
 )
 from descentflow.evaluation.metrics.proper import crps
@@ -80,27 +77,6 @@ def test_the_search_ends_where_two_numbers_in_a_row_are_no_better() -> None:
     few = select_mixture(points[:300], seed=0, n_restarts=2, extend=False)
     assert (list(few.values), few.cap_binds) == ([1, 2, 3], True), "the cap of 300 flights"
     assert list(select_mixture(points, seed=0, n_restarts=2, only=5).values) == [5]
-
-
-def test_the_papers_cap_hides_components_that_the_longer_search_finds() -> None:
-    """Six far clusters in 700 flights, of which the paper's cap allows three."""
-    centres = 6 * torch.eye(D, dtype=torch.float64)
-    clusters = MultivariateNormal(torch.cat([centres, -centres[:2]]), 0.3 * torch.eye(D).double().expand(6, D, D))
-    with torch.random.fork_rng():
-        torch.manual_seed(0)
-        weights = MixtureSameFamily(Categorical(torch.ones(6).double()), clusters).sample((700,))
-    assert max_components(700, D) == 3
-    assert max_components(700, D, flights_per_parameter=MIN_FLIGHTS_PER_PARAMETER) > 6
-    capped = select_mixture(weights, seed=0, n_restarts=4, extend=False)
-    assert capped.cap_binds
-    found = select_mixture(weights, seed=0, n_restarts=4)
-    assert len(found.mixture.probs) == 6
-    assert not found.cap_binds
-
-
-def test_criteria_are_two() -> None:
-    with pytest.raises(ConfigError, match="'aic' or 'bic'"):
-        GaussianMixture(criterion="icl")  # type: ignore[arg-type]
 
 
 def test_the_model_says_that_its_cap_decides(capsys: pytest.CaptureFixture[str]) -> None:

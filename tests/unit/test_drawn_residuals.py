@@ -1,15 +1,12 @@
 """Samples that enter where flights do, and that have the drag and CAS that components leave out."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 import torch
 import toys
 from scipy.stats import chisquare
 
-from descentflow.core.errors import CheckpointError
-from descentflow.densities.checkpoint import load_model
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.generation.rejection import sample_descents
@@ -20,8 +17,6 @@ from descentflow.representation.fit_representation import (
 )
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation, Split
-from descentflow.training.fit import fit
-from descentflow.training.models.gaussian_model import Gaussian
 
 PARTS = toys.representation(400)
 D = PARTS.decoder.dimension
@@ -80,16 +75,6 @@ def test_samples_have_the_spread_that_components_leave_out(name: str) -> None:
     flown = decoder(torch.zeros(4000, decoder.dimension, dtype=torch.float64), residual=white)
     found = (decoder.drag_scale.scaled(flown.drag_n, flown.cas_mps) if name == "drag" else flown.cas_mps).std(0)
     torch.testing.assert_close(found, residual.square().sum(0).sqrt(), rtol=0.06, atol=1.0 if name == "drag" else 0.01)
-
-
-def test_old_checkpoints_without_flights_residuals_are_refused(tmp_path: Path) -> None:
-    model = fit(toys.write_descents_file(tmp_path / "descents.parquet", 100), Gaussian(), final=False)
-    model.save(tmp_path / "best.ckpt")
-    content = torch.load(tmp_path / "best.ckpt", weights_only=True)
-    del content["descentflow"]["representation"]["decoder"]["residuals"]
-    torch.save(content, tmp_path / "old.ckpt")
-    with pytest.raises(CheckpointError, match=r"a model of an earlier version.*fit again"):
-        load_model(tmp_path / "old.ckpt")
 
 
 def test_the_residual_is_an_option() -> None:

@@ -15,8 +15,8 @@ from descentflow.generation.rejection import sample_descents
 from descentflow.physics.airspeed import cas_to_tas_mps
 from descentflow.representation.fit_representation import fit_representation
 from descentflow.representation.fpca import ppca
-from descentflow.representation.fpca.gappy import fit_components, gappy_profiles
-from descentflow.representation.fpca.roughness import roughness_and_length, smoother
+from descentflow.representation.fpca.gappy import fit_components
+from descentflow.representation.fpca.roughness import smoother
 from descentflow.representation.linear_curves import evidence_of
 from descentflow.representation.plausibility import (
     MANY,
@@ -92,17 +92,6 @@ def test_a_smooth_curve_is_the_least_of_misfit_and_roughness() -> None:
     assert float(gradient.abs().max()) < 1e-9
 
 
-def test_the_noise_left_by_smooth_loadings_is_the_most_likely() -> None:
-    generator = torch.Generator().manual_seed(0)
-    curves = torch.randn(200, 1, generator=generator).double() + torch.randn(200, 30, generator=generator).double()
-    mask = torch.arange(30) < torch.randint(10, 40, (200, 1), generator=generator)
-    shown, flat = torch.where(mask, curves, 0.0), torch.ones(30, 1, dtype=torch.float64)
-    found = ppca.noise_given_loadings(shown, mask, flat, torch.tensor(5.0).double())
-    best = ppca.log_likelihood(shown, mask, flat, found)
-    for other in (0.99, 1.01):
-        assert float(ppca.log_likelihood(shown, mask, flat, other * found)) < float(best)
-
-
 def test_few_gappy_flights_have_smooth_components_and_many_keep_theirs() -> None:
     for n, least, most in ((24, 0.0, 0.01), (1500, 0.8, 1.0)):
         flights = toys.flights(n)
@@ -112,12 +101,6 @@ def test_few_gappy_flights_have_smooth_components_and_many_keep_theirs() -> None
         ours = fit_components(flights.cas_mps, flights.mask, FL_M)
         # Where Mach hands over to CAS the mean bends: that of many flights still does.
         assert least <= rough(ours.mean[None]) / rough((observed + plain.shift)[None]) <= most
-
-
-def test_of_few_flights_nothing_is_learnt() -> None:
-    flights = toys.flights(5)
-    gappy = gappy_profiles(torch.where(flights.mask, flights.cas_mps, 0.0), flights.mask)
-    assert roughness_and_length(gappy, 2) == (0.0, 1.0)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import polars as pl
 import pytest
 import torch
 import toys
@@ -13,13 +12,11 @@ from descentflow.core.errors import ConfigError, DataError, SamplingError
 from descentflow.densities.density import Density
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.generation.prediction.posterior import Prior, log_density, posterior_of, prior_of
+from descentflow.generation.prediction.posterior import Prior, posterior_of, prior_of
 from descentflow.generation.prediction.predictor import DescentPredictor
 from descentflow.generation.prediction.summary import (
     actual_times,
     coverage,
-    level_occupancy,
-    occupancy_table,
     time_intervals,
 )
 from descentflow.generation.prediction.time_calibration import TimeCalibration
@@ -114,10 +111,10 @@ class Opaque(Density):
         super().__init__(dimension)
         self.hidden = GaussianDensity(dimension)
 
-    def log_prob(self, weights: Tensor) -> Tensor:
+    def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
         return self.hidden.log_prob(weights)
 
-    def draw(self, n: int, generator: torch.Generator) -> Tensor:
+    def draw(self, n: int, generator: torch.Generator, context: Tensor | None = None) -> Tensor:
         return self.hidden.draw(n, generator)
 
 
@@ -146,23 +143,6 @@ def test_a_density_that_excludes_the_flight_says_so() -> None:
         posterior.draw(100, torch.Generator().manual_seed(0))
 
 
-def test_log_density_of_a_mixture_is_torchs() -> None:
-    mixture = two_components()
-    truth = torch.distributions.MixtureSameFamily(
-        torch.distributions.Categorical(mixture.probs), MultivariateNormal(mixture.locs, scale_tril=mixture.scale_trils)
-    )
-    weights = normal(20, 3)
-    torch.testing.assert_close(log_density(mixture, weights), truth.log_prob(weights))
-
-
-def test_linear_curves_are_the_decoders() -> None:
-    decoder = toys.representation(200).decoder
-    curves, weights = linear_curves(decoder), normal(4, decoder.dimension)
-    u = torch.cat([weights, torch.zeros(4, curves.n_residual, dtype=torch.float64)], 1)
-    for found, expected in zip(curves.profiles(u), decoder.profiles(weights), strict=True):
-        torch.testing.assert_close(found, expected)
-
-
 def test_the_papers_iteration_cannot_predict() -> None:
     with pytest.raises(ConfigError, match="ppca"):
         linear_curves(toys.representation_of(4).decoder)
@@ -182,7 +162,7 @@ def trained() -> GaussianDensity:
 
 def encoded(n: int, seed: int) -> EncodedFlights:
     flights = toys.flights(n, seed=seed)
-    return EncodedFlights(flights, torch.zeros(n, 1), None)
+    return EncodedFlights(flights, torch.zeros(n, 1), torch.zeros(n, 0))
 
 
 def held(predictor: DescentPredictor, flights: Profiles) -> tuple[float, float]:
@@ -226,7 +206,7 @@ def test_predictions_repeat_and_refuse_what_they_cannot_use() -> None:
     with pytest.raises(DataError, match="one flight"):
         predictor.predict(real, 300)
     with pytest.raises(DataError, match="at least ten"):
-        predictor.calibrated(300, EncodedFlights(real, torch.zeros(3, 1), None))
+        predictor.calibrated(300, EncodedFlights(real, torch.zeros(3, 1), torch.zeros(3, 0)))
 
 
 def test_few_continuations_are_counted_and_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -245,27 +225,6 @@ def test_few_continuations_are_counted_and_refused(monkeypatch: pytest.MonkeyPat
         predictor.predict(real, 300, 500)
     descending = 50
     assert time_intervals([predictor.predict(real, 300, 60)])["continuations"].unique().to_list() == [50]
-
-
-def hand_made() -> Trajectories:
-    """Two descents on four levels: one from the top, a level every 10 s, one from the level below, every 20 s."""
-    time_s = torch.tensor([[30.0, 20.0, 10.0, 0.0], [40.0, 20.0, 0.0, -20.0]], dtype=torch.float64)
-    levels = torch.tensor([150.0, 151, 152, 153], dtype=torch.float64)
-    return Trajectories(levels, torch.tensor([3, 2]), time_s, *(torch.zeros_like(time_s) for _ in range(5)))
-
-
-def test_occupancy_of_two_descents_by_hand() -> None:
-    shares = level_occupancy(hand_made(), torch.tensor([0.0, 15.0, 25.0, 35.0, 41.0]))
-    expected = [[0, 0, 0.5, 0.5], [0, 0, 1, 0], [0, 1, 0, 0], [0, 0.5, 0, 0], [0, 0, 0, 0]]
-    torch.testing.assert_close(shares, torch.tensor(expected, dtype=torch.float64))
-
-
-def test_occupancy_table_sums_to_the_share_still_descending() -> None:
-    predictor, real = DescentPredictor(trained()), toys.flights(1, seed=1, gappy=False)
-    table = occupancy_table([predictor.predict(real, 300, 50)], 20.0)
-    sums = table.group_by("time_s").agg(pl.col("probability").sum()).sort("time_s")["probability"]
-    assert sums[0] == pytest.approx(1.0)
-    assert sums.round(12).is_sorted(descending=True)
 
 
 def fans(n: int, mean_s: Tensor, *, own_s: float) -> list[Trajectories]:

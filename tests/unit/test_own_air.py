@@ -13,12 +13,13 @@ from descentflow.air.level_air import LevelAir
 from descentflow.air.measured_air import measured_airs
 from descentflow.air.standard_air import in_standard_air
 from descentflow.core.errors import CheckpointError, ConfigError, DataError
-from descentflow.core.units import KT_MPS
+from descentflow.core.units import FL_M, KT_MPS
 from descentflow.exports.columns import COLUMNS
 from descentflow.exports.export import export
 from descentflow.generation.rejection import sample_descents
 from descentflow.generation.sample_airs import air_of_table, airs_of
 from descentflow.generation.sample_tables import UNITS
+from descentflow.representation.decoder.trajectories import integrate
 from descentflow.representation.own_air import flown_in
 from descentflow.representation.read_checkpoint import load_representation
 from descentflow.simulation.world_config import WorldConfig
@@ -69,7 +70,9 @@ def test_one_air_flies_as_the_decoder_does_with_it(checkpoint: Path) -> None:
     wind = torch.linspace(0, 30, len(levels), dtype=torch.float64)[None]
     air = LevelAir(LevelAir.uniform(levels, deviation_k=12.0).deviation_k, wind)
     found = flown_in(parts.decoder.aircraft, flown, air)
-    directly = parts.decoder(weights, deviation_k=12.0, wind_mps=wind)
+    drag_n, cas_mps = parts.decoder.curves(weights)
+    altitude_m, decoder = levels * FL_M, parts.decoder
+    directly = integrate(decoder.aircraft, levels, altitude_m, drag_n, cas_mps, flown.entry, None, 12.0, wind_mps=wind)
     torch.testing.assert_close(found.rate_mps, directly.rate_mps, rtol=1e-9, atol=0)
     torch.testing.assert_close(found.tas_mps, directly.tas_mps, rtol=1e-12, atol=0)
     # Between levels the ratio of both rates is taken as linear, also in the cell of the transition.

@@ -9,7 +9,7 @@ import torch
 import toys
 
 from descentflow.configs.packaged_config import config_file
-from descentflow.core.errors import ConfigError, DescentflowWarning
+from descentflow.core.errors import DescentflowWarning
 from descentflow.densities.checkpoint import load_model
 from descentflow.densities.flow import MaskedAffineFlowDensity
 from descentflow.representation.fit_representation import RepresentationSettings
@@ -19,7 +19,7 @@ from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.fit import fit
 from descentflow.training.splitting import SplitSettings
 from descentflow.training.training_settings import training_settings
-from studies.paper.study_plan import RECIPES, StudyPlan
+from studies.paper.study_plan import RECIPES
 
 
 @pytest.fixture(scope="module")
@@ -82,14 +82,6 @@ def test_the_experiment_is_the_recipe() -> None:
     assert whole.trainer == flow.trainer
     assert whole.data.items() >= (flow.data | RECIPES["paper"].data).items()
     assert training_settings("gmm_paper").model["extend"] is False
-
-
-def test_a_study_of_the_recipe_has_the_papers_models_alone() -> None:
-    assert StudyPlan({"A320": 100}, models=tuple(RECIPES["paper"].models), recipe="paper").recipe == "paper"
-    with pytest.raises(ConfigError, match="models spline"):
-        StudyPlan({"A320": 100}, models=("spline",), recipe="paper")
-    with pytest.raises(ConfigError, match="recipe 'secret'"):
-        StudyPlan({"A320": 100}, recipe="secret")
 
 
 def rough(n: int, seed: int = 0) -> tuple[torch.Tensor, torch.Tensor]:

@@ -13,7 +13,6 @@ from descentflow.representation.fit_representation import fit_residuals
 from descentflow.representation.residuals import NEIGHBOURS, ResidualLine, Residuals
 
 D, R, M = 3, 4, 200
-TRILS = torch.tensor([[[1.0, 0, 0], [0.5, 0.8, 0], [0.1, 0, 1]], [[0.6, 0, 0], [-0.2, 1.1, 0], [0, 0.3, 1]]]).double()
 
 
 def normal(*shape: int, seed: int = 0) -> Tensor:
@@ -44,13 +43,6 @@ def test_neighbours_show_the_levels_that_a_sample_flies() -> None:
     assert bool((found[:, 0] % 2 == 0).all())
     low = residuals(entry).draw(normal(500, D, seed=2), torch.full((500,), 20), torch.rand(500))
     assert 100 < int((low[:, 0] % 2 == 0).sum()) < 400
-
-
-def test_joint_precisions_are_inverse_to_the_roots_covariances() -> None:
-    line = ResidualLine(normal(R), normal(R, D), 0.3 + torch.rand(R).double())
-    roots = line.joint_roots(TRILS)
-    both = roots @ roots.mT @ line.joint_precisions(TRILS)
-    torch.testing.assert_close(both, torch.eye(D + R).double().expand(2, -1, -1), rtol=0, atol=1e-12)
 
 
 def test_a_known_line_is_found_again() -> None:

@@ -10,7 +10,6 @@ from descentflow.densities.flow import MaskedAffineFlowDensity, SplineFlowDensit
 from descentflow.densities.weight_draws import MixtureDraw
 from descentflow.exports.descent_graph import OFF_GRID, DescentGraph, SamplerGraph
 from descentflow.exports.graph_description import describe
-from descentflow.physics.level_table import level_rate
 from descentflow.representation.correction import Correction
 from descentflow.representation.representation import Representation
 
@@ -84,17 +83,6 @@ def test_levels_between_and_beyond_the_grid() -> None:
     assert found["broken"][:, -1].tolist() == [True, False, False, False, True, True]
     assert not bool(found["accepted"][[0, 4, 5]].any())
     assert float(found["level_fl"][~found["time_s"][2].isnan()].max()) == 250
-
-
-@pytest.mark.parametrize("dtype", [torch.float64, torch.float32])
-def test_the_rate_in_new_arrays_is_the_rate(dtype: torch.dtype) -> None:
-    grid = PARTS.decoder.grid(torch.zeros(1, dtype=dtype))
-    drag_n, cas_mps = PARTS.decoder.curves(torch.randn(N, D, dtype=dtype))
-    out = tuple(torch.empty_like(drag_n) for _ in range(4))
-    level_rate(grid.levels, drag_n, cas_mps, out=out)
-    rounding = 1e-12 if dtype is torch.float64 else 2e-5
-    for found, expected in zip(level_rate(grid.levels, drag_n, cas_mps), out, strict=True):
-        torch.testing.assert_close(found, expected, rtol=rounding, atol=0)
 
 
 def test_what_cannot_be_a_graph_is_refused() -> None:

@@ -8,7 +8,7 @@ import surveillance_toys
 import torch
 import toys
 
-from descentflow.core.errors import CheckpointError, DescentflowWarning
+from descentflow.core.errors import CheckpointError
 from descentflow.densities.checkpoint import content_of, load_model
 from descentflow.evaluation.evaluate import evaluate
 from descentflow.generation.prediction.predict import predict
@@ -111,16 +111,6 @@ def test_a_checkpoint_keeps_them(model: Gaussian, descents: Descents, tmp_path: 
     split = model.representation.split
     found = evaluate(tmp_path / "model.ckpt", renamed(descents), n=60, n_splits=1)
     assert found.n_seen == len(split.train) + len(split.validation)
-
-
-def test_a_checkpoint_of_before_says_what_it_cannot_know(model: Gaussian, descents: Descents, tmp_path: Path) -> None:
-    content = content_of(model.density)
-    del content["descentflow"]["representation"]["seen_flights"]
-    torch.save(content, tmp_path / "old.ckpt")
-    seen = len(model.representation.split.train) + len(model.representation.split.validation)
-    assert evaluate(tmp_path / "old.ckpt", descents, n=60, n_splits=1).n_seen == seen, "by their names, without a word"
-    with pytest.warns(DescentflowWarning, match=f"only the identifiers of the {seen} flights.*fit again"):
-        evaluate(tmp_path / "old.ckpt", renamed(descents), n=60, n_splits=1)
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,7 @@ import torch
 import toys
 
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
-from descentflow.representation.flight_parts import rest_is_test, top_level
 from descentflow.representation.plausibility import level_bounds
-from descentflow.representation.representation import Split
 from descentflow.training.data_settings import grouped, groups_of
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.splitting import SplitSettings, split_flights
@@ -104,22 +102,12 @@ def test_the_grid_ends_where_two_training_flights_are_left(
     assert torch.equal(every.representation.decoder.levels_fl, data.representation.decoder.levels_fl)
 
 
-def test_top_level_of_four_flights_is_the_highest() -> None:
-    profiles = toys.flights(4, gappy=True)
-    assert top_level(profiles) == int(profiles.levels_fl[profiles.entry_level.max()])
-
-
 def test_lower_bottom_and_other_mass(descents: Path) -> None:
     data = module(descents, bottom_fl=200, mass_kg=60_000.0)
     assert float(data.representation.decoder.levels_fl[0]) == 200
     assert data.representation.decoder.aircraft.mass_reference_kg == 60_000.0
     flown = data.representation.decoder(data.weights("test"))
     assert bool(flown.time_s[:, 0].isfinite().all())
-
-
-def test_flights_unknown_to_a_checkpoint_are_test_flights() -> None:
-    split = Split(("a", "b"), ("c",), ("d",))
-    assert rest_is_test(("a", "c", "d", "e"), split) == Split(("a",), ("c",), ("d", "e"))
 
 
 def test_a_bottom_below_the_descents_is_named(descents: Path) -> None:
@@ -190,8 +178,3 @@ def test_the_margin_about_the_training_flights_is_an_option(descents: Path, marg
     assert torch.equal(torch.stack([bounds.cas_low, bounds.cas_high]), torch.stack(level_bounds(
         train.cas_mps, train.mask, margin)))  # fmt: skip
     assert float(bounds.slowest_rate_mps) == pytest.approx((1 - margin) * float(train.rate_mps[train.mask].max()))
-
-
-def test_a_margin_must_be_positive(descents: Path) -> None:
-    with pytest.raises(ConfigError, match=r"margin = -0\.1; expected a finite number"):
-        module(descents, margin=-0.1)

@@ -84,8 +84,7 @@ class FreeTarget:
         entry = torch.from_numpy(np.minimum(index, len(self.up_to) - 1))
         white = torch.from_numpy(ndtri(uniform[:, 2 : 2 + d]))
         if isinstance(density, TransformedDensity):
-            rows = None if self.context is None else self.context.expand(len(uniform), -1)
-            weights = density.of_white(white, rows).double()
+            weights = density.of_white(white, self.context.expand(len(uniform), -1)).double()
         else:
             # Of any other density a number can be drawn by a seed alone.
             seeds = (uniform[:, 1] * 2**53).astype(np.int64).tolist()
@@ -172,7 +171,7 @@ def conditioned_target(request: Request, latent: LatentDensity, density: Density
         >>> from descentflow.generation.conditional.latent_density import latent_density
         >>> model = load_model("best.ckpt")
         >>> request = Request(180, (SpeedAsked("cas_kt", 50, 280.0, 280.0),))
-        >>> target = conditioned_target(request, latent_density(model, None), model)
+        >>> target = conditioned_target(request, latent_density(model), model)
         >>> proposed = target.propose(np.full((1, target.width), 0.4))
         >>> round(float(target.fly(proposed.u, proposed.entry).cas_mps[0, 50]) / KT_MPS, 6)  # kt
         280.0

@@ -9,6 +9,7 @@ from torch import Tensor
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M, KT_MPS, NM_M
+from descentflow.densities.mixture_parameters import NO_CONTEXT
 from descentflow.physics.airspeed import cas_to_mach, mach_to_cas_mps
 from descentflow.representation.profiles import Profiles
 
@@ -112,7 +113,7 @@ class Request:
     speeds: tuple[SpeedAsked, ...] = ()
     point: PointAsked | None = None
     key: tuple[tuple[str, str], ...] = ()
-    context: Tensor | None = None
+    context: Tensor = NO_CONTEXT
     flown: Profiles | None = None
     deviation_k: float = 0.0
 

@@ -152,7 +152,7 @@ def accepted(target: Target, seed: int, numbers: np.ndarray, judge: Judge) -> Ac
         >>> from descentflow.generation.conditional.constraints import Request
         >>> from descentflow.generation.conditional.latent_density import latent_density
         >>> model = load_model("best.ckpt")
-        >>> target = conditioned_target(Request(entry=180), latent_density(model, None), model)
+        >>> target = conditioned_target(Request(entry=180), latent_density(model), model)
         >>> found = accepted(target, 0, np.arange(50), judge_of(model.representation, 0, flown=False))
         >>> found.report.accepted, bool(model.representation.plausibility.broken_rules(found.flown).any())
         (50, False)

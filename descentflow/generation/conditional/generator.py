@@ -107,7 +107,7 @@ class Generator:
         self.transition_fl = self.decoder.transition_fl
         self._latent: dict[tuple[tuple[str, str], ...], LatentDensity] = {}
         if density.n_context == 0 and density.mixture is not None:
-            self._latent[()] = latent_density(density, None)
+            self._latent[()] = latent_density(density)
         self._targets: dict[tuple[Any, ...], ConditionedTarget | FreeTarget] = {}
 
     def __repr__(self) -> str:
@@ -197,7 +197,7 @@ class Generator:
         descents = corrected(self.representation, self.seed, found.flown, numbers)
         return GeneratedSamples(
             found.u[:, : self.decoder.dimension].clone(),
-            in_given_air(descents, torch.full((n,), request.deviation_k)) if request.deviation_k else descents,
+            in_given_air(descents, torch.full((n,), request.deviation_k)),
             found.report,
             contexts,
             origin=origin_of(self.density, self.seed),
@@ -209,22 +209,16 @@ class Generator:
 
     def _request(
         self, entry_fl: float | None, context: Mapping[str, Any] | pl.DataFrame | None, flown: FlownSoFar | None
-    ) -> tuple[Request, pl.DataFrame | None]:
+    ) -> tuple[Request, pl.DataFrame]:
         """Entry, context and what was flown."""
-        contexts = None
-        if context is not None or self.representation.context is not None:
-            contexts = context_rows(context, self.representation.context)
-        request = Request()
-        if contexts is not None and self.representation.context is not None:
-            if len(contexts) > 1:
-                raise ConfigError(
-                    f"{len(contexts)} contexts", expected="one for a call", mend="call once for each context"
-                )
-            row = contexts.row(0, named=True)
-            key = tuple((name, str(value)) for name, value in row.items())
-            encoded = self.representation.context.encode(contexts)
-            given = given_deviation_k(self.representation, encoded)
-            request = Request(key=key, context=encoded, deviation_k=0.0 if given is None else float(given[0]))
+        contexts = context_rows(context, self.representation.context)
+        if len(contexts) > 1:
+            raise ConfigError(f"{len(contexts)} contexts", expected="one for a call", mend="call once for each context")
+        key = tuple((name, str(contexts[name][0])) for name in contexts.columns)
+        encoded = self.representation.context.encode(contexts)
+        request = Request(
+            key=key, context=encoded, deviation_k=float(given_deviation_k(self.representation, encoded)[0])
+        )
         if flown is not None:
             if entry_fl is not None:
                 raise ConfigError("entry_fl beside what was flown", expected="one of them", mend="leave entry_fl out")

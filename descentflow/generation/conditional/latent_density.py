@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from descentflow.densities.density import Density
+from descentflow.densities.mixture_parameters import NO_CONTEXT
 from descentflow.generation.prediction.posterior import Prior, log_density, posterior_of, prior_of
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.linear_curves import LinearCurves, linear_curves
@@ -39,7 +40,7 @@ class LatentDensity:
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
-        >>> latent = latent_density(load_model("best.ckpt"), None)
+        >>> latent = latent_density(load_model("best.ckpt"))
         >>> offset, loadings = latent.cas
         >>> u = torch.randn(3, latent.means.shape[1]).double()
         >>> np.allclose(offset + u.numpy() @ loadings, latent.curves.profiles(u)[1])
@@ -85,7 +86,7 @@ class LatentDensity:
         return torch.where(ratio.isfinite(), ratio, -torch.inf).numpy()
 
 
-def latent_density(density: Density, context: Tensor | None, seed: int = 0) -> LatentDensity:
+def latent_density(density: Density, context: Tensor = NO_CONTEXT, seed: int = 0) -> LatentDensity:
     """The density before anything was flown.
 
     Args:
@@ -96,7 +97,7 @@ def latent_density(density: Density, context: Tensor | None, seed: int = 0) -> L
     Example:
         >>> from descentflow.densities.checkpoint import load_model
         >>> model = load_model("best.ckpt")
-        >>> decoder, latent = model.representation.decoder, latent_density(model, None)
+        >>> decoder, latent = model.representation.decoder, latent_density(model)
         >>> d = decoder.dimension
         >>> root = model.mixture.scale_trils[0].detach().numpy()  # of the weights
         >>> bool((latent.roots[0, :d, :d] == root).all()), latent.means.shape[1] == d + decoder.residuals.n_numbers
@@ -114,9 +115,7 @@ def latent_density(density: Density, context: Tensor | None, seed: int = 0) -> L
     )
 
 
-def latent_density_after(
-    density: Density, context: Tensor | None, seed: int, flown: Profiles, noise: float
-) -> LatentDensity:
+def latent_density_after(density: Density, context: Tensor, seed: int, flown: Profiles, noise: float) -> LatentDensity:
     """The density after one flight has flown some levels.
 
     Args:

@@ -70,7 +70,7 @@ class PointCondition:
         >>> from descentflow.generation.conditional.latent_density import latent_density
         >>> from descentflow.generation.conditional.speed_conditions import Rows, conditions
         >>> model = load_model("best.ckpt")
-        >>> decoder, latent = model.representation.decoder, latent_density(model, None)
+        >>> decoder, latent = model.representation.decoder, latent_density(model)
         >>> u = np.zeros_like(latent.means)
         >>> free = conditions(latent.log_probs, latent.means, latent.roots, Rows(u[:, None][:, :0], *[u[:, :0]] * 3))
         >>> request = Request(180, point=PointAsked("time_s", 400.0, 400.0, (160.0, 160.0)))

@@ -8,7 +8,7 @@ from torch import Tensor
 from descentflow.core.errors import SamplingError
 from descentflow.densities.density import Density
 from descentflow.densities.em import fit_mixture
-from descentflow.densities.mixture_parameters import Mixture
+from descentflow.densities.mixture_parameters import NO_CONTEXT, Mixture
 from descentflow.representation.residuals import ResidualLine
 
 PROPOSAL_DRAWS, PROPOSAL_COMPONENTS, WIDER = 4000, 4, 1.3
@@ -30,7 +30,7 @@ class Prior:
     mixture: Mixture
     exact: Density | None
     """None where the mixture is the density itself."""
-    context: Tensor | None = None
+    context: Tensor = NO_CONTEXT
     """Context of the exact density, (1, c)."""
     residual: ResidualLine | None = None
     """Of the residual numbers given the weights; standard normals where it is None."""
@@ -39,12 +39,10 @@ class Prior:
         """Log density (n,) of the exact density at weights (n, d)."""
         if self.exact is None:
             return log_density(self.mixture, weights)
-        if self.context is None:
-            return self.exact.log_prob(weights).double()
         return self.exact.log_prob(weights, self.context).double()
 
 
-def prior_of(density: Density, seed: int = 0, context: Tensor | None = None) -> Prior:
+def prior_of(density: Density, seed: int = 0, context: Tensor = NO_CONTEXT) -> Prior:
     """Take a density apart for conditioning; a conditional one is first given its context (1, c).
 
     A Gaussian and a mixture of Gaussians are themselves. Anything else is approximated by a mixture fitted to its
@@ -59,7 +57,7 @@ def prior_of(density: Density, seed: int = 0, context: Tensor | None = None) -> 
     line = residuals.line if residuals.n_numbers else None
     if mixture is not None:
         plain = Mixture(*(v.detach() for v in (mixture.probs, mixture.locs, mixture.scale_trils)))
-        return Prior(plain, None, residual=line)
+        return Prior(plain, None, context, line)
     draws = density.sample(PROPOSAL_DRAWS, seed, context)
     draws = draws[draws.isfinite().all(1)]
     fitted, _ = fit_mixture(draws, PROPOSAL_COMPONENTS, seed=seed, n_restarts=2)

@@ -10,6 +10,7 @@ from torch import Tensor
 from descentflow.core.counter_random import seed_for_name
 from descentflow.core.errors import DataError, SamplingError
 from descentflow.densities.density import Density
+from descentflow.densities.mixture_parameters import NO_CONTEXT
 from descentflow.generation.given_temperature import given_deviation_k, in_given_air
 from descentflow.generation.prediction.posterior import Prior, posterior_of, prior_of
 from descentflow.generation.prediction.time_calibration import Control, TimeCalibration
@@ -86,13 +87,13 @@ class DescentPredictor:
         self.density, self.seed = density, seed
         self._priors: dict[tuple[float, ...], Prior] = {}
         if density.n_context == 0:
-            self._prior(None)
+            self._prior(NO_CONTEXT)
         self.calibration = calibration
         self.control: Control | None = None
 
-    def _prior(self, context: Tensor | None) -> Prior:
+    def _prior(self, context: Tensor) -> Prior:
         """The prior given a context (1, c), made once for each context: a flow's proposal takes part of a second."""
-        key = () if context is None else tuple(context.flatten().tolist())
+        key = tuple(context.flatten().tolist())
         if key not in self._priors:
             self._priors[key] = prior_of(self.density, self.seed, context)
         return self._priors[key]
@@ -137,7 +138,7 @@ class DescentPredictor:
         return found
 
     def predict(
-        self, flight: Profiles, from_fl: float, n: int = 500, seed: int = 0, *, context: Tensor | None = None
+        self, flight: Profiles, from_fl: float, n: int = 500, seed: int = 0, *, context: Tensor = NO_CONTEXT
     ) -> Continuations:
         """Continue one flight from a level down to the lowest of the grid.
 
@@ -170,9 +171,7 @@ class DescentPredictor:
                 expected=f"{MIN_CONTINUATIONS} at least, of a flight not unlike those trained on",
                 mend="ask for more continuations, check the flight's rows, or train on flights like it",
             )
-        given = given_deviation_k(self.representation, context)
-        if given is not None:
-            flown = in_given_air(flown, given.expand(len(flown)))
+        flown = in_given_air(flown, given_deviation_k(self.representation, context).expand(len(flown)))
         flown, noise_s = flown.subset(good), torch.zeros(len(flown.levels_fl), dtype=torch.float64)
         if self.calibration is not None and abs(int(flown.entry[0]) - self.calibration.last) <= NEAR_LEVELS:
             flown, noise_s = self.calibration.applied(flown, observed_at(flight, int(flown.entry[0]))[0])

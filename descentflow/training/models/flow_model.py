@@ -51,7 +51,7 @@ class _Flow(LatentModel[F], ABC):
         Where weights are not known, of each flight some are drawn given what was observed, under a Gaussian wider than
         the flow: others in every epoch, and each counts by its importance (:mod:`descentflow.densities.importance`).
         """
-        evidence, context = batch[0], batch[1] if len(batch) > 1 else None
+        evidence, context = batch
         if evidence.known:
             loss = self.nll(batch)
         else:
@@ -75,13 +75,11 @@ class _Flow(LatentModel[F], ABC):
 
         ``val/effective`` is the mean share of effective draws behind the estimates; one where weights are known.
         """
-        evidence, context = batch[0], batch[1] if len(batch) > 1 else None
+        evidence, context = batch
         if evidence.known:
             log_prob = self.log_observed(*batch)
         else:
-            found = self.density.estimate_observed(
-                evidence, context, gaussian=self._proposing(), n_draws=VALIDATION_DRAWS
-            )
+            found = self.density.estimate_observed(evidence, context, self._proposing(), VALIDATION_DRAWS)
             log_prob = found.log_prob
             self.log("val/effective", found.effective.mean(), on_epoch=True, sync_dist=True, batch_size=len(evidence))
         self.log("val/nll", -log_prob.mean(), prog_bar=True, on_epoch=True, sync_dist=True, batch_size=len(log_prob))
@@ -103,10 +101,8 @@ class _Flow(LatentModel[F], ABC):
     def _proposing(self) -> Mixture:
         """The wide Gaussian of the training flights, made once."""
         if self._wide is None:
-            if self.density.whitened:
-                self._wide = self.density.wide_gaussian()
-            else:
-                self._wide = widened(one_gaussian(*training_flights(self)))
+            gaussian = self.density.base_gaussian() if self.density.whitened else one_gaussian(*training_flights(self))
+            self._wide = widened(gaussian)
         return self._wide
 
     def on_validation_epoch_end(self) -> None:
@@ -130,8 +126,7 @@ class _Flow(LatentModel[F], ABC):
         evidence, context = training_flights(self)
         if self.density.whitened and not self._restored:
             one = one_gaussian(evidence, context)
-            slope = evidence.points.new_zeros(self.density.dimension, 0) if one.slopes is None else one.slopes[0]
-            self.density.whiten(one.locs[0], slope, one.scale_trils[0])
+            self.density.whiten(one.locs[0], one.slopes[0], one.scale_trils[0])
         # Built-in floats: the optimizer's state keeps them, and a checkpoint holds primitives only.
         decay = float(self.steps.weight_decay + self.steps.shrinkage / len(evidence))
         few = self.density.whitened and len(evidence) < FEWEST_FLIGHTS * self.density.dimension

@@ -4,9 +4,9 @@ import torch
 from jsonargparse.typing import ClosedUnitInterval, NonNegativeFloat
 
 from descentflow.core.arguments import checked_arguments
+from descentflow.densities.em_steps import RIDGE
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.one_gaussian import one_gaussian
-from descentflow.densities.regression_steps import RIDGE
 from descentflow.training.models.latent_model import Batch, LatentModel, training_flights
 from descentflow.training.models.optimizers import ClosedForm
 
@@ -55,7 +55,7 @@ class Gaussian(LatentModel[GaussianDensity]):
     def _maximise(self) -> None:
         evidence, context = training_flights(self)
         self.density.mixture = one_gaussian(evidence, context, ridge=self.ridge, jitter=self.jitter)
-        train = self.log_observed(evidence) if context is None else self.log_observed(evidence, context)
+        train = self.log_observed(evidence, context)
         self.log("train/nll", -train.mean(), on_epoch=True, on_step=False, sync_dist=True, batch_size=len(evidence))
 
     def configure_optimizers(self) -> torch.optim.Optimizer:

@@ -33,8 +33,8 @@ TRAINING = "training"
 """Key of a checkpoint under which the fit's seed is kept, and whether it had stopped."""
 PRECISIONS = ("32-true", "64-true")
 """Of Lightning's trainer, in which all models train."""
-Batch = tuple[Evidence] | tuple[Evidence, Tensor]
-"""Observed part of some flights, and their encoded context (n, c) where the density takes one."""
+Batch = tuple[Evidence, Tensor]
+"""Observed part of some flights, and their encoded context (n, c)."""
 
 
 class LatentModel(LightningModule, InNotebook, ABC, Generic[D]):
@@ -106,7 +106,7 @@ class LatentModel(LightningModule, InNotebook, ABC, Generic[D]):
 
     def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
         """Log density (n,) of standardised weights (n, d), in nats, at context (n, c) if it takes one."""
-        return self.density.log_prob(weights) if context is None else self.density.log_prob(weights, context)
+        return self.density.log_prob(weights, context)
 
     def sample(self, n: int, seed: int, context: Tensor | None = None) -> Tensor:
         """Draw (n, d) standardised weights, the same for the same seed."""
@@ -199,7 +199,7 @@ class LatentModel(LightningModule, InNotebook, ABC, Generic[D]):
         ]
         if self.final is not None:
             lines.append(f"sampled: the final fit, to {self.final.representation.split.describe()}")
-        if parts.context is not None:
+        if parts.n_context:
             lines.append(f"conditioned on {parts.context.describe()}")
         return "\n".join(lines)
 
@@ -348,7 +348,7 @@ def check_precision(trainer: Trainer) -> None:
         )
 
 
-def training_flights(model: LatentModel[Any]) -> tuple[Evidence, Tensor | None]:
+def training_flights(model: LatentModel[Any]) -> tuple[Evidence, Tensor]:
     """Evidence of all training flights, and their context if the density takes one, on the model's device.
 
     Example:
@@ -365,8 +365,7 @@ def training_flights(model: LatentModel[Any]) -> tuple[Evidence, Tensor | None]:
     """
     data = data_of(model.trainer)
     evidence = data.evidence("train").to(model.device)
-    context = data.contexts("train") if model.density.n_context else None
-    return evidence, None if context is None else context.to(evidence.points)
+    return evidence, data.contexts("train").to(evidence.points)
 
 
 def _primitive(value: Any) -> Any:

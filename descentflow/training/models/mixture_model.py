@@ -12,7 +12,7 @@ from torch import Tensor
 from descentflow.core.arguments import checked_arguments
 from descentflow.core.progress import stage
 from descentflow.densities.component_search import FLIGHTS_PER_PARAMETER, Criterion, select_mixture
-from descentflow.densities.em import best_start, fit_mixture, steps_of
+from descentflow.densities.em import best_start, fit_mixture
 from descentflow.densities.em_steps import Steps
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
@@ -91,29 +91,28 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
 
     def _initialise(self) -> None:
         """Choose the number of mixture components and the starting point from the training flights."""
-        weights, context = self._training_weights()
-        starts = {"seed": self.seed, "n_restarts": self.n_restarts}
-        options: dict[str, Any] = {"context": context, "prior_flights": self.prior_flights, **starts}
+        steps = self._training_steps()
+        starts: dict[str, Any] = {"seed": self.seed, "n_restarts": self.n_restarts}
         chosen = self._chosen
         if self.n_clusters is not None:
-            best = fit_mixture(weights, self.n_clusters, **options)[0]
+            best = fit_mixture(steps, self.n_clusters, **starts)[0]
         else:
             with self._progress("number of components") as show:
                 selection = select_mixture(
-                    weights, progress=show, extend=self.extend, criterion=self.criterion, only=chosen, **options
+                    steps, progress=show, extend=self.extend, criterion=self.criterion, only=chosen, **starts
                 )
             best = selection.mixture
             if chosen is None:
                 self._say(selection.values, best.n_components, selection.cap_binds)
         if self.training_method == "svi":
-            best = best_start(weights, best.n_components, **options)
+            best = best_start(steps, best.n_components, **starts)
         self.density.mixture = best
 
-    def _training_weights(self) -> tuple[Tensor, Tensor | None]:
-        """Weights of the training flights, drawn given what was observed of each, and their context."""
+    def _training_steps(self) -> Steps:
+        """The steps of EM for weights of the training flights, drawn given what was observed of each."""
         evidence, context = training_flights(self)
         self._gaussian = one_gaussian(evidence, context)
-        return drawn_weights(self._gaussian, evidence, self.seed, context), context
+        return Steps(drawn_weights(self._gaussian, evidence, self.seed, context), context, self.prior_flights)
 
     @contextmanager
     def _progress(self, what: str) -> Iterator[Callable[[int], None]]:
@@ -136,9 +135,9 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         if self.training_method == "svi":
             if self._gaussian is None:
                 self._gaussian = one_gaussian(*training_flights(self))
-            weights = drawn_weights(self._gaussian, batch[0], self.seed_of_batch(batch_index), *batch[1:])
+            weights = drawn_weights(self._gaussian, batch[0], self.seed_of_batch(batch_index), batch[1])
             with self.converging():
-                loss = self.density.negative_elbo(weights, *batch[1:]) / len(weights)
+                loss = self.density.negative_elbo(weights, batch[1]) / len(weights)
             self.log("train/nll", loss, on_epoch=True, on_step=False, sync_dist=True, batch_size=len(weights))
             return loss
         if self.trainer.is_last_batch:
@@ -148,7 +147,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
     @torch.no_grad()
     def _em_step(self) -> None:
         if self._steps is None:
-            self._steps = steps_of(*self._training_weights(), self.prior_flights)
+            self._steps = self._training_steps()
         improved, before = self._steps.improve(self.density.mixture)
         self.density.mixture = improved
         after = float(self._steps.expectation(self.density.mixture)[1])

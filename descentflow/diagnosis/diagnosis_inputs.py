@@ -208,7 +208,7 @@ class Inputs:
         density, path = as_density(self.simulator), next(iter(paths_of(self.simulator)), None)
         parts, name = density.representation, type(density).__name__ if path is None else path.name
         simulator = Simulator(parts.decoder.aircraft, name, model=density, path=path)
-        if parts.context is not None:
+        if parts.n_context:
             # What flights were given is not among what is compared.
             raise ConfigError(
                 "a simulator that is given a context", expected="one that is not", mend="fit it without data.context"
@@ -392,8 +392,6 @@ def _own_flights(real: pl.DataFrame, name: str, parts: "Representation") -> dict
     Recognised by aircraft and time: flights of a simulator that flew the same traffic again are not the real ones,
     though both may have the same identifiers.
     """
-    if parts.seen is None:
-        return {}
     count, total = len(parts.seen.among(real)), real["flight_id"].n_unique()
     if 2 * count > total:
         warn(

@@ -83,7 +83,7 @@ def input_of_model(simulator: Simulator, parts: "Representation") -> InputUsed:
     from descentflow.representation.read_checkpoint import SECTION
 
     provenance, seen, content = parts.provenance, parts.seen, simulator.content()
-    first, last = (None, None) if seen is None else seen.training_days()
+    first, last = seen.training_days()
     version = content.get(SECTION, {}).get("version")
     tensors = {name: value for name, value in content.get("state_dict", {}).items() if isinstance(value, Tensor)}
     digest = hashlib.sha256()
@@ -95,7 +95,7 @@ def input_of_model(simulator: Simulator, parts: "Representation") -> InputUsed:
         kind="checkpoint",
         typecodes=[str(name) for name in provenance.get("typecodes") or [simulator.aircraft.typecode]],
         flights=len(parts.split.train),
-        aircraft=None if seen is None else seen.training_aircraft(),
+        aircraft=seen.training_aircraft(),
         first=first,
         last=last,
         version=version if isinstance(version, str) else None,

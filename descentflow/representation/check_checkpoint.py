@@ -11,55 +11,23 @@ from descentflow.core.errors import CheckpointError
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.plausibility import Plausibility
 
-PARTS: dict[str, tuple[type, ...]] = {
-    "model": (str,),
-    "settings": (dict,),
-    "representation": (dict,),
-    "version": (str,),
-}
-"""Parts of a checkpoint's section, and their types."""
-OF_REPRESENTATION: dict[str, tuple[type, ...]] = {
-    "decoder": (dict,),
-    "plausibility": (dict,),
-    "split": (dict,),
-    "provenance": (dict,),
-    "gaps": (str,),
-    "reference": (dict, type(None)),
-    "context": (list,),
-    "cleaning": (dict, type(None)),
-    "air": (dict, type(None)),
-    "seen_flights": (dict, type(None)),
-}
-"""The same of its representation; the last five may be absent."""
-OF_A_CONTEXT_COLUMN: dict[str, tuple[type, ...]] = {
-    "name": (str,),
-    "kind": (str,),
-    "mean": (float, int),
-    "scale": (float, int),
-    "values": (list, tuple),
-    "indicator": (bool,),
-    "low": (float, int, type(None)),
-    "high": (float, int, type(None)),
-}
-"""The same of a column of its context; the last two may be absent."""
 OF_SCALE = ("thrust_n", "force_n", "cas_mps", "growth_per_mps")
+"""Tensors of the scale of drag."""
+TEXTS = ("model", "version", "representation.gaps")
 DICTIONARIES = (
-    "decoder.aircraft",
-    "decoder.drag_scale",
-    "decoder.drag_basis",
-    "decoder.cas_basis",
-    "decoder.residuals",
+    "settings",
+    *(f"representation.{name}" for name in ("decoder", "plausibility", "split", "provenance")),
+    *(f"representation.decoder.{name}" for name in ("aircraft", "drag_scale", "drag_basis", "cas_basis", "residuals")),
 )
 TENSORS = (
-    "decoder.levels_fl",
-    "decoder.weight_mean",
-    "decoder.weight_scale",
-    *(f"{DICTIONARIES[1]}.{name}" for name in OF_SCALE),
-    *(f"{basis}.{name}" for basis in DICTIONARIES[2:4] for name in ("mean", "components")),
-    *(f"{DICTIONARIES[4]}.{name}" for name in ("drag", "speed", "weights", "numbers", "entry")),
+    *(f"representation.decoder.{name}" for name in ("levels_fl", "weight_mean", "weight_scale")),
+    *(f"representation.decoder.drag_scale.{name}" for name in OF_SCALE),
+    *(f"representation.decoder.{basis}_basis.{name}" for basis in ("drag", "cas") for name in ("mean", "components")),
+    *(f"representation.decoder.residuals.{name}" for name in ("drag", "speed", "weights", "numbers", "entry")),
 )
-"""Tensors of the scale of drag; places of the representation that are dictionaries, and tensors."""
-MAY_BE_ABSENT = ("reference", "context", "cleaning", "air", "seen_flights", "low", "high")
+"""Places of a checkpoint's section that are text, dictionaries and tensors."""
+MAY_BE_ABSENT = {"reference": dict, "context": list, "cleaning": dict, "air": dict, "seen_flights": dict}
+"""Parts of a representation that it need not have, and their types."""
 MAY_HAVE_GAPS = "reference"
 """Measurements of flights: not a number on unobserved levels."""
 MEND = "take the file as `descentflow fit` wrote it, or fit again"
@@ -86,25 +54,23 @@ def check_section(section: dict[str, Any], state_dict: Any) -> None:
         Traceback (most recent call last):
         descentflow.core.errors.CheckpointError: decoder.levels_fl holds 1 that is no finite number; ...
     """
-    _check_types(section, PARTS, "section")
+    kinds: tuple[tuple[tuple[str, ...], type], ...] = ((TEXTS, str), (DICTIONARIES, dict), (TENSORS, Tensor))
+    for places, kind in kinds:
+        for place in places:
+            _check_type(_at(section, place), kind, place)
     representation = section["representation"]
-    _check_types(representation, OF_REPRESENTATION, "representation")
-    _check_known(representation, OF_REPRESENTATION, "the representation")
+    needed = {"gaps", *(place.split(".")[1] for place in DICTIONARIES[1:5])}
+    if unknown := representation.keys() - needed - MAY_BE_ABSENT.keys():
+        names = ", ".join(map(repr, sorted(map(str, unknown))))
+        raise _wrong(f"the representation has {names}", ", ".join([*sorted(needed), *MAY_BE_ABSENT]))
+    for part, of_part in MAY_BE_ABSENT.items():
+        if representation.get(part) is not None:
+            _check_type(representation[part], of_part, part)
     types = representation["provenance"].get("typecodes", [])
     if not isinstance(types, list | tuple) or not all(isinstance(one, str) for one in types):
         raise _wrong("typecodes of the provenance are no texts", "the types that the descents are of")
-    for column in representation.get("context", []):
-        if not isinstance(column, dict):
-            raise _wrong(f"a context column is of type {type(column).__name__}", "dictionaries")
-        _check_types(column, OF_A_CONTEXT_COLUMN, "context column")
-        _check_known(column, OF_A_CONTEXT_COLUMN, "a context column")
-    bounds = tuple(f"plausibility.{name}" for name in representation["plausibility"])
-    _check_version(representation["decoder"])
-    for places, kind, name in ((DICTIONARIES, dict, "dictionary"), ((*TENSORS, *bounds), Tensor, "tensor")):
-        for place in places:
-            found = _at(representation, place)
-            if not isinstance(found, kind):
-                raise _wrong(f"{place} is of type {type(found).__name__}", f"a {name}")
+    for name, bound in representation["plausibility"].items():
+        _check_type(bound, Tensor, f"plausibility.{name}")
     if not isinstance(state_dict, dict) or not all(isinstance(value, Tensor) for value in state_dict.values()):
         raise _wrong("state_dict is no dictionary of tensors", "the parameters of the model")
     kept = {name: value for name, value in representation.items() if name != MAY_HAVE_GAPS}
@@ -158,27 +124,9 @@ def check_flies(decoder: DescentDecoder, plausibility: Plausibility) -> None:
         raise _wrong("the decoder does not fly the mean weights", "bases on one grid of levels")
 
 
-def _check_types(section: Any, kinds: dict[str, tuple[type, ...]], name: str) -> None:
-    for part, kind in kinds.items():
-        if part not in section:
-            if part not in MAY_BE_ABSENT:
-                raise _wrong(f"no {part} in the {name}", "all that a checkpoint of descentflow holds")
-        elif not isinstance(section[part], kind) or (isinstance(section[part], bool) and bool not in kind):
-            expected = " or ".join(one.__name__ for one in kind)
-            raise _wrong(f"{part} of the {name} is of type {type(section[part]).__name__}", expected)
-
-
-def _check_version(decoder: Any) -> None:
-    """Refuse a decoder of earlier versions: on another scale of drag, or without its flights' residuals."""
-    parts = decoder if isinstance(decoder, dict) else {}
-    if "unit_n" not in (parts.get("drag_scale") or {}) or "residuals" not in parts:
-        raise _wrong("a model of an earlier version", "decoder.drag_scale with a unit_n, and decoder.residuals")
-
-
-def _check_known(section: dict[str, Any], kinds: dict[str, tuple[type, ...]], name: str) -> None:
-    """Refuse parts that are not known: another version meant something by them."""
-    if unknown := section.keys() - kinds.keys():
-        raise _wrong(f"{name} has {', '.join(map(repr, sorted(map(str, unknown))))}", ", ".join(kinds))
+def _check_type(found: Any, kind: type, place: str) -> None:
+    if not isinstance(found, kind):
+        raise _wrong(f"{place} is of type {type(found).__name__}", f"a {kind.__name__}")
 
 
 def _at(tree: dict[str, Any], place: str) -> Any:

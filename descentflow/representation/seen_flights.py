@@ -162,6 +162,15 @@ class SeenFlights:
         return cls(address, part, level, time)
 
 
+NO_FLIGHTS = SeenFlights(
+    torch.zeros(0, dtype=torch.long),
+    torch.zeros(0, dtype=torch.long),
+    torch.zeros(0, N_MARKS, dtype=torch.long),
+    torch.zeros(0, N_MARKS, dtype=torch.float64),
+)
+"""Of models that were fitted to none."""
+
+
 def address_number(text: str) -> int:
     """A number for an aircraft's address: the same for every spelling of a 24-bit one.
 

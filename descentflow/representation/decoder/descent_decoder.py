@@ -6,7 +6,6 @@ import torch
 from torch import Tensor, nn
 
 from descentflow.aircraft_types.registry import aircraft_from_state
-from descentflow.core.tensors import Number
 from descentflow.core.units import FL_M
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.decoder.flight_grid import FlightGrid, flight_grid
@@ -30,9 +29,6 @@ class DescentDecoder(nn.Module):
         >>> flown = decoder(model.sample(100, seed=0), entry=torch.full((100,), 150))
         >>> flown.time_s[:, 0].shape  # seconds from entry to the lowest level
         torch.Size([100])
-        >>> hot = decoder(model.sample(100, seed=0), entry=torch.full((100,), 150), deviation_k=10.0)
-        >>> bool((hot.tas_mps > flown.tas_mps)[flown.mask].all())
-        True
     """
 
     levels_fl: Tensor
@@ -148,60 +144,34 @@ class DescentDecoder(nn.Module):
         """Drag in N and CAS, each (n, L), of profiles that are linear in weights."""
         return self.drag_scale.drag_n(drag_on_scale, cas_mps), cas_mps
 
-    def fly(self, profiles: tuple[Tensor, ...], entry: Tensor) -> Trajectories:
+    def fly(self, profiles: tuple[Tensor, ...], entry: Tensor, out: Trajectories | None = None) -> Trajectories:
         """Fly profiles (n, L) that are linear in weights, see :meth:`profiles`, at the own mass in standard air."""
         drag_n, cas_mps = self.flown(*profiles)
         grid = self.grid(drag_n)
-        return integrate(self.aircraft, self.levels_fl, grid.altitude_m, drag_n, cas_mps, entry, grid=grid)
+        return integrate(self.aircraft, self.levels_fl, grid.altitude_m, drag_n, cas_mps, entry, out=out, grid=grid)
 
     def forward(
         self,
         weights: Tensor,
         entry: Tensor | None = None,
-        mass_kg: Number | None = None,
-        deviation_k: Number = 0.0,
-        aircraft: PerformanceModel | None = None,
         *,
-        wind_mps: Tensor | None = None,
-        exact_energy_share: bool = False,
         out: Trajectories | None = None,
         residual: Tensor | None = None,
     ) -> Trajectories:
-        """Fly weights (n, d) from their entry levels, in the weights' precision.
+        """Fly weights (n, d) from their entry levels at the own mass in standard air, in the weights' precision.
+
+        Other air is that of :func:`descentflow.representation.own_air.flown_in`; other masses and coefficients are
+        arguments of :func:`descentflow.representation.decoder.trajectories.integrate`.
 
         Args:
             weights: (n, d) standardised weights.
             entry: (n,) index of the entry level; the top of the grid if absent.
-            mass_kg: Mass, () or (n, 1); the reference mass if absent.
-            deviation_k: ISA temperature deviation.
-            aircraft: Other coefficients, for instance tensors to differentiate by.
-            wind_mps: (L,) or (n, L) along-track wind on the grid, positive from behind.
-            exact_energy_share: Use the energy share factor of the CAS profile itself instead of BADA's; see
-                :func:`descentflow.representation.decoder.trajectories.integrate`.
             out: Descents of the same shape whose arrays may take the result.
             residual: (n, r + s) residual numbers; without them the components fly alone.
         """
-        drag_n, cas_mps = self.curves(weights, residual)
         if entry is None:
             entry = torch.full((len(weights),), len(self.levels_fl) - 1, device=weights.device)
-        own = aircraft is None and mass_kg is None and not isinstance(deviation_k, Tensor) and deviation_k == 0.0
-        grid = self.grid(weights) if own else None
-        altitude_m = (self.levels_fl * FL_M).to(weights) if grid is None else grid.altitude_m
-        flown = aircraft if aircraft is not None else self.aircraft
-        return integrate(
-            flown,
-            self.levels_fl,
-            altitude_m,
-            drag_n,
-            cas_mps,
-            entry,
-            mass_kg,
-            deviation_k,
-            wind_mps=wind_mps,
-            exact_energy_share=exact_energy_share,
-            out=out,
-            grid=grid,
-        )
+        return self.fly(self.profiles(weights, residual), entry, out)
 
     def to_state(self) -> dict[str, Any]:
         """Tensors and primitives from which :meth:`from_state` rebuilds the decoder."""

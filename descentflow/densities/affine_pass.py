@@ -40,7 +40,7 @@ class AffinePass:
         >>> from descentflow.densities.flow import MaskedAffineFlowDensity
         >>> flows, weights = MaskedAffineFlowDensity(dimension=3, n_flows=2).flow, torch.randn(4, 3)
         >>> affine, maps = [turned.flow for turned in flows.flows[::2]], list(flows.flows[1::2])
-        >>> torch.allclose(AffinePass(affine, maps)(weights)[0], flows.inverse(weights), atol=1e-6)
+        >>> torch.allclose(AffinePass(affine, maps)(weights, torch.empty(4, 0))[0], flows.inverse(weights), atol=1e-6)
         True
     """
 

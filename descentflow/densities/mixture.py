@@ -116,9 +116,8 @@ class GaussianMixtureDensity(Density):
         # In the parameters that an optimizer holds, where shapes allow.
         if len(self.program.probs) != mixture.n_components:
             self.program = MixtureProgram(mixture.n_components, self.dimension, self.n_context).to(self.device)
-        self.program.probs = mixture.probs
-        self.program.locs, self.program.scale_trils = mixture.locs, mixture.scale_trils
-        self.program.slopes, self.program.gate = mixture.slopes, mixture.gate
+        for name in ("probs", "locs", "scale_trils", "slopes", "gate"):
+            setattr(self.program, name, getattr(mixture, name).double())
 
     def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
         """Log density (n,) of weights (n, d) at context (n, c): the program's, the component summed out."""

@@ -49,7 +49,7 @@ class GroundPlan:
 
 
 class Ground(TypedDict, total=False):
-    """Where descents are flown, by the arguments of :func:`ground_plan`."""
+    """Arguments of :func:`ground_plan`: where descents are flown."""
 
     end: Point | None
     track: float | None

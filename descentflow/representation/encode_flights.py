@@ -24,13 +24,13 @@ FEW = 100
 
 @dataclass(frozen=True)
 class EncodedFlights:
-    """n flights: profiles on the grid, standardised weights (n, d) and encoded context (n, c) or None.
+    """n flights: profiles on the grid, standardised weights (n, d) and encoded context (n, c).
 
     Example:
         >>> from descentflow.representation.read_checkpoint import load_representation
         >>> flights = encode_flights(pl.read_parquet("descents.parquet"), load_representation("best.ckpt"))["test"]
         >>> len(flights), len(flights.subset([0, 3]).weights), flights.context.shape[1]
-        (24, 2, True)
+        (24, 2, 0)
     """
 
     profiles: Profiles
@@ -125,8 +125,8 @@ def encode_parts(
         profiles: Flights.
         split: Which flight is in which part.
         decoder: Whose components the weights are of.
-        table: Context, one row for each flight; None without an encoder.
-        encoder: Of the context; None for a density without one.
+        table: Context, one row for each flight.
+        encoder: Of the context, without columns for a density without one.
         say: Called with a line for each column of context that some flights lack: they are left out.
 
     Example:
@@ -134,7 +134,7 @@ def encode_parts(
         >>> known = load_representation("best.ckpt")
         >>> low, high = int(known.decoder.levels_fl[0]), int(known.decoder.levels_fl[-1])
         >>> flights = profiles_from_frame(pl.read_parquet("descents.parquet"), known.decoder.aircraft, low, high)
-        >>> parts = encode_parts(flights, known.split, known.decoder, None, None, print)
+        >>> parts = encode_parts(flights, known.split, known.decoder, pl.DataFrame({"flight_id": flights.flight_ids}), known.context, print)
         >>> parts["validation"].weights.shape[0]
         10
     """

@@ -61,17 +61,17 @@ class ShuffledByEpoch(DistributedSampler[int]):
 def flight_batches(
     evidence: Evidence, context: Tensor, batch_size: int = 512, *, shuffle: bool = False
 ) -> DataLoader[Any]:
-    """A DataLoader of batches ``(evidence,)``, or ``(evidence, context)`` where there is a context.
+    """A DataLoader of batches ``(evidence, context)``.
 
     Args:
         evidence: Of n flights.
-        context: (n, c) encoded context, if there is one.
+        context: (n, c) encoded context.
         batch_size: Flights in a batch.
         shuffle: In another order in every epoch, by torch's seed when this is called; each of several processes takes
             its part. Otherwise each goes through all flights.
 
     Example:
-        >>> (first,), (second,) = flight_batches(Evidence.of_weights(torch.randn(30, 4)), batch_size=20)
+        >>> (first, _), (second, _) = flight_batches(Evidence.of_weights(torch.randn(30, 4)), torch.empty(30, 0), batch_size=20)
         >>> len(first), len(second)
         (20, 10)
     """

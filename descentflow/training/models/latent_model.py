@@ -349,7 +349,7 @@ def check_precision(trainer: Trainer) -> None:
 
 
 def training_flights(model: LatentModel[Any]) -> tuple[Evidence, Tensor]:
-    """Evidence of all training flights, and their context if the density takes one, on the model's device.
+    """Evidence of all training flights, and their context, on the model's device.
 
     Example:
         >>> from lightning.pytorch import Trainer
@@ -360,8 +360,8 @@ def training_flights(model: LatentModel[Any]) -> tuple[Evidence, Tensor]:
         >>> model.attach(data.representation)
         >>> model.trainer = Trainer(accelerator="cpu", logger=False)
         >>> model.trainer.datamodule = data
-        >>> len(training_flights(model)[0]), training_flights(model)[1] is None
-        (86, True)
+        >>> len(training_flights(model)[0]), training_flights(model)[1].shape[1]
+        (86, 0)
     """
     data = data_of(model.trainer)
     evidence = data.evidence("train").to(model.device)

@@ -24,13 +24,13 @@ COMMANDS = {
     "predict": "log-likelihood of each held-out flight (the smaller, the less usual the descent)",
     "info": "what a checkpoint holds: aircraft, levels, flights, context, score",
     "sample": "draw plausible descents from a checkpoint",
-    "predict-descent": "the rest of a descent from its first part: time to each level, occupancy of levels",
+    "predict-descent": "the rest of a descent from its first part: time to each level",
     "export": "samples, or the model, in the format of another program",
     "evaluate": "scores of a checkpoint against the descents of any prepared file",
     "diagnose": "where a simulator and real descents differ, and which unmodelled effect causes it",
     "repair": "coefficients of a type that agree with real descents, as TOML, BADA 3 and other files",
 }
-OUTPUTS = ("out", "report", "figures", "figure", "truth", "continuations", "occupancy")
+OUTPUTS = ("out", "report", "figures", "figure", "truth", "continuations")
 """Options of commands that name what is written."""
 QUIET = "--quiet"
 """Option of every command: no progress on stderr."""

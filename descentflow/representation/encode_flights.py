@@ -134,7 +134,8 @@ def encode_parts(
         >>> known = load_representation("best.ckpt")
         >>> low, high = int(known.decoder.levels_fl[0]), int(known.decoder.levels_fl[-1])
         >>> flights = profiles_from_frame(pl.read_parquet("descents.parquet"), known.decoder.aircraft, low, high)
-        >>> parts = encode_parts(flights, known.split, known.decoder, pl.DataFrame({"flight_id": flights.flight_ids}), known.context, print)
+        >>> table = pl.DataFrame({"flight_id": flights.flight_ids})
+        >>> parts = encode_parts(flights, known.split, known.decoder, table, known.context, print)
         >>> parts["validation"].weights.shape[0]
         10
     """

@@ -71,7 +71,8 @@ def flight_batches(
             its part. Otherwise each goes through all flights.
 
     Example:
-        >>> (first, _), (second, _) = flight_batches(Evidence.of_weights(torch.randn(30, 4)), torch.empty(30, 0), batch_size=20)
+        >>> weights = Evidence.of_weights(torch.randn(30, 4))
+        >>> (first, _), (second, _) = flight_batches(weights, torch.empty(30, 0), batch_size=20)
         >>> len(first), len(second)
         (20, 10)
     """

@@ -50,24 +50,9 @@ def test_as_scipy(n: int, m: int, ties: bool) -> None:
     assert_as_scipy(level_distances(*first, *second), first, second)
 
 
-def test_an_empty_level_and_one_value() -> None:
-    first, second = draw(40, 0), draw(30, 1)
-    first[1][:, 2] = False
-    second[1][:, 3] = False
-    second[1][1:, 4], second[1][0, 4] = False, True
-    assert_as_scipy(level_distances(*first, *second), first, second)
-
-
 @pytest.mark.parametrize("bad", [torch.nan, torch.inf])
 def test_an_observed_value_must_be_finite(bad: float) -> None:
     first, second = draw(5, 0), draw(5, 1)
     first[0][0, 0], first[1][0, 0] = bad, True
     with pytest.raises(DataError, match="not finite"):
         level_distances(*first, *second)
-
-
-@pytest.mark.parametrize(("n", "m", "n_levels"), [(0, 3, 2), (0, 0, 2), (3, 4, 0)])
-def test_nothing_to_compare(n: int, m: int, n_levels: int) -> None:
-    found = level_distances(*draw(n, 0, n_levels=n_levels), *draw(m, 1, n_levels=n_levels))
-    assert found["ks"].shape == (n_levels,)
-    assert bool(found["wasserstein"].isnan().all())

@@ -127,24 +127,6 @@ def test_encode_then_decode_returns_complete_flights() -> None:
         assert float(lost) < 2e-3
 
 
-@pytest.mark.parametrize("n", [30, 200])
-def test_components_of_cas_explain_95_percent_at_every_number_of_flights(n: int) -> None:
-    def of_cas(**options: float) -> int:
-        train = toys.flights(n, gappy=False)
-        parts = toys.fit_representation(train, toys.AIRCRAFT, toys.Split((), (), ()), RepresentationSettings(**options))
-        return parts.decoder.cas_basis.n_components
-
-    assert of_cas() == of_cas(cas_explained_variance=0.95) < of_cas(cas_explained_variance=0.999)
-
-
-def test_decoder_state_round_trips() -> None:
-    decoder = toys.representation(60).decoder
-    copy = type(decoder).from_state(decoder.to_state())
-    weights = torch.randn(5, decoder.dimension, dtype=torch.float64)
-    assert torch.equal(copy(weights).time_s, decoder(weights).time_s)
-    assert copy.aircraft == decoder.aircraft
-
-
 @pytest.mark.parametrize("engine", ["jet", "turboprop", "piston"])
 @pytest.mark.parametrize("deviation_k", [-15.0, 0.0, 20.0])
 def test_the_decoder_gives_the_numbers_of_the_equations_in_their_own_order(engine: str, deviation_k: float) -> None:

@@ -1,20 +1,15 @@
-"""The decoder's options: wind, exact energy share, reuse of memory, chunks."""
+"""The decoder's options: wind and the exact energy share."""
 
 from dataclasses import replace
 
 import pytest
 import torch
 import toys
-from plain_descents import plain_descents
 from torch import Tensor
-from torch.utils._python_dispatch import TorchDispatchMode
 
-from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import FL_M, KT_MPS
 from descentflow.physics.atmosphere import isa_fraction
-from descentflow.representation.decoder import flight_grid as flight_grid_module
-from descentflow.representation.decoder import trajectories as trajectories_module
 from descentflow.representation.decoder.trajectories import Trajectories, integrate
 
 LEVELS = torch.arange(150, 371, dtype=torch.float64)
@@ -164,72 +159,3 @@ def assert_same(found: Trajectories, wanted: dict[str, Tensor]) -> None:
     for name in wanted:
         # The same equations in another order and fused multiply-adds: a few units in the last place.
         torch.testing.assert_close(getattr(found, name), wanted[name], rtol=1e-11, atol=1e-9)
-
-
-def test_reused_arrays_take_the_result() -> None:
-    real = toys.flights(300)
-    arguments = (toys.AIRCRAFT, LEVELS, ALTITUDE_M, real.drag_n, real.cas_mps, real.entry_level)
-    earlier = integrate(*arguments[:3], 1.1 * real.drag_n, real.cas_mps, real.entry_level)
-    flown = integrate(*arguments, out=earlier)
-    assert flown.time_s.data_ptr() == earlier.time_s.data_ptr()
-    assert_same(flown, plain_descents(toys.AIRCRAFT, *arguments[2:]))
-
-
-class LargeArrays(TorchDispatchMode):
-    """Counts new arrays of at least ``size`` values; views and results written in place are not new."""
-
-    def __init__(self, size: int) -> None:
-        super().__init__()
-        self.size, self.found = size, 0
-
-    def __torch_dispatch__(self, func, types, args=(), kwargs=None):  # type: ignore[no-untyped-def]
-        result = func(*args, **(kwargs or {}))
-        large = isinstance(result, Tensor) and result.numel() >= self.size
-        self.found += large and not _shares(result, args, kwargs)
-        return result
-
-
-def _shares(result: Tensor, args: tuple[object, ...], kwargs: dict[str, object] | None) -> bool:
-    given = [value for value in (*args, *(kwargs or {}).values()) if isinstance(value, Tensor)]
-    return any(result.untyped_storage().data_ptr() == one.untyped_storage().data_ptr() for one in given)
-
-
-def test_memory_beside_the_result_is_in_proportion_to_the_chunk(monkeypatch: pytest.MonkeyPatch) -> None:
-    """However large the batch, only the four arrays of the result are as large; with reuse there is none."""
-    monkeypatch.setattr(trajectories_module, "CHUNK_VALUES", 4 * len(LEVELS))
-    real = toys.flights(200)
-    arguments = (toys.AIRCRAFT, LEVELS, ALTITUDE_M, real.drag_n, real.cas_mps, real.entry_level)
-    # Five levels' worth for every descent: more than a chunk's arrays or the jumps' columns, less than the batch.
-    with LargeArrays(5 * len(LEVELS)) as made:
-        flown = integrate(*arguments)
-    assert made.found == 4
-    with LargeArrays(5 * len(LEVELS)) as made:
-        integrate(*arguments, out=flown)
-    assert made.found == 0
-
-
-@pytest.mark.parametrize("dtype", [torch.float64, torch.float32])
-def test_tables_kept_by_the_decoder_give_the_numbers_of_tables_made_anew(dtype: torch.dtype) -> None:
-    decoder = toys.representation(100).decoder
-    weights = torch.randn(20, decoder.dimension, dtype=torch.float64).to(dtype)
-    drag_n, cas_mps = decoder.curves(weights)
-    entry = torch.full((20,), len(decoder.levels_fl) - 1)
-
-    def anew(aircraft: Bada3Aircraft) -> Trajectories:
-        altitude_m = (decoder.levels_fl * FL_M).to(dtype)
-        return integrate(aircraft, decoder.levels_fl, altitude_m, drag_n, cas_mps, entry)
-
-    for mass_kg in (decoder.aircraft.mass_reference_kg, 60_000.0):
-        decoder.aircraft = replace(decoder.aircraft, mass_reference_kg=mass_kg)
-        for name in ("time_s", "mach", "tas_mps", "rate_mps"):
-            assert torch.equal(getattr(decoder(weights), name), getattr(anew(decoder.aircraft), name))
-
-
-def test_nothing_of_the_levels_is_computed_again_at_the_next_draw(monkeypatch: pytest.MonkeyPatch) -> None:
-    decoder = toys.representation(100).decoder
-    mean = torch.zeros(1, decoder.dimension, dtype=torch.float64)
-    decoder(mean)
-    for module in (flight_grid_module, trajectories_module):
-        for name in ("rate_breaks", "level_table", "flight_grid"):
-            monkeypatch.delattr(module, name, raising=False)
-    assert bool(decoder(mean).time_s[0, 0] > 0)

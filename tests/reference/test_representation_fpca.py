@@ -125,12 +125,6 @@ def test_the_mean_is_that_of_all_flights_where_slow_ones_show_no_top() -> None:
     torch.testing.assert_close(found, torch.stack([values[:, 0].mean(), expected]), rtol=0, atol=1e-3)
 
 
-def test_mean_divides_by_the_observed_count() -> None:
-    values = torch.tensor([[1.0, 5.0], [3.0, 0.0]])
-    mask = torch.tensor([[True, True], [True, False]])
-    torch.testing.assert_close(ppca.observed_mean(values, mask), torch.tensor([2.0, 5.0]))
-
-
 @pytest.mark.parametrize("method", ["ppca", "iterative"])
 def test_values_at_missing_levels_are_not_read(method: Method) -> None:
     values = curves(100)
@@ -138,14 +132,6 @@ def test_values_at_missing_levels_are_not_read(method: Method) -> None:
     poisoned = torch.where(mask, values, torch.nan)
     clean, dirty = (fit_components(v, mask, SPACING_M, 0.9, method) for v in (values, poisoned))
     torch.testing.assert_close(clean.encode(values, mask), dirty.encode(poisoned, mask))
-
-
-def test_latent_dimension_grows_until_the_share_is_explained() -> None:
-    values = torch.randn(400, 60, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
-    mask = top_gaps(400, 60)
-    basis = fit_components(values, mask, SPACING_M, 0.9, latent_dimension=4)
-    assert float(basis.explained_variance.sum()) >= 0.9
-    assert basis.n_components > 4
 
 
 @pytest.mark.parametrize(

@@ -55,16 +55,6 @@ def test_brakes_are_out_on_their_share_of_the_flights_and_wholly(flown: Trajecto
     assert torch.equal(again.rate_mps, after.rate_mps)
 
 
-def test_two_effects_take_flights_independently(flown: Trajectories) -> None:
-    of_low = Correction({"speed_brake": [0.3, 170.0, 200.0, 0.5, 0.0, 0.0, 0.0, 0.0]}, 57e3).apply(
-        open_aircraft("A320"), flown
-    )
-    of_path = Correction({"temperature": [0.0], "geometric_path": [0.5, 0.1, 0.0]}, 57e3)
-    first = (of_low.rate_mps / flown.rate_mps - 1).abs().amax(1) > 0.01
-    second = (of_path.apply(open_aircraft("A320"), flown).rate_mps / flown.rate_mps - 1).abs().amax(1) > 0.01
-    assert float((first & second).float().mean()) == pytest.approx(0.25, abs=4 * math.sqrt(0.1875 / N))
-
-
 PARTIAL = Correction({"speed_brake": [0.3, 200.0, 250.0, 0.6, 0.0, 0.0, 0.0, 0.0]}, 57e3)
 
 
@@ -96,18 +86,6 @@ def test_the_same_flights_are_taken_in_batches_of_any_size(flown: Trajectories, 
         for first in range(0, len(some), size)
     ]
     assert torch.equal(torch.cat(parts), whole)
-
-
-def test_another_seed_takes_other_flights(flown: Trajectories) -> None:
-    first, second = taken(flown, DrawNumbers(seed=1)), taken(flown, DrawNumbers(seed=2))
-    # Of independent draws, 0.36 are taken in both.
-    assert float((first & second).float().mean()) == pytest.approx(0.36, abs=4 * math.sqrt(0.36 * 0.64 / N))
-
-
-def test_a_negative_seed_draws_as_the_generators_of_torch_number_it() -> None:
-    same = DrawNumbers(torch.Generator().manual_seed(-1).initial_seed())
-    assert torch.equal(DrawNumbers(-1).uniform(9, 0), same.uniform(9, 0))
-    assert not torch.equal(DrawNumbers(-1).uniform(9, 0), DrawNumbers(1).uniform(9, 0))
 
 
 def test_the_numbers_of_draws_are_those_of_the_correction() -> None:
@@ -144,15 +122,6 @@ def test_each_flight_of_a_law_has_its_own_path_or_window(flown: Trajectories) ->
     assert float(middle.std()) == pytest.approx(10.0, abs=3.0)
     assert 205 < float(middle.mean()) < 235
     assert n > 1000
-
-
-def test_own_windows_are_the_same_in_batches_of_any_size(flown: Trajectories) -> None:
-    whole = OWN.apply(open_aircraft("A320"), flown, DrawNumbers(seed=7)).rate_mps
-    parts = [
-        OWN.apply(open_aircraft("A320"), flown.subset(torch.arange(first, first + 500)), DrawNumbers(7, first)).rate_mps
-        for first in range(0, N, 500)
-    ]
-    torch.testing.assert_close(torch.cat(parts), whole, rtol=1e-6, atol=1e-6)
 
 
 def test_a_held_path_is_a_constant_angle_whatever_else_changes_the_rate(flown: Trajectories) -> None:

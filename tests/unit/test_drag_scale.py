@@ -14,7 +14,6 @@ from descentflow.core.errors import CheckpointError
 from descentflow.core.units import FL_M, KT_MPS
 from descentflow.densities.checkpoint import load_model
 from descentflow.densities.gaussian import GaussianDensity
-from descentflow.evaluation.figures.components import components_figure
 from descentflow.physics.airspeed import cas_to_mach, cas_to_tas_mps, mach_to_cas_mps
 from descentflow.representation.decoder.trajectories import integrate
 from descentflow.representation.drag_scale import LEAST_FORCE, DragScale, fit_drag_scale
@@ -177,11 +176,3 @@ def test_a_checkpoint_keeps_the_scale_and_one_of_before_says_to_fit_again(tmp_pa
         torch.save(content, tmp_path / "wrong.ckpt")
         with pytest.raises(CheckpointError, match=message):
             load_model(tmp_path / "wrong.ckpt")
-
-
-def test_the_figure_of_components_is_in_kilonewtons() -> None:
-    decoder = parts(toys.flights(100)).decoder
-    figure = components_figure(decoder.drag_basis, decoder.cas_basis, decoder.levels_fl, decoder.drag_scale)
-    mean = next(line for line in figure.axes[0].lines if line.get_label() == "mean").get_xdata()
-    expected = toys.flights(100).drag_n.mean() / 1000
-    assert abs(float(mean.mean()) - float(expected)) < 0.1 * float(expected)

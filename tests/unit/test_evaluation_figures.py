@@ -11,7 +11,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from descentflow.core.errors import DataError
 from descentflow.core.units import KT_MPS
 from descentflow.evaluation.figures.components import components_figure, weight_deviations
 from descentflow.evaluation.figures.level_cuts import cuts_figure
@@ -81,11 +80,6 @@ def test_what_stands_at_missing_levels_is_not_drawn() -> None:
             np.testing.assert_array_equal(first.get_xdata(), second.get_xdata())
 
 
-def test_profiles_need_a_flight() -> None:
-    with pytest.raises(DataError, match="no held-out flight"):
-        profiles_figure(flights(40).subset(torch.arange(0)), {}, nominal())
-
-
 def test_distances_are_those_of_the_scores() -> None:
     samples, real = flights(60, 1), flights(50)
     table = score(samples, real, 290.0, seed=3, n_splits=4)
@@ -109,12 +103,6 @@ def test_densities_and_distribution_functions() -> None:
     np.testing.assert_allclose(steps.get_xdata()[1:], (real.cas_mps[there, 140] / KT_MPS).sort().values, rtol=1e-12)
     assert axes[1, 1].get_xlabel() == "CAS at FL290 (kt)"
     assert line(axes[1, 1], "nominal BADA").get_xdata()[0] == pytest.approx(float(nominal().cas_mps[0, 140]) / KT_MPS)
-
-
-def test_cuts_need_one_grid() -> None:
-    other = DescentSet.of_profiles(toys.flights(10, bottom_fl=160))
-    with pytest.raises(DataError, match="a on another grid"):
-        cuts_figure(flights(40), {"a": other}, nominal(), 290.0)
 
 
 def test_acceptance_accounts_for_every_draw() -> None:

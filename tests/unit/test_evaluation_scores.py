@@ -103,11 +103,3 @@ def test_progress_counts_every_comparison() -> None:
     calls: list[int] = []
     score(flights(20, 1), flights(20), 290.0, n_splits=4, progress=calls.append)
     assert sum(calls) == 12
-
-
-def test_by_level_the_table_agrees_with_its_rows() -> None:
-    table = score(flights(60, 1), flights(60), 290.0)
-    levels = next(one for one in table.levels if (one.quantity, one.statistic) == ("cas", "ks"))
-    below = float(levels.score[levels.levels_fl <= 290].mean())
-    assert below == pytest.approx(table.get("cas_below_transition", "ks").score, rel=1e-12)
-    assert len(levels.score) == 21

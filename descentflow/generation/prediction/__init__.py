@@ -1,4 +1,4 @@
-"""The rest of a descent, given its first part: time intervals and occupancy of levels.
+"""The rest of a descent, given its first part: time intervals.
 
 Reading order: :mod:`~descentflow.generation.prediction.predict` (what a user calls),
 :mod:`~descentflow.generation.prediction.predictor` (one flight), :mod:`~descentflow.generation.prediction.posterior`.

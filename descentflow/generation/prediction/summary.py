@@ -1,4 +1,4 @@
-"""Summary of a prediction for controllers' tools: intervals of the time to each level, and occupancy of levels."""
+"""Summary of a prediction for controllers' tools: intervals of the time to each level."""
 
 from collections.abc import Sequence
 from statistics import NormalDist

@@ -143,16 +143,6 @@ def test_files_of_samples_say_where_they_come_from(run: Path, tmp_path: Path) ->
             assert abs((datetime.now(UTC) - made).total_seconds()) < 600
 
 
-def test_evaluate_leaves_out_what_was_trained_on(run: Path, descents: Path, tmp_path: Path, capsys) -> None:
-    checkpoint = str(run / "checkpoints" / "best.ckpt")
-    assert main(["evaluate", checkpoint, "--real", str(descents), "--out", str(tmp_path / "old"), "-n", "300"]) == 0
-    assert "60 held-out flights (240 left out" in capsys.readouterr().out
-    other = toys.write_descents_file(tmp_path / "new.parquet", 80, seed=9)
-    assert main(["evaluate", checkpoint, "--real", str(other), "--out", str(tmp_path / "new"), "-n", "300"]) == 0
-    assert "80 held-out flights (0 left out" in capsys.readouterr().out
-    assert {p.name for p in (tmp_path / "new").iterdir()} >= {"scores.csv", "rejections.json", "profiles.png"}
-
-
 def test_predict_descent_writes_intervals(run: Path, descents: Path, tmp_path: Path, capsys) -> None:
     words = ["predict-descent", str(run / "checkpoints" / "best.ckpt"), str(descents), "--from-fl", "290", "-n", "60"]
     assert main([*words, "--out", str(tmp_path / "p.parquet")]) == 0

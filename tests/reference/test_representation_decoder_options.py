@@ -155,7 +155,3 @@ def test_gradients_with_respect_to_every_coefficient(engine: str, exact: bool) -
     assert torch.autograd.gradcheck(outputs, factors, eps=1e-6, atol=1e-5, rtol=1e-5)
 
 
-def assert_same(found: Trajectories, wanted: dict[str, Tensor]) -> None:
-    for name in wanted:
-        # The same equations in another order and fused multiply-adds: a few units in the last place.
-        torch.testing.assert_close(getattr(found, name), wanted[name], rtol=1e-11, atol=1e-9)

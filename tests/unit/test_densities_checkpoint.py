@@ -13,15 +13,12 @@ from lightning.pytorch import Trainer
 
 from descentflow.core.errors import CheckpointError, ConfigError
 from descentflow.densities import (
-    Density,
     GaussianDensity,
-    GaussianMixtureDensity,
     MaskedAffineFlowDensity,
     SplineFlowDensity,
 )
 from descentflow.densities.checkpoint import as_density, content_of, load_model
 from descentflow.generation.rejection import sample_descents
-from descentflow.representation.read_checkpoint import load_representation, read_checkpoint
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
 
 DIMENSION = 4
@@ -76,14 +73,6 @@ def unfitted(name: str, folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("name", ["flow", "spline"])
-def test_loading_leaves_the_callers_generator_as_it_was(name: str, tmp_path: Path) -> None:
-    path = unfitted(name, tmp_path)
-    before = torch.random.get_rng_state()
-    load_model(path)
-    assert torch.equal(torch.random.get_rng_state(), before)
-
-
-@pytest.mark.parametrize("name", ["flow", "spline"])
 def test_draws_are_the_same_under_another_default_precision(name: str, tmp_path: Path) -> None:
     path = unfitted(name, tmp_path)
     single = load_model(path).sample(50, seed=1)
@@ -92,15 +81,6 @@ def test_draws_are_the_same_under_another_default_precision(name: str, tmp_path:
         assert torch.equal(load_model(path).sample(50, seed=1), single)
     finally:
         torch.set_default_dtype(torch.float32)
-
-
-def test_no_model_goes_on_as_another(tmp_path: Path) -> None:
-    _, path = saved("gaussian", tmp_path)
-    content = read_checkpoint(path)
-    flow = SplineFlow(n_flows=2)
-    flow.attach(load_representation(path))
-    with pytest.raises(CheckpointError, match=r"of a Gaussian, where the options ask for a SplineFlow.*config"):
-        flow.on_load_checkpoint(content)
 
 
 class Payload:
@@ -230,34 +210,6 @@ def test_no_file(tmp_path: Path) -> None:
         load_model(tmp_path)
     with pytest.raises(CheckpointError, match=r"is a folder.* pass .*version_0/checkpoints/best.ckpt"):
         load_model(tmp_path / "version_0")
-
-
-@pytest.mark.parametrize(
-    ("density", "settings", "name"),
-    [
-        (GaussianDensity(4), {}, "scale_tril"),
-        (GaussianMixtureDensity(4, n_clusters=2), {"n_clusters": 2}, "program.scale_trils_unconstrained"),
-        (
-            MaskedAffineFlowDensity(4, n_flows=1),
-            {"n_flows": 1, "hidden_per_weight": 2},
-            "flow.flows.0.flow.autoregressive_net.final_layer.weight",
-        ),
-        (
-            SplineFlowDensity(4, n_flows=1),
-            {"n_flows": 1, "hidden": 32, "n_bins": 8},
-            "flow.flows.0.mprqat.autoregressive_net.final_layer.weight",
-        ),
-    ],
-)
-def test_checkpoints_from_before_contexts_still_load(density: Density, settings: dict[str, int], name: str) -> None:
-    """A density without a context, not whitened: the settings and parameters that format 2 has always had."""
-    density.attach(toys.representation_of(4))
-    content = content_of(density)
-    assert content["descentflow"]["format"] == 2
-    assert content["descentflow"]["settings"] == settings
-    assert "context" not in content["descentflow"]["representation"]
-    assert f"_density.{name}" in content["state_dict"]
-    assert not any("slope" in key or "correlation" in key for key in content["state_dict"])
 
 
 @pytest.mark.parametrize("model", [None, 3, [], Gaussian, torch.nn.Linear(2, 2)])

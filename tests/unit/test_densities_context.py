@@ -15,7 +15,6 @@ from descentflow.core.errors import ConfigError
 from descentflow.densities.checkpoint import content_of, load_model
 from descentflow.densities.em import fit_mixture
 from descentflow.densities.em_steps import Steps
-from descentflow.densities.flow import ContextNet, MaskedAffineFlowDensity, SplineFlowDensity
 from descentflow.densities.mixture_parameters import Mixture, n_parameters
 from descentflow.generation.prediction.posterior import log_density, posterior_of, prior_of
 from descentflow.generation.rejection import sample_descents
@@ -201,45 +200,6 @@ def test_flow_log_density_is_the_jacobians(name: str) -> None:
         assert float(density.log_prob(row[None], known[None]).detach()) == pytest.approx(
             float(expected.detach()), abs=1e-8
         )
-
-
-@pytest.mark.parametrize("name", ["flow", "spline"])
-def test_flow_inverts_itself_given_the_context(name: str) -> None:
-    density = deepcopy(trained(name).density).double()
-    weights, context = two_regimes(64, 12)
-    with torch.no_grad():
-        z = density.flow.inverse(weights, context)
-        torch.testing.assert_close(density.flow.forward(z, context), weights, rtol=1e-7, atol=1e-7)
-
-
-def test_every_weight_sees_all_context_and_only_the_weights_before_it() -> None:
-    net = ContextNet(D, C, 24, 2, residual=False).double()
-    weights, context = normal(1, D), normal(1, C, seed=1)
-    by_weight, by_context = torch.autograd.functional.jacobian(net, (weights, context))
-    by_weight = by_weight.reshape(D, 2, D).abs().sum(1)
-    assert bool((by_weight.triu() == 0).all())
-    assert bool((by_context.reshape(D, 2, C).abs().sum(1) > 0).all()), "the first weight, too"
-
-
-@pytest.mark.parametrize(
-    "density",
-    [
-        MaskedAffineFlowDensity(D, n_context=C, whitened=True),
-        SplineFlowDensity(D, n_context=C, whitened=True),
-        MaskedAffineFlowDensity(D, whitened=True),
-        SplineFlowDensity(D, whitened=True),
-    ],
-)
-def test_untrained_flow_is_its_gaussian(density: MaskedAffineFlowDensity) -> None:
-    weights, context = linear(200, 3)
-    slope = torch.zeros(D, density.n_context, dtype=torch.float64) + 0.5
-    factor = torch.tensor([[1, 0, 0], [0.5, 0.7, 0], [-0.3, 0.2, 2]], dtype=torch.float64)
-    density.whiten(torch.ones(D), slope, factor)
-    given = (context,) if density.n_context else ()
-    loc = 1 + context @ slope.T if density.n_context else torch.ones(D, dtype=torch.float64)
-    expected = torch.distributions.MultivariateNormal(loc, scale_tril=factor).log_prob(weights)
-    with torch.no_grad():
-        torch.testing.assert_close(density.log_prob(weights, *given).double(), expected, rtol=1e-4, atol=1e-4)
 
 
 @pytest.mark.parametrize("name", KINDS)

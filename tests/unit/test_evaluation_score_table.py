@@ -4,7 +4,6 @@ from dataclasses import replace
 from math import isnan
 from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
 
@@ -12,7 +11,7 @@ from descentflow.core.units import KT_MPS
 from descentflow.evaluation.evaluation_report import verdict
 from descentflow.evaluation.metrics.classifier import Detection
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.evaluation.metrics.noise_floor import MIN_VALUES, split_distances
+from descentflow.evaluation.metrics.noise_floor import MIN_VALUES
 from descentflow.evaluation.metrics.score_table import Score, ScoreTable
 from descentflow.evaluation.metrics.scores import score
 
@@ -58,15 +57,6 @@ def test_the_worst_level_is_found() -> None:
     for statistic in ("ks", "wasserstein", "mae"):
         assert table.get("cas_below_transition", statistic).worst_fl == 203
     assert isnan(table.get("time_to_bottom_of_descent", "ks").worst_fl)
-
-
-def test_columns_are_means_and_a_percentile_over_the_halvings() -> None:
-    samples, real = plain(40, 1), plain(30)
-    row = score(samples, real, 205.0, seed=4, n_splits=9).get("cas_below_transition", "wasserstein")
-    sets = [(s.cas_mps[:, :6] / KT_MPS, s.mask[:, :6]) for s in (samples, real)]
-    same, floor = (found["wasserstein"].mean(1).numpy() for found in split_distances(*sets, seed=4, n_splits=9))
-    expected = [same.mean(), floor.mean(), np.percentile(floor, 95)]
-    assert [row.equal_size, row.floor, row.floor_high] == pytest.approx(expected, rel=1e-12)
 
 
 def test_nominal_is_compared_with_what_was_observed() -> None:

@@ -11,7 +11,6 @@ import toys
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.evaluation.metrics.noise_floor import matched_size, split_distances
 from descentflow.evaluation.metrics.scores import score
 
 
@@ -22,16 +21,6 @@ def flights(n: int, seed: int = 0) -> DescentSet:
 
 def faster(descents: DescentSet, knots: float) -> DescentSet:
     return replace(descents, cas_mps=descents.cas_mps + knots * KT_MPS)
-
-
-def test_the_two_sets_of_a_split_are_disjoint_and_equally_large() -> None:
-    values = torch.arange(10, dtype=torch.float64)[:, None]
-    samples, real = (values + 100, values >= 0), (values, values >= 0)
-    _, floor = split_distances(samples, real, n_splits=30)
-    assert matched_size(samples, real) == 5
-    # Two halves of 0..9 have the sum 45, so their means of five differ by an odd number of fifths: never by zero.
-    assert float(floor["mae"].min()) >= 0.2 - 1e-12
-    assert set(floor.n_first.flatten().tolist()) == {5}
 
 
 def test_a_shift_stands_above_the_floor() -> None:
@@ -97,9 +86,3 @@ def test_refusals() -> None:
         score(real, real, 290.0, n_splits=0)
     with pytest.raises(ConfigError, match="nan"):
         score(real, real, nan)
-
-
-def test_progress_counts_every_comparison() -> None:
-    calls: list[int] = []
-    score(flights(20, 1), flights(20), 290.0, n_splits=4, progress=calls.append)
-    assert sum(calls) == 12

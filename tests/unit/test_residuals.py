@@ -4,12 +4,10 @@ import numpy as np
 import torch
 import toys
 from scipy.spatial import cKDTree
-from scipy.stats import kstest
 from torch import Tensor
 
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.generation.rejection import sample_descents
-from descentflow.representation.fit_representation import fit_residuals
 from descentflow.representation.residuals import NEIGHBOURS, ResidualLine, Residuals
 
 D, R, M = 3, 4, 200
@@ -37,14 +35,6 @@ def test_numbers_are_those_of_the_nearest_flights_as_scipy_finds_them() -> None:
     assert torch.equal(held.draw(weights[7:8], torch.zeros(1), uniform[7:8]), found[7:8]), "alone as among others"
 
 
-def test_neighbours_show_the_levels_that_a_sample_flies() -> None:
-    entry = torch.where(torch.arange(M) % 2 == 0, 100, 20)
-    found = residuals(entry).draw(normal(500, D, seed=2), torch.full((500,), 100), torch.rand(500))
-    assert bool((found[:, 0] % 2 == 0).all())
-    low = residuals(entry).draw(normal(500, D, seed=2), torch.full((500,), 20), torch.rand(500))
-    assert 100 < int((low[:, 0] % 2 == 0).sum()) < 400
-
-
 def test_a_known_line_is_found_again() -> None:
     """Of 20,000 flights a slope is known to 0.7 % of the spread; five standard errors, of R (D + 2) numbers."""
     line, weights = (
@@ -55,19 +45,6 @@ def test_a_known_line_is_found_again() -> None:
     found = ResidualLine.fitted(weights, numbers)
     for mine, known in zip(vars(found).values(), vars(line).values(), strict=True):
         assert float((mine - known).abs().max()) < 5 * 2.0 / 20_000**0.5
-
-
-def test_numbers_of_training_flights_are_standard_normal_where_they_show_nothing() -> None:
-    """Flights drawn of the decoder with standard normal numbers, half of them without their upper half.
-
-    Kolmogorov-Smirnov of all numbers together; one right estimate in 10,000 fails.
-    """
-    decoder = toys.representation(400).decoder
-    flights = toys.flights(400, gappy=False)
-    flights.mask[::2, flights.mask.shape[1] // 4 :] = False
-    numbers = fit_residuals(decoder, flights).numbers
-    # Those of flights that hardly show anything are their prior's, whatever the flights are.
-    assert kstest(numbers[::2, -1].numpy(), "norm").pvalue > 1e-4
 
 
 def test_a_sample_has_the_residual_of_a_training_flight() -> None:

@@ -37,7 +37,6 @@ from descentflow.training.quiet import quiet
 from descentflow.training.run_folders import (
     UNNAMED,
     USUAL_FOLDER,
-    log_settings,
     name_run,
     run_folder,
     write_into_run,
@@ -156,7 +155,6 @@ class DescentCLI(LightningCLI):
         for kept in self.trainer.checkpoint_callbacks:
             if self.trainer.is_global_zero and isinstance(kept, ModelCheckpoint) and kept.monitor:
                 if kept.best_model_path:
-                    log_settings(self.trainer, self.config["fit"], float(kept.best_model_score or "nan"), kept.monitor)
                     final = Path(kept.best_model_path).with_name("final.ckpt")
                     if self.config["fit"].final:
                         self._write_final(Path(kept.best_model_path), final)

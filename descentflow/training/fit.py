@@ -1,7 +1,8 @@
 """Fit a model from Python, as `descentflow fit` does from the command line."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+import os
+from collections.abc import Sequence
+from contextlib import nullcontext
 from copy import deepcopy
 from dataclasses import fields
 from inspect import signature
@@ -19,7 +20,7 @@ from lightning.pytorch.utilities.seed import isolate_rng
 from descentflow.core.arguments import Count, Output, Seed, checked_arguments
 from descentflow.core.errors import ConfigError, nearest
 from descentflow.core.files import check_output
-from descentflow.core.threads import one_thread_unless_told
+from descentflow.core.threads import one_thread
 from descentflow.representation.read_checkpoint import read_checkpoint
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.training.callbacks.show_progress import ShowProgress
@@ -103,7 +104,8 @@ def fit(
     settings = settings_of(model) if isinstance(model, LatentModel) else training_settings(model)
     options = {"aircraft": aircraft, "context": None if context is None else list(context), **data_options}
     data = _data_module(descents, settings.data, {name: value for name, value in options.items() if value is not None})
-    with _ONE_AT_A_TIME, _own_random_numbers(seed), _own_threads():
+    with _ONE_AT_A_TIME, isolate_rng(), nullcontext() if "OMP_NUM_THREADS" in os.environ else one_thread():
+        seed_everything(seed, workers=True, verbose=False)
         trained = model if isinstance(model, LatentModel) else settings.new_model()
         _train(trained, data, settings, max_epochs, device, final=final, run=Path(out) if is_run and out else None)
     if out is not None and not is_run:
@@ -172,22 +174,3 @@ def _train(
     model.restore(content)
     if final:
         fit_to_all(model, again, data, trainer, content["global_step"])
-
-
-@contextmanager
-def _own_random_numbers(seed: int) -> Iterator[None]:
-    """Seed everything inside the block; random numbers outside it go on as if it were not there."""
-    with isolate_rng():
-        seed_everything(seed, workers=True, verbose=False)
-        yield
-
-
-@contextmanager
-def _own_threads() -> Iterator[None]:
-    """One thread for small arrays inside the block, see :mod:`descentflow.core.threads`."""
-    threads = torch.get_num_threads()
-    one_thread_unless_told()
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)

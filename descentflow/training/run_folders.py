@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from lightning.pytorch import LightningDataModule, LightningModule, Trainer
-from lightning.pytorch.loggers import TensorBoardLogger
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_folder, whole_file
@@ -179,42 +178,6 @@ def _as_yaml(value: Any) -> Any:
         return {one.name: _as_yaml(getattr(value, one.name)) for one in fields(value)}
     plain = int | float | str | bool
     return value if isinstance(value, plain) else str(value) if isinstance(value, Path) else None
-
-
-def log_settings(trainer: Trainer, config: Any, score: float, monitor: str) -> None:
-    """Show TensorBoard the settings of a finished fit beside its best score.
-
-    Args:
-        trainer: That has fitted.
-        config: Settings of the command.
-        score: Of the best epoch.
-        monitor: Name of the score.
-
-    Example:
-        >>> from types import SimpleNamespace as Settings
-        >>> trainer = Trainer(logger=TensorBoardLogger("logged", default_hp_metric=False), accelerator="cpu")
-        >>> log_settings(trainer, Settings(model={"init_args": {"ridge": 1.0}}, data={"seed": 0}), 4.3, "val/nll")
-        >>> [path.name[:6] for path in Path("logged/lightning_logs/version_0").glob("events*")]
-        ['events']
-    """
-    settings = {"model": str(config.model.get("class_path", "")).rpartition(".")[2]}
-    settings |= {**_flat("model", config.model.get("init_args") or {}), **_flat("data", config.data)}
-    for logger in trainer.loggers:
-        if isinstance(logger, TensorBoardLogger):
-            logger.log_hyperparams(settings, {f"best/{monitor}": score})
-            logger.finalize("success")
-
-
-def _flat(section: str, options: Any) -> dict[str, Any]:
-    """Options by name, those of groups too; lists and paths as text, for TensorBoard shows numbers, flags and texts."""
-    plain = int | float | str | bool
-    found: dict[str, Any] = {}
-    for name, value in dict(options).items():
-        if hasattr(value, "items"):
-            found |= _flat(section, value)
-        elif value is not None:
-            found[f"{section}/{name}"] = value if isinstance(value, plain) else str(value)
-    return found
 
 
 def _logger_options(config: Any) -> Any:

@@ -10,7 +10,7 @@ from torch import Tensor
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import FL_M, KT_MPS
 from descentflow.physics.atmosphere import isa_fraction
-from descentflow.representation.decoder.trajectories import Trajectories, integrate
+from descentflow.representation.decoder.trajectories import integrate
 
 LEVELS = torch.arange(150, 371, dtype=torch.float64)
 ALTITUDE_M = LEVELS * FL_M
@@ -153,5 +153,3 @@ def test_gradients_with_respect_to_every_coefficient(engine: str, exact: bool) -
 
     factors = tuple(torch.ones((), dtype=torch.float64, requires_grad=True) for _ in COEFFICIENTS)
     assert torch.autograd.gradcheck(outputs, factors, eps=1e-6, atol=1e-5, rtol=1e-5)
-
-

@@ -92,7 +92,8 @@ def _epoch(density: Density, weights: Tensor) -> None:
 
 def _one_epoch(module: nn.Module, log_prob: Callable[[Tensor], Tensor], weights: Tensor) -> None:
     optimizer = torch.optim.AdamW([p for p in module.parameters() if p.requires_grad], lr=1e-3, fused=True)
-    for (batch,) in flight_batches(Evidence.of_weights(weights), batch_size=BATCH, shuffle=True):
+    none = weights.new_empty(len(weights), 0)
+    for batch, _ in flight_batches(Evidence.of_weights(weights), none, batch_size=BATCH, shuffle=True):
         optimizer.zero_grad()
         (-log_prob(batch.points).mean()).backward()
         optimizer.step()

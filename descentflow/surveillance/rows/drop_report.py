@@ -1,6 +1,5 @@
 """The report of what cleaning dropped, by reason: every row is accounted for."""
 
-import weakref
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -50,8 +49,6 @@ class DropReport(InNotebook):
     """Counts of what was changed but not dropped (for instance rows put into time order)."""
     by_flight: bool = False
     """True if rows are sorted by flight, so that flights can be counted."""
-    _last: "tuple[weakref.ref[pl.DataFrame], int | None] | None" = None
-    """A weak reference to the frame that the last step left, and its number of flights."""
 
     def count(self, step: str, before: pl.DataFrame, after: pl.DataFrame) -> pl.DataFrame:
         """Record what a step dropped.
@@ -64,13 +61,9 @@ class DropReport(InNotebook):
         Returns:
             `after`.
         """
-        # Counting flights costs more than many filters: the frame before is usually the one that the last step left.
-        last = self._last if self._last and self._last[0]() is before else (None, None)
-        before_flights = self._flights(before) if last[1] is None else last[1]
-        after_flights = before_flights if len(after) == len(before) else self._flights(after)
+        before_flights, after_flights = self._flights(before), self._flights(after)
         gone = None if before_flights is None or after_flights is None else before_flights - after_flights
         self.steps.append(Step(step, len(before) - len(after), gone, len(after), after_flights))
-        self._last = weakref.ref(after), after_flights
         return after
 
     def extend(self, parts: "Sequence[DropReport]") -> None:

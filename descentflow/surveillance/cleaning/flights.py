@@ -112,20 +112,7 @@ def name_flights(
         made = named.filter(begins).select(name).to_series().gather(named.select(begins.cum_sum() - 1).to_series())
         given = [pl.col("flight_id")] if "flight_id" in named.columns else []
         named = named.with_columns(pl.coalesce(*given, made).alias("flight_id"))
-    return _by_flight(named)
-
-
-def _by_flight(rows: pl.DataFrame) -> pl.DataFrame:
-    """Rows sorted by flight, else in their order; much faster than a sort if the rows of a flight are neighbours."""
-    runs = rows.select(pl.col("flight_id").rle()).unnest("flight_id")
-    if runs["value"].is_sorted():
-        return rows
-    ends = runs["len"].cast(pl.Int64).cum_sum()
-    blocks = runs.select("value", pl.col("len").cast(pl.Int64), (ends - pl.col("len")).alias("first"))
-    blocks = blocks.sort("value", maintain_order=True)
-    sizes, first = blocks["len"].to_numpy(), blocks["first"].to_numpy()
-    starts = np.cumsum(sizes) - sizes
-    return rows[np.repeat(first - starts, sizes) + np.arange(len(rows))]
+    return named.sort("flight_id", maintain_order=True)
 
 
 MADE_NAME = r"^(?:.*_)?([0-9a-f]{6})_\d{8}T\d{6}$"

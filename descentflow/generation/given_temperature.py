@@ -78,6 +78,8 @@ def in_given_air(flown: Trajectories, deviation_k: Tensor) -> Trajectories:
         >>> (warm.tas_mps / flown.tas_mps)[:, 0].round(decimals=3)
         tensor([1.0000, 1.0190], dtype=torch.float64)
     """
+    if not bool(deviation_k.any()):
+        return flown
     ratio = airspeed_ratio(deviation_k, flown.levels_fl.cpu()).to(flown.tas_mps)
     return replace(flown, tas_mps=flown.tas_mps * ratio)
 

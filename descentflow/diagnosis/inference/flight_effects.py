@@ -141,14 +141,14 @@ class FlightShapes:
         return self._kept[key]
 
     def _fitted(self, side: Side, names: tuple[str, ...]) -> MixtureFit:
-        """At the likeliest spread of normal flights, from that of all, of the simulator's and between."""
+        """At the likeliest spread of normal flights, sought from the simulator's, from a narrow and from a wide one."""
         ways = [side.ways[name] for name in names]
         none = (0.0,) * len(self.spread.shapes)
-        wide = self.spread.likeliest(side.values, side.seen, np.ones(len(side.index)), none)
         tried: dict[tuple[float, ...], MixtureFit] = {}
-        middle = (self.spread.grid[len(self.spread.grid) // 2],) * len(none)
-        for start in (wide, none, middle):
-            sizes: tuple[float, ...] = tuple(start)
+        _, white, level, *_ = self.spread.grid
+        # Where many flights have the effect, those that could not show it would widen the others' spread.
+        for start in (none, (level, white, white, *none[3:]), (level,) * len(none)):
+            sizes: tuple[float, ...] = start
             while sizes not in tried:
                 short = self._mixture(side, ways, sizes, SHORT_ROUNDS)
                 tried[sizes] = short

@@ -58,7 +58,7 @@ def flight(
 
 
 def fleet(flights: int = 4, **options: float) -> pl.DataFrame:
-    """Several aircraft from different levels, 3,620 s apart."""
+    """Several aircraft from different levels, 3,620 s apart: whole hours would be those of another clock."""
     return pl.concat(
         flight(f"4ca{number:03d}", top_ft=36_000.0 - 1000 * (number % 5), start_s=3620.0 * number, **options)
         for number in range(flights)

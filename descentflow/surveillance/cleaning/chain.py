@@ -25,6 +25,7 @@ from descentflow.surveillance.cleaning.level_flight import SPEEDS, note_level_fl
 from descentflow.surveillance.cleaning.level_grid import to_levels
 from descentflow.surveillance.cleaning.rates import ConstantRate, with_rate
 from descentflow.surveillance.cleaning.thresholds import Cleaning
+from descentflow.surveillance.cleaning.two_clocks import without_other_clocks
 from descentflow.surveillance.rows.drop_report import ROW_NUMBER, DropReport, TracedReport, some_flights
 from descentflow.surveillance.rows.schema import COLUMNS
 
@@ -98,7 +99,8 @@ def clean(
     )
     shared = pl.Series(work.shared, dtype=pl.String)
     gap_s = work.rules.flight_gap_s
-    rows = name_flights(in_order(rows, report), gap_s, shared=shared, report=report)
+    rows = without_other_clocks(in_order(rows, report), gap_s, report)
+    rows = name_flights(rows, gap_s, shared=shared, report=report)
     silences = rows.select("flight_id", PART_OF).drop_nulls().unique() if PART_OF in rows.columns else None
     rows = rows.drop(PART_OF, strict=False)
     report.by_flight = True

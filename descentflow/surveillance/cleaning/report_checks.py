@@ -8,6 +8,7 @@ import polars as pl
 from descentflow.core.errors import DataError, warn
 from descentflow.surveillance.cleaning.flights import FLIGHTS_OF_SEVERAL_TYPES, NO_TYPES, OTHER_VALUES
 from descentflow.surveillance.cleaning.thresholds import Cleaning, Fixed
+from descentflow.surveillance.cleaning.two_clocks import ROWS_OF_OTHER_CLOCK
 from descentflow.surveillance.rows.addresses import named_types
 from descentflow.surveillance.rows.drop_report import DropReport, Step
 from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED, ROWS_WITHOUT
@@ -55,6 +56,9 @@ def check_report(report: DropReport, rules: Cleaning) -> None:
             "leave Mach out of the table if IAS is right, or say how far they may differ (--airspeeds-differ-kt)\n"
             f"{report}",
         )
+    if clocks := [note for note in report.notes if note.startswith(ROWS_OF_OTHER_CLOCK.partition("{")[0])]:
+        said = " and ".join(f"{report.notes[note]:,} {note}" for note in clocks)
+        warn(f"{said}, are left out: write the times of all sources in UTC (the earlier of both are kept)")
     for note in ADVICE if report.steps and report.steps[-1].rows_left else ():
         if number := report.notes.get(note):
             warn(f"{number:,} {note}; to mend it, {ADVICE[note]}")
@@ -115,6 +119,7 @@ REASONS: dict[str, tuple[str, str]] = {
         "have the address and the time of another row",
         "check that rows of different aircraft have different icao24, and that each row has its own time",
     ),
+    "other_clock": ("come again by another clock", "write the times of all sources in UTC"),
     "spike_": ("leap between neighbours", "check that rows of different aircraft have different icao24"),
     "stale_vertical_rate": (
         "repeat the same vertical rate while the altitude changes otherwise",

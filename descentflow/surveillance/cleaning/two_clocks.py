@@ -1,0 +1,88 @@
+"""Rows that come again by another clock: of two sources, one of which writes local times, say."""
+
+import polars as pl
+
+from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.times import FIRST_TIME_S
+
+STEP_S, MAX_STEPS = 1800.0, 28
+"""Clocks of time zones differ by multiples of half an hour, up to 14 h."""
+WITHIN_S, WITHIN_FT = 5.0, 100.0
+"""Largest difference in time of a row from its repetition, and height of the levels that they share."""
+FALLING_FPM = -800.0
+"""Rows that descend faster are compared: level flight comes again at any time."""
+MIN_ROWS, MIN_SHARE_AGAIN = 20, 0.9
+"""Falling rows of a stretch, and share of them that come again, from which a clock is another one."""
+SLOT_S, BAND_FT, BAND_EVERY_FT, MIN_SLOTS = 10.0, 200.0, 1000.0, 5
+"""Times and altitudes by which shifts are looked for before rows are compared: one band in each thousand feet."""
+OTHER_CLOCK = "other_clock"
+"""Its name in the report."""
+ROWS_OF_OTHER_CLOCK = "rows that come again {hours:g} h later, of another clock"
+"""Note in the report."""
+
+
+def without_other_clocks(rows: pl.DataFrame, gap_s: float, report: DropReport) -> pl.DataFrame:
+    """Rows without those that the same aircraft has shifted by whole half hours; the earlier of both are kept."""
+    clock = _clock(rows, gap_s).filter(pl.col("s") >= FIRST_TIME_S)  # a simulator's clock has no time zone
+    is_copy = pl.repeat(False, len(rows), eager=True)
+    for (steps,), possible in _possible(clock).partition_by("steps", as_dict=True).items():
+        own = clock.filter(pl.col("aircraft").is_in(possible["aircraft"].implode()))
+        later, earlier = (_is_near(own, sign * steps * STEP_S) for sign in (-1, 1))
+        falling = own.with_columns(again=later | earlier).filter("falling").group_by("stretch", "aircraft")
+        sure = falling.agg(pl.len(), pl.col("again").mean()).filter(
+            pl.col("len") >= MIN_ROWS, pl.col("again") >= MIN_SHARE_AGAIN
+        )
+        found = own.filter(later & pl.col("aircraft").is_in(sure["aircraft"].unique().implode()))["row"]
+        report.note(ROWS_OF_OTHER_CLOCK.format(hours=steps * STEP_S / 3600), len(found))
+        is_copy = is_copy.scatter(found, True)
+    return report.count(OTHER_CLOCK, rows, rows.filter(~is_copy)) if is_copy.any() else rows
+
+
+def _clock(rows: pl.DataFrame, gap_s: float) -> pl.DataFrame:
+    """Seconds and altitude of rows, whether each falls, and numbers of its aircraft and its stretch without a gap."""
+    seconds = pl.col("s").diff()
+    other = (pl.col("icao24") != pl.col("icao24").shift()).fill_null(True)
+    change = pl.when(~other & (seconds > 0) & (seconds <= 60)).then(pl.col("altitude").diff() / seconds * 60)
+    reported = [pl.col("vertical_rate")] if "vertical_rate" in rows.columns else []
+    clock = rows.select("icao24", "altitude", *reported, (pl.col("timestamp").dt.epoch("us") / 1e6).alias("s"))
+    return clock.with_row_index("row").select(
+        "row",
+        "s",
+        "altitude",
+        other.cum_sum().alias("aircraft"),
+        (other | (seconds > gap_s)).cum_sum().alias("stretch"),
+        (pl.coalesce(*reported, change) <= FALLING_FPM).fill_null(False).alias("falling"),
+    )
+
+
+def _possible(clock: pl.DataFrame) -> pl.DataFrame:
+    """Aircraft that often have an altitude again after the same number of steps."""
+    in_band = pl.col("falling") & (pl.col("altitude") % BAND_EVERY_FT < BAND_FT)
+    at: list[str | pl.Expr] = [
+        "aircraft",
+        (pl.col("altitude") // BAND_EVERY_FT).alias("band"),
+        (pl.col("s") % STEP_S // SLOT_S).alias("slot"),
+    ]
+    passed = clock.filter(in_band).select(*at, (pl.col("s") // STEP_S).cast(pl.Int64).alias("steps")).unique()
+    passed = passed.sort("aircraft", "band", "slot", "steps")
+    same = pl.all_horizontal(pl.col(name) == pl.col(name).shift() for name in ("aircraft", "band", "slot"))
+    again = passed.select("aircraft", pl.when(same).then(pl.col("steps").diff()).alias("steps"))
+    found = again.filter(pl.col("steps") <= MAX_STEPS).group_by("aircraft", "steps").len()
+    return found.filter(pl.col("len") >= MIN_SLOTS)
+
+
+def _is_near(rows: pl.DataFrame, shift_s: float) -> pl.Series:
+    """Mask of rows whose aircraft has a row at their time and a shift, of the same or the next hundred feet."""
+    level = (pl.col("altitude") // WITHIN_FT).cast(pl.Int64).alias("level")
+    own = rows.select("aircraft", "s", level)
+    # Nearest in time of those alone: rows of both clocks lie in each other where a flight is longer than the shift.
+    there = rows.select("aircraft", pl.col("s") - shift_s, level, found=True)
+    other = pl.concat([there.with_columns(pl.col("level") + beside) for beside in (-1, 0, 1)]).sort("s")
+    at = (
+        own.with_row_index("row")
+        .sort("s")
+        .join_asof(
+            other, on="s", by=["aircraft", "level"], strategy="nearest", tolerance=WITHIN_S, check_sortedness=False
+        )
+    )
+    return at.sort("row").select(pl.col("found").fill_null(False)).to_series()

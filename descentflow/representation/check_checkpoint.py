@@ -26,6 +26,8 @@ TENSORS = (
     *(f"representation.decoder.residuals.{name}" for name in ("drag", "speed", "weights", "numbers", "entry")),
 )
 """Places of a checkpoint's section that are text, dictionaries and tensors."""
+NAMES = {Tensor: "a tensor", dict: "a dictionary", str: "a text", list: "a list"}
+"""Types as a reader knows them."""
 MAY_BE_ABSENT = {"reference": dict, "context": list, "cleaning": dict, "air": dict, "seen_flights": dict}
 """Parts of a representation that it need not have, and their types."""
 MAY_HAVE_GAPS = "reference"
@@ -126,7 +128,7 @@ def check_flies(decoder: DescentDecoder, plausibility: Plausibility) -> None:
 
 def _check_type(found: Any, kind: type, place: str) -> None:
     if not isinstance(found, kind):
-        raise _wrong(f"{place} is of type {type(found).__name__}", f"a {kind.__name__}")
+        raise _wrong(f"{place} is of type {type(found).__name__}", NAMES[kind])
 
 
 def _at(tree: dict[str, Any], place: str) -> Any:

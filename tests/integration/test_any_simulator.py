@@ -148,7 +148,7 @@ def test_a_channel_that_one_side_lacks_is_left_out_and_named(real: Descents, sim
 @pytest.mark.parametrize(
     ("files", "mend"),
     [
-        (None, "pass the directory of your BADA 3 release"),
+        (None, "pass the folder of your release"),
         ({}, "unpack the release there"),
         ({"B738__.OPF": "x", "SYNONYM.NEW": "no synonyms"}, "in capitals|SYNONYM|release"),
     ],

@@ -97,10 +97,10 @@ def test_descriptions_that_nobody_wrote(name: str, value: object, descents: Path
         ("decoder.drag_basis", None, "decoder.drag_basis is of type NoneType; expected a dictionary"),
         ("plausibility.cas_low", "low", "plausibility.cas_low is of type str; expected a tensor"),
         ("plausibility.cas_high", torch.tensor([torch.nan]), "cas_high holds 1 that is no finite number"),
-        ("split", [], "split of the representation is of type list"),
+        ("split", [], "split is of type list; expected a dictionary"),
         ("provenance.typecodes", [{"A320": 1}], "typecodes of the provenance"),
         ("split.seed", 1 << 64, "split.seed holds 1 that is no finite number"),
-        ("cleaning", "as usual", "cleaning of the representation is of type str"),
+        ("cleaning", "as usual", "cleaning is of type str; expected a dictionary"),
     ],
 )
 def test_checkpoints_with_another_value(place: str, value: object, saying: str, run: Path, tmp_path: Path) -> None:

@@ -66,7 +66,7 @@ def sizes_of(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> list
         >>> error = torch.tensor([0.02, 1.0, 1.0, 0.02, 0.0, 0.0, 0.0, 0.0]).double()
         >>> sizes = sizes_of(EFFECTS["speed_brake"], theta, error, 400)
         >>> [size.text for size in sizes]
-        ['CD0 x 1.58 (1.52 to 1.65)', 'lower end FL190 (FL188 to FL192)', 'upper end FL265 (FL263 to FL267)']
+        ['CD0 x 1.58 (1.52 to 1.65)', 'lower end FL190 (FL187 to FL193)', 'upper end FL265 (FL262 to FL268)']
     """
     error = known_errors(effect, theta, error, flights)
     _, whole = effect.mixture(theta)

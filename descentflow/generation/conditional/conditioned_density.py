@@ -10,7 +10,7 @@ from torch import Tensor
 
 from descentflow.densities.density import Density
 from descentflow.densities.gaussian import TransformedDensity
-from descentflow.generation.conditional.constraints import Request, SpeedAsked
+from descentflow.generation.conditional.constraints import PointAsked, Request, SpeedAsked
 from descentflow.generation.conditional.draws import Proposed
 from descentflow.generation.conditional.latent_density import Array, LatentDensity
 from descentflow.generation.conditional.point_condition import PointCondition
@@ -33,7 +33,7 @@ PROPOSALS, PROPOSALS_OF_A_STAND_IN = 16, 256
 
 
 class NothingPlausible(Exception):
-    """A request that the model knows no flight for; ``culprit`` is what cannot be met: a speed, or None for a point.
+    """A request that the model knows no flight for; ``culprit`` is what cannot be met: a speed or a point.
 
     Example:
         >>> try:
@@ -43,7 +43,7 @@ class NothingPlausible(Exception):
         'cas_kt 500 at FL200'
     """
 
-    def __init__(self, culprit: SpeedAsked | None) -> None:
+    def __init__(self, culprit: SpeedAsked | PointAsked) -> None:
         """Say what cannot be met."""
         super().__init__(culprit)
         self.culprit = culprit
@@ -71,7 +71,7 @@ class FreeTarget:
         """Hold what is drawn of."""
         self.density, self.context, self.decoder = density, request.context, density.representation.decoder
         shares = np.exp(entry_shares(density.representation.plausibility))
-        if request.entry is not None:
+        if request.entry >= 0:
             shares = (np.arange(len(shares)) == request.entry).astype(np.float64)
         self.up_to = shares.cumsum()
         self.width = 3 + self.decoder.dimension
@@ -105,7 +105,7 @@ class ConditionedTarget:
         latent: The density as C Gaussians.
         entry: (C,) index of the level of entry of each.
         speeds: The C Gaussians given the speeds.
-        point: The same given a time or a distance; None if none is asked.
+        points: The same given a time or a distance, or none.
         decoder: Flies them.
     """
 
@@ -114,20 +114,20 @@ class ConditionedTarget:
         latent: LatentDensity,
         entry: Array,
         speeds: Conditions,
-        point: PointCondition | None,
+        points: tuple[PointCondition, ...],
         decoder: DescentDecoder,
     ) -> None:
         """Hold what was conditioned."""
         self.latent, self.entry, self.speeds = latent, entry, speeds
-        self.point, self.decoder = point, decoder
+        self.points, self.decoder = points, decoder
         self.width = 4 + latent.means.shape[1] + speeds.rows.n_rows
         self.held_gain, _ = gain_of(latent.weights_alone, speeds.rows)
-        shares = speeds.log_probs if point is None else point.log_probs
+        shares = points[0].log_probs if points else speeds.log_probs
         # Cells are Gaussians, level of entry by level of entry.
         by_entry = np.exp(shares - log_total(shares)).reshape(len(np.unique(entry)), -1)
         self.up_to = by_entry.sum(1).cumsum()
         self.of_entry = by_entry.cumsum(1) / np.maximum(by_entry.sum(1, keepdims=True), 1e-300)
-        equal = speeds.in_closed_form and point is None
+        equal = speeds.in_closed_form and not points
         self.proposals = PROPOSALS_OF_A_STAND_IN if latent.prior is not None else 1 if equal else PROPOSALS
 
     @torch.no_grad()
@@ -142,10 +142,9 @@ class ConditionedTarget:
         own = self.latent.with_residuals(cell, entry, u, uniform[:, -1])
         off = self.speeds.rows.matrix[cell] @ (u - own)[:, :, None]
         u = own + (self.held_gain[cell] @ off)[:, :, 0]
-        if self.point is None:
-            whole = torch.from_numpy(u + self.latent.means[cell])
-        else:
-            whole, more = self.point.meet(cell, u, uniform[:, 1])
+        whole = torch.from_numpy(u + self.latent.means[cell])
+        for point in self.points:
+            whole, more = point.meet(cell, u, uniform[:, 1])
             log_weight = log_weight + more
         return Proposed(whole, entry, log_weight + self.latent.log_ratio(whole))
 
@@ -185,10 +184,13 @@ def conditioned_target(request: Request, latent: LatentDensity, density: Density
     n = len(latent.means)
     component, entry = np.tile(np.arange(n), len(entries)), np.repeat(entries, n)
     own = np.tile(latent.log_probs, len(entries))
-    shares = own if request.entry is not None else own + log_entries[entry]
+    shares = own if request.entry >= 0 else own + log_entries[entry]
     # Values before bands.
     asked = tuple(sorted(request.speeds, key=lambda speed: speed.low < speed.high))
-    level, low, high = _asked(asked, levels_fl, entry, parts.plausibility if request.flown is None else None)
+    bounds = parts.plausibility.cas_low.numpy(), parts.plausibility.cas_high.numpy()
+    if request.goes_on:
+        bounds = np.full_like(levels_fl, -inf), np.full_like(levels_fl, inf)
+    level, low, high = _asked(asked, levels_fl, entry, *bounds)
     cells = replace(latent, means=latent.means[component], roots=latent.roots[component])
     offset, loadings = latent.cas
     matrix = loadings.T[level]
@@ -198,12 +200,11 @@ def conditioned_target(request: Request, latent: LatentDensity, density: Density
         if not tail >= LEAST_TAIL:
             raise NothingPlausible(speed)
 
-    point = None
-    if request.point is not None:
-        point = PointCondition(cells, decoder, request, speeds)
+    points = tuple(PointCondition(cells, decoder, request, speeds) for _ in request.points)
+    for point in points:
         if not point.tail >= LEAST_TAIL:
-            raise NothingPlausible(None)
-    return ConditionedTarget(cells, entry, speeds, point, decoder)
+            raise NothingPlausible(point.asked)
+    return ConditionedTarget(cells, entry, speeds, points, decoder)
 
 
 def entry_shares(bounds: Plausibility) -> Array:
@@ -222,14 +223,14 @@ def entry_shares(bounds: Plausibility) -> Array:
 
 def _entries(request: Request, log_entries: Array) -> np.ndarray:
     """Levels of entry that the request leaves open."""
-    if request.entry is not None:
+    if request.entry >= 0:
         return np.array([request.entry])
     lowest = max((speed.level for speed in request.speeds), default=-1)
     return np.flatnonzero(np.isfinite(log_entries) & (np.arange(len(log_entries)) >= lowest))
 
 
 def _asked(
-    order: tuple[SpeedAsked, ...], levels_fl: Array, entry: np.ndarray, bounds: Plausibility | None
+    order: tuple[SpeedAsked, ...], levels_fl: Array, entry: np.ndarray, cas_low: Array, cas_high: Array
 ) -> tuple[np.ndarray, Array, Array]:
     """Level, lowest and highest CAS (m/s) of each speed for each cell (C, J)."""
     level = np.zeros((len(entry), len(order)), dtype=int)
@@ -238,7 +239,7 @@ def _asked(
         level[:, j] = speed.level if speed.level >= 0 else entry
         for k in np.unique(level[:, j]):
             lowest, highest = speed.cas_mps(float(levels_fl[k]))
-            least, most = (-inf, inf) if bounds is None else (float(bounds.cas_low[k]), float(bounds.cas_high[k]))
+            least, most = float(cas_low[k]), float(cas_high[k])
             if lowest < highest:
                 lowest, highest = max(lowest, least), min(highest, most)
             if lowest > highest or not least <= lowest <= highest <= most:

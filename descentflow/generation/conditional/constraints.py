@@ -96,9 +96,9 @@ class Request:
     """One call's constraints.
 
     Attributes:
-        entry: Index of the level of entry; None where it is drawn as the training flights entered.
+        entry: Index of the level of entry; -1, the top of the grid, where it is drawn as the training flights entered.
         speeds: At levels.
-        point: A time or a distance at a level.
+        points: A time or a distance at a level, or none.
         key: Of the context, (1, c) in ``context``; empty without one.
         context: What the density is given.
         flown: Levels flown so far; its lowest is where the descent goes on.
@@ -109,9 +109,9 @@ class Request:
         ('entry at FL200', 'cas_kt 280 at FL170')
     """
 
-    entry: int | None = None
+    entry: int = -1
     speeds: tuple[SpeedAsked, ...] = ()
-    point: PointAsked | None = None
+    points: tuple[PointAsked, ...] = ()
     key: tuple[tuple[str, str], ...] = ()
     context: Tensor = NO_CONTEXT
     flown: Profiles | None = None
@@ -120,19 +120,25 @@ class Request:
     @property
     def is_free(self) -> bool:
         """True where nothing but entry and context is asked."""
-        return not self.speeds and self.point is None and self.flown is None
+        return not self.speeds and not self.points and not self.goes_on
+
+    @property
+    def goes_on(self) -> bool:
+        """True where a part was flown."""
+        return self.flown is not None
 
     def words(self, levels_fl: list[float]) -> tuple[str, ...]:
         """Each constraint in words."""
-        begin = "flown to" if self.flown is not None else "entry at"
-        words = [] if self.entry is None else [f"{begin} FL{levels_fl[self.entry]:g}"]
+        begin = "flown to" if self.goes_on else "entry at"
+        words = [f"{begin} FL{levels_fl[self.entry]:g}"] if self.entry >= 0 else []
         words += [f"{name} {value}" for name, value in self.key]
         for speed in self.speeds:
-            if speed.level >= 0 or self.entry is not None:
-                words.append(speed.text(levels_fl[self.entry if speed.level < 0 else speed.level]))  # type: ignore[index]
+            level = self.entry if speed.level < 0 else speed.level
+            if level >= 0:
+                words.append(speed.text(levels_fl[level]))
             else:
                 words.append(speed.text(0.0).replace("FL0", "the level of entry"))
-        return (*words, self.point.text) if self.point is not None else tuple(words)
+        return (*words, *(point.text for point in self.points))
 
     def check(self, levels_fl: list[float]) -> None:
         """Refuse levels that the descent does not pass.
@@ -140,27 +146,28 @@ class Request:
         Raises:
             ConfigError: If a level lies above the entry or beyond the grid, or a time has no entry to count from.
         """
-        if self.point is not None and self.entry is None:
+        if self.points and self.entry < 0:
             raise ConfigError(
-                f"{self.point.text}, and no level of entry",
+                f"{self.points[0].text}, and no level of entry",
                 expected="entry_fl, from where time and distance count",
                 mend="give entry_fl, or what was flown so far",
             )
-        top = len(levels_fl) - 1 if self.entry is None else self.entry
-        what = "the top of the grid" if self.entry is None else "where the descent begins"
+        top = self.entry % len(levels_fl)
+        what = "the top of the grid" if self.entry < 0 else "where the descent begins"
         for speed in self.speeds:
-            if speed.level > top or (self.flown is not None and speed.level == top):
+            if speed.level > top or (self.goes_on and speed.level == top):
                 raise ConfigError(
                     speed.text(levels_fl[speed.level]),
                     expected=f"a level below {what}, FL{levels_fl[top]:g}",
                     mend="ask for the speed at a level that is still to be flown",
                 )
-        if self.point is not None and not levels_fl[0] <= self.point.levels[0] <= self.point.levels[1] < levels_fl[top]:
-            raise ConfigError(
-                self.point.text,
-                expected=f"levels from FL{levels_fl[0]:g} to below {what}, FL{levels_fl[top]:g}",
-                mend="choose a level that the descent passes",
-            )
+        for point in self.points:
+            if not levels_fl[0] <= point.levels[0] <= point.levels[1] < levels_fl[top]:
+                raise ConfigError(
+                    point.text,
+                    expected=f"levels from FL{levels_fl[0]:g} to below {what}, FL{levels_fl[top]:g}",
+                    mend="choose a level that the descent passes",
+                )
 
 
 def to_cas_mps(name: str, value: float, level_fl: float) -> float:
@@ -239,37 +246,37 @@ def speeds_asked(name: str, asked: BySpeed | None, default: int, levels_fl: "lis
     return found
 
 
-def point_asked(time_s: Band | None, distance_nm: Band | None, level: Band | None) -> PointAsked | None:
-    """The time or the distance at a level that was asked for, if any.
+def points_asked(time_s: Band | None, distance_nm: Band | None, level: Band | None) -> tuple[PointAsked, ...]:
+    """The time or the distance at a level that was asked for; empty if none was.
 
     Raises:
         ConfigError: If one part of it was given without the other, both a time and a distance, or two bands.
 
     Example:
-        >>> point_asked(420, None, 200)
-        PointAsked(name='time_s', low=420.0, high=420.0, levels=(200.0, 200.0))
+        >>> points_asked(420, None, 200)
+        (PointAsked(name='time_s', low=420.0, high=420.0, levels=(200.0, 200.0)),)
     """
-    given = [(name, band) for name, band in (("time_s", time_s), ("distance_nm", distance_nm)) if band is not None]
-    if not given and level is None:
-        return None
-    if len(given) != 1 or level is None:
-        names = [name for name, _ in given] + (["level"] if level is not None else [])
+    parts = {"time_s": time_s, "distance_nm": distance_nm, "level": level}
+    given = {name: band for name, band in parts.items() if band is not None}
+    if not given:
+        return ()
+    if len(given) != 2 or "level" not in given:
         raise ConfigError(
-            " and ".join(names) + (" alone" if len(names) == 1 else ""),
+            " and ".join(given) + (" alone" if len(given) == 1 else ""),
             expected="a level, and either time_s or distance_nm at it",
             mend="leave one of them out"
             if len(given) > 1
             else "give both, or for a speed at a level cas_kt={level: value}",
         )
-    name, band = given[0]
-    (low, high), levels = _band(name, band), _band("level", level)
+    name = next(iter(given))
+    (low, high), levels = _band(name, given[name]), _band("level", given["level"])
     if high <= 0 or (low < high and levels[0] < levels[1]) or not all(isfinite(one) for one in levels):
         raise ConfigError(
             f"{name} {band_text((low, high))} at level {band_text(levels)}",
             expected="a positive value or band of it at a level, or a positive value within a band of levels",
             mend="let one of the two be a value",
         )
-    return PointAsked(name, low, high, levels)
+    return (PointAsked(name, low, high, levels),)
 
 
 def _band(name: str, asked: Band) -> tuple[float, float]:

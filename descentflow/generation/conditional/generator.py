@@ -21,7 +21,7 @@ from descentflow.generation.conditional.conditioned_density import (
     NothingPlausible,
     conditioned_target,
 )
-from descentflow.generation.conditional.constraints import Band, BySpeed, Request, point_asked, speeds_asked
+from descentflow.generation.conditional.constraints import Band, BySpeed, Request, points_asked, speeds_asked
 from descentflow.generation.conditional.draws import Accepted, NoneLeft, accepted, corrected, judge_of
 from descentflow.generation.conditional.flown_so_far import FlownSoFar, flown_so_far
 from descentflow.generation.conditional.latent_density import LatentDensity, latent_density, latent_density_after
@@ -171,12 +171,12 @@ class Generator:
         request = replace(
             request,
             speeds=(
-                *speeds_asked("mach", mach, -1 if flown is None else 0, self.levels_fl),
+                *speeds_asked("mach", mach, -1, self.levels_fl),
                 *speeds_asked("cas_kt", cas_kt, self._cas_level(request.entry), self.levels_fl),
             ),
-            point=point_asked(time_s, distance_nm, level),
+            points=points_asked(time_s, distance_nm, level),
         )
-        if flown is not None and mach is not None and not isinstance(mach, Mapping):
+        if request.goes_on and any(speed.level < 0 for speed in request.speeds):
             raise ConfigError(
                 f"mach {mach!r} at the level of entry, which was flown",
                 expected="a level that is still to be flown",
@@ -190,9 +190,9 @@ class Generator:
                 mend="draw more and keep those that meet the constraints, or take the checkpoint before correction",
             )
         with _NUMBERING:
-            first = self._next if number is None else number
-            self._next += n if number is None else 0
-        numbers = np.arange(first, first + n)
+            if number is None:
+                number, self._next = self._next, self._next + n
+        numbers = np.arange(number, number + n)
         found = self._accepted(request, numbers)
         descents = corrected(self.representation, self.seed, found.flown, numbers)
         return GeneratedSamples(
@@ -202,7 +202,7 @@ class Generator:
             contexts,
             origin=origin_of(self.density, self.seed),
             asked=request.words(self.levels_fl),
-            first=first,
+            first=number,
             effective=found.effective,
             proposals=found.proposals,
         )
@@ -233,26 +233,24 @@ class Generator:
         entry = entry_levels(self.representation, contexts, entry_fl)
         return request if entry is None else replace(request, entry=int(entry[0])), contexts
 
-    def _cas_level(self, entry: int | None) -> int:
+    def _cas_level(self, entry: int) -> int:
         """Half way down the part flown at constant CAS."""
-        top = self.levels_fl[-1 if entry is None else entry]
-        middle = (self.levels_fl[0] + min(top, self.transition_fl)) / 2
+        middle = (self.levels_fl[0] + min(self.levels_fl[entry], self.transition_fl)) / 2
         return int((self.decoder.levels_fl - middle).abs().argmin())
 
     def _accepted(self, request: Request, numbers: np.ndarray) -> Accepted:
-        culprit = request.speeds[-1] if request.speeds else None
         try:
             return accepted(
                 self._target(request),
                 self.seed,
                 numbers,
-                judge_of(self.representation, self.seed, flown=request.flown is not None),
+                judge_of(self.representation, self.seed, flown=request.goes_on),
             )
         except NothingPlausible as error:
-            culprit = error.culprit
+            culprits = [error.culprit]
         except NoneLeft:
-            culprit = None if request.point is not None else culprit
-        if culprit is None and request.point is None:
+            culprits = list((request.points or request.speeds)[-1:])
+        if not culprits:
             raise ConfigError(
                 "; ".join(request.words(self.levels_fl)) or "no constraint at all",
                 expected="a level of entry or a context from which some draws are plausible",
@@ -262,14 +260,14 @@ class Generator:
         def draws(request: Request, n: int) -> Trajectories:
             return self._accepted(request, np.arange(n)).flown
 
-        raise implausible(request, culprit, draws, self.levels_fl)
+        raise implausible(request, culprits[0], draws, self.levels_fl)
 
     def _target(self, request: Request) -> ConditionedTarget | FreeTarget:
         """The density given a request, kept for the next call that asks the same."""
         if request.flown is not None:
             after = latent_density_after(self.density, request.context, self.seed, request.flown, self.noise_multiple)
             return conditioned_target(request, after, self.density)
-        key = (request.entry, request.speeds, request.point, request.key)
+        key = (request.entry, request.speeds, request.points, request.key)
         if (found := self._targets.get(key)) is None:
             if len(self._targets) >= KEPT_REQUESTS:
                 self._targets.clear()

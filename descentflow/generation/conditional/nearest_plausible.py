@@ -18,13 +18,16 @@ DIGITS = {"cas_kt": 1, "mach": 4, "time_s": 1, "distance_nm": 2}
 
 
 def implausible(
-    request: Request, culprit: SpeedAsked | None, draws: Callable[[Request, int], Trajectories], levels_fl: list[float]
+    request: Request,
+    culprit: SpeedAsked | PointAsked,
+    draws: Callable[[Request, int], Trajectories],
+    levels_fl: list[float],
 ) -> ImplausibleError:
-    """The error for a request, of which ``culprit`` (None for the point) cannot be met.
+    """The error for a request, of which ``culprit`` cannot be met.
 
     Args:
         request: As asked.
-        culprit: Which speed; None for the time or the distance.
+        culprit: Which of its speeds, or its time or distance.
         draws: Draws n descents of a request.
         levels_fl: Of the grid.
 
@@ -43,17 +46,14 @@ def implausible(
         >>> error.constraint, round(error.nearest, 6), error.got
         ('cas_kt', 280.0, 'cas_kt 300 to 310 at FL200, which no descent of the model has with entry at FL330')
     """
-    rest = replace(request, speeds=tuple(one for one in request.speeds if one is not culprit))
-    if culprit is None:
-        rest = replace(rest, point=None)
-    flown = draws(rest, LOOKED_AT)
-    if culprit is not None:
-        values, name, low, high = _speeds(culprit, flown, levels_fl), culprit.name, culprit.low, culprit.high
+    speeds = tuple(one for one in request.speeds if one is not culprit)
+    rest = replace(request, speeds=speeds, points=tuple(one for one in request.points if one is not culprit))
+    flown, name, low, high = draws(rest, LOOKED_AT), culprit.name, culprit.low, culprit.high
+    if isinstance(culprit, SpeedAsked):
+        values = _speeds(culprit, flown, levels_fl)
         text = culprit.text(levels_fl[int(flown.entry[0]) if culprit.level < 0 else culprit.level])
     else:
-        assert request.point is not None
-        values, name = _at_point(request.point, flown, levels_fl, request.deviation_k), request.point.name
-        low, high, text = request.point.low, request.point.high, request.point.text
+        values, text = _at_point(culprit, flown, levels_fl, request.deviation_k), culprit.text
     off = np.maximum(np.maximum(low - values, values - high), 0.0)
     nearest, digits = float(values[off.argmin()]), DIGITS[name]
     others = "; ".join(rest.words(levels_fl)) or "nothing else asked"

@@ -73,7 +73,7 @@ class PointCondition:
         >>> decoder, latent = model.representation.decoder, latent_density(model)
         >>> u = np.zeros_like(latent.means)
         >>> free = conditions(latent.log_probs, latent.means, latent.roots, Rows(u[:, None][:, :0], *[u[:, :0]] * 3))
-        >>> request = Request(180, point=PointAsked("time_s", 400.0, 400.0, (160.0, 160.0)))
+        >>> request = Request(180, points=(PointAsked("time_s", 400.0, 400.0, (160.0, 160.0)),))
         >>> point = PointCondition(latent, decoder, request, free)
         >>> met, log_weight = point.meet(np.array([0]), u[:1], np.array([0.5]))
         >>> flown = decoder.fly(latent.curves.profiles(met), torch.tensor([180]))
@@ -83,8 +83,8 @@ class PointCondition:
 
     def __init__(self, latent: LatentDensity, decoder: DescentDecoder, request: Request, speeds: Conditions) -> None:
         """Take slopes at the Gaussians' means given the speeds."""
-        assert request.point is not None
-        self.asked = asked = request.point
+        (asked,) = request.points
+        self.asked = asked
         self.latent, self.decoder, self.request, self.speeds = latent, decoder, request, speeds
         self.low = -log(asked.high * asked.unit)
         self.high = -log(asked.low * asked.unit) if asked.low > 0 else np.inf
@@ -166,7 +166,6 @@ class PointCondition:
         return expected + sd * white, 0.5 * white**2 + 0.5 * np.log(2 * pi * sd**2) + log_between(low, high)
 
     def _flown(self, u: Tensor) -> Trajectories:
-        assert self.request.entry is not None
         return self.decoder.fly(self.latent.curves.profiles(u), torch.full((len(u),), self.request.entry))
 
     def _since(self, flown: Trajectories) -> Tensor:

@@ -11,6 +11,7 @@ import polars as pl
 import torch
 
 import descentflow as df
+from descentflow.positions.ground_plan import Ground
 from descentflow.training.data_settings import grouped, groups_of
 
 END = {"end": (51.5, -0.5), "track": 270.0}
@@ -32,7 +33,8 @@ class Call:
     @property
     def parameters(self) -> list[str]:
         """Names of all that can be given, but for the rest of :class:`descentflow.DescentDataModule` in `fit`."""
-        return [name for name in signature(self.function).parameters if name not in ("self", "data_options", "asked")]
+        names = [name for name in signature(self.function).parameters if name not in ("self", "data_options", "asked")]
+        return [key for name in names for key in (Ground.__annotations__ if name == "ground" else [name])]
 
 
 @cache

@@ -26,8 +26,8 @@ SECONDS = 30
 """Of processor time, so that a busy machine makes no defect of a fit."""
 WAITING_S = 150
 """In all: what waits for something that never comes uses no processor."""
-OF_FAILED_FIT = {"config.yaml"}
-"""Settings of a fit that failed: the next run in the folder writes them again."""
+OF_FAILED_FIT = ("config.yaml", "events.out.tfevents")
+"""Beginnings of files that a failed fit leaves: settings, which the next run there writes again, and its log."""
 PARTS = ("; expected ", "; to mend it, ")
 
 
@@ -131,7 +131,7 @@ def _kept_or_counted(report: Path, rows: int | None) -> Outcome:
 
 
 def _refused(case: Case, said: str, left: set[str]) -> Outcome:
-    if stray := left - OF_FAILED_FIT:
+    if stray := {name for name in left if not name.startswith(OF_FAILED_FIT)}:
         return Outcome("file left by a refusal", ", ".join(sorted(stray)))
     own = [line for line in said.splitlines() if line.startswith("descentflow ") and ": warning: " not in line]
     if not own:

@@ -18,6 +18,8 @@ from descentflow.core.tabular import optional_library
 from descentflow.core.version import __version__
 
 Task = TypeVar("Task")
+MOST_WORKERS = 1024
+"""More are a slip of the hand: the largest machines have fewer processors."""
 STARTS = 3
 """Times that Dask's workers on this machine are started before that is given up."""
 
@@ -176,7 +178,7 @@ def engine_of(engine: Any = None, workers: int | None = None) -> Engine:
         workers: Threads, or Dask's workers on this machine; as many as there are processors if absent.
 
     Raises:
-        ConfigError: If it is none of these.
+        ConfigError: If it is none of these, or there are too many workers.
 
     Example:
         >>> engine_of("tcp://host:8786", 2)  # it connects when it runs
@@ -185,6 +187,8 @@ def engine_of(engine: Any = None, workers: int | None = None) -> Engine:
     if isinstance(engine, Engine):
         return engine
     number = workers or os.cpu_count() or 1
+    if number > MOST_WORKERS:
+        raise ConfigError(f"{number:,} workers", expected=f"{MOST_WORKERS:,} at most", mend="leave the number out")
     if engine is None or (isinstance(engine, str) and engine == "local"):
         return Engine(number)
     if isinstance(engine, str | Path) or hasattr(engine, "wait_for_workers"):

@@ -40,3 +40,8 @@ def test_what_is_no_engine_is_refused(engine: object) -> None:
     """An array has no truth of its own."""
     with pytest.raises(ConfigError, match=r"an engine of type .*; expected local, dask"):
         engine_of(engine)
+
+
+def test_more_workers_than_any_machine_has_are_refused() -> None:
+    with pytest.raises(ConfigError, match="2,147,483,648 workers; expected 1,024 at most"):
+        engine_of(workers=1 << 31)

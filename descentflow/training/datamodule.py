@@ -118,15 +118,15 @@ class DescentDataModule(LightningDataModule):
         if self._representation is not None:
             return
         with progress_stage("reading descents", total=4, unit="steps") as done:
-            known = None if self.checkpoint is None else load_representation(self.checkpoint)
-            if known is not None:
-                lowest_fl = float(known.decoder.levels_fl[0])
-                source = FlightSource(self.descents).for_model(known.cleaning, lowest_fl)
+            if self.checkpoint is not None:
+                representation = load_representation(self.checkpoint)
+                lowest_fl = float(representation.decoder.levels_fl[0])
+                source = FlightSource(self.descents).for_model(representation.cleaning, lowest_fl)
                 frame = of_typecodes(source, self.typecodes, name_of(self.descents))
                 done.say("inferring drag")
-                representation = known
                 air = None if representation.air is None or self.air == STANDARD else self.air
-                self._parts = encode_flights(frame, known, self.conditions.context_table, air=air, say=rank_zero_info)
+                table = self.conditions.context_table
+                self._parts = encode_flights(frame, representation, table, air=air, say=rank_zero_info)
             else:
                 representation = self._fitted(done)
         self._representation = representation

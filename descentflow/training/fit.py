@@ -4,7 +4,7 @@ import os
 from collections.abc import Sequence
 from contextlib import nullcontext
 from copy import deepcopy
-from dataclasses import fields
+from dataclasses import fields, replace
 from inspect import signature
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -97,24 +97,32 @@ def fit(
     """
     if device == "cuda" and not torch.cuda.is_available():
         raise ConfigError("device 'cuda'", expected="a GPU that torch can use", mend="leave the device out")
-    is_run = out is not None and Path(out).suffix != ".ckpt"
-    if out is not None:
-        check_new_run(Path(out)) if is_run else check_output(out)
+    outputs = [] if out is None else [Path(out)]
+    files = [path for path in outputs if path.suffix == ".ckpt"]
+    runs = [path for path in outputs if path not in files]
+    for path in outputs:
+        check_output(path) if path in files else check_new_run(path)
     quiet()
     settings = settings_of(model) if isinstance(model, LatentModel) else training_settings(model)
-    options = {"aircraft": aircraft, "context": None if context is None else list(context), **data_options}
-    data = _data_module(descents, settings.data, {name: value for name, value in options.items() if value is not None})
+    settings = replace(settings, trainer=settings.trainer | _given(max_epochs=max_epochs))
+    columns = None if context is None else list(context)
+    data = _data_module(descents, settings.data, _given(aircraft=aircraft, context=columns, **data_options))
     with _ONE_AT_A_TIME, isolate_rng(), nullcontext() if "OMP_NUM_THREADS" in os.environ else one_thread():
         seed_everything(seed, workers=True, verbose=False)
         trained = model if isinstance(model, LatentModel) else settings.new_model()
-        _train(trained, data, settings, max_epochs, device, final=final, run=Path(out) if is_run and out else None)
-    if out is not None and not is_run:
-        trained.save(out)
-    if out is not None and is_run:
-        write_settings(Path(out), seed, trained, data, settings.as_sections(max_epochs))
+        _train(trained, data, settings, device, runs, final=final)
+    for path in files:
+        trained.save(path)
+    for run in runs:
+        write_settings(run, seed, trained, data, settings.as_sections())
         if trained.final is not None:
-            trained.save(Path(out) / "checkpoints" / "final.ckpt")
+            trained.save(run / "checkpoints" / "final.ckpt")
     return trained
+
+
+def _given(**options: Any) -> dict[str, Any]:
+    """The options that were given."""
+    return {name: value for name, value in options.items() if value is not None}
 
 
 def _data_module(source: Any, settings: dict[str, Any], options: dict[str, Any]) -> DescentDataModule:
@@ -151,23 +159,22 @@ def _train(
     model: LatentModel[Any],
     data: DescentDataModule,
     settings: TrainingSettings,
-    max_epochs: int | None,
     device: str,
+    runs: Sequence[Path],
     *,
     final: bool,
-    run: Path | None,
 ) -> None:
     """Train a model, put it back to its best epoch, and fit it again to all flights."""
     again = deepcopy(model)
-    options = settings.trainer | {"accelerator": device} | ({} if max_epochs is None else {"max_epochs": max_epochs})
-    with TemporaryDirectory() if run is None else nullcontext(run / "checkpoints") as folder:
+    with TemporaryDirectory() as scratch:
+        folder = [*(run / "checkpoints" for run in runs), Path(scratch)][0]
         best = ModelCheckpoint(folder, **settings.checkpoint)
         trainer = Trainer(
-            logger=False if run is None else CSVLogger(run, name="", version=""),
+            logger=[CSVLogger(run, name="", version="") for run in runs],
             callbacks=[*settings.new_callbacks(), best, ShowProgress()],
             enable_progress_bar=False,
             enable_model_summary=False,
-            **options,
+            **settings.trainer | {"accelerator": device},
         )
         trainer.fit(model, datamodule=data)
         content = read_checkpoint(best.best_model_path)

@@ -56,11 +56,10 @@ class TrainingSettings:
     trainer: dict[str, Any] = field(default_factory=lambda: dict(TRAINER_DEFAULTS))
     callbacks: tuple[tuple[str, dict[str, Any]], ...] = ()
 
-    def as_sections(self, max_epochs: int | None) -> dict[str, Any]:
-        """Sections ``checkpoint`` and ``trainer`` of a settings file, with another number of epochs if given."""
+    def as_sections(self) -> dict[str, Any]:
+        """Sections ``checkpoint`` and ``trainer`` of a settings file."""
         callbacks = [{"class_path": path, "init_args": arguments} for path, arguments in self.callbacks]
-        epochs = {} if max_epochs is None else {"max_epochs": max_epochs}
-        return {"checkpoint": self.checkpoint, "trainer": {**self.trainer, **epochs, "callbacks": callbacks}}
+        return {"checkpoint": self.checkpoint, "trainer": {**self.trainer, "callbacks": callbacks}}
 
     def new_model(self) -> LatentModel[Any]:
         """A model of the settings, not trained yet."""

@@ -72,6 +72,11 @@ class LatentModel(LightningModule, InNotebook, ABC, Generic[D]):
         """The density for ``dimension`` weights and ``n_context`` numbers of context, before training."""
 
     @property
+    def is_made(self) -> bool:
+        """True once there is a density."""
+        return self._density is not None
+
+    @property
     def density(self) -> D:
         """The density that is trained.
 
@@ -114,9 +119,9 @@ class LatentModel(LightningModule, InNotebook, ABC, Generic[D]):
 
     def attach(self, representation: Representation) -> None:
         """Take the representation, and make the density for its number of weights if there is none yet."""
-        if self._density is None:
+        if not self.is_made:
             self._density = self.make(representation.decoder.dimension, representation.n_context).to(self.device)
-        self._density.attach(representation)
+        self.density.attach(representation)
 
     def setup(self, stage: str) -> None:
         """Take the representation of the DataModule, and torch's seed (Lightning calls this).
@@ -125,7 +130,7 @@ class LatentModel(LightningModule, InNotebook, ABC, Generic[D]):
             ConfigError: If there is no DescentDataModule, or it has other components than a model that has some.
         """
         check_precision(self.trainer)
-        if self._density is None:
+        if not self.is_made:
             self.attach(data_of(self.trainer).representation)
         elif isinstance(data := getattr(self.trainer, "datamodule", None), DescentDataModule):
             _check_same_weights(self.representation, data.representation)
@@ -179,7 +184,7 @@ class LatentModel(LightningModule, InNotebook, ABC, Generic[D]):
 
     def notebook_figure(self) -> "Figure | None":
         """The components of drag and speed; nothing before the fit."""
-        if self._density is None:
+        if not self.is_made:
             return None
         from descentflow.evaluation.figures.components import components_figure  # matplotlib loads where it draws
 
@@ -271,16 +276,16 @@ class LatentModel(LightningModule, InNotebook, ABC, Generic[D]):
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Restore density and representation; refuse one of another model or other flights when a fit resumes."""
-        final = density_in(checkpoint) if HELD_OUT in checkpoint else None
+        finals = [density_in(checkpoint)] if HELD_OUT in checkpoint else []
         # What is trained on and scored is the held-out fit; Lightning loads its parameters from the same dictionary.
         checkpoint.update(checkpoint.get(HELD_OUT, {}))
         saved: D = density_of(checkpoint[SECTION])  # type: ignore[assignment]
-        if self._density is not None:
+        if self.is_made:
             self._check_same_model(saved, checkpoint.get("hyper_parameters") or {})
             _check_same_weights(saved.representation, self.representation)
             self._resume(checkpoint.get(TRAINING, {}))
         self._density = saved.to(self.device)
-        if final is not None:
+        for final in finals:
             self.keep_final(final)  # type: ignore[arg-type]
 
     @property

@@ -226,11 +226,11 @@ class Density(nn.Module, ABC):
         what = f"{self.n_context} numbers per flight"
         if self._representation is not None and self._representation.context.columns:
             what = self._representation.context.describe()
-        if context is None and self.n_context:
-            raise ConfigError(
-                "a conditional density without a context", expected=what, mend="pass the context of every flight"
-            )
         if context is None:
+            if self.n_context:
+                raise ConfigError(
+                    "a conditional density without a context", expected=what, mend="pass the context of every flight"
+                )
             return torch.zeros(n, 0, device=self.device)
         if context.shape[1:] != (self.n_context,) or len(context) not in (1, n):
             raise ConfigError(

@@ -75,7 +75,7 @@ class FlightSource:
             ConfigError: If columns are named of descents that are prepared.
             DataError: If rows cannot be read or used.
         """
-        if self.prepared is None:
+        if not self.prepared:
             differences = different_settings(USUAL, cleaning)
             changed = ", ".join(f"{name} {value}" for name, (_, value) in differences.items())
             self.say(f"cleaning rows with {changed or 'the default settings'}")
@@ -90,7 +90,7 @@ class FlightSource:
                 expected="columns of rows",
                 mend="leave them out, for prepared descents have names of their own",
             )
-        return self.prepared
+        return self.prepared[0]
 
     def without_rows(self) -> Descents:
         """Prepared descents; what a model is trained on is prepared knowingly.
@@ -103,11 +103,11 @@ class FlightSource:
             120
         """
         # Of what is not prepared, the reader of prepared files says best what it is.
-        if self.prepared is None and are_rows(self.source):
+        if not self.prepared and are_rows(self.source):
             raise DataError(
                 "rows that are not prepared", expected="prepared descents", mend="pass what descentflow.prepare returns"
             )
-        return self.prepared or read_descents(paths_of(self.source)[0])
+        return self.prepared[0] if self.prepared else read_descents(paths_of(self.source)[0])
 
     def for_model(self, cleaning: Cleaning | None, lowest_fl: float) -> Descents:
         """Descents that a model is compared with; rows are cleaned with the settings of its training descents.
@@ -136,9 +136,9 @@ class FlightSource:
                 "its settings"
             )
             return self.descents(Cleaning(bottom_fl=int(lowest_fl)))
-        if self.prepared is not None:
+        for prepared in self.prepared:
             _compare_settings(
-                {"the model's training descents": cleaning, "these descents": self.prepared.cleaning},
+                {"the model's training descents": cleaning, "these descents": prepared.cleaning},
                 "prepare the rows with the model's settings, or pass the rows themselves",
             )
         return self.descents(cleaning)
@@ -163,7 +163,7 @@ class FlightSource:
             (True, True)
         """
         sides = {"the real descents": self.prepared, "the simulator's descents": simulator.prepared}
-        prepared = {name: one for name, one in sides.items() if one is not None}
+        prepared = {name: one for name, held in sides.items() for one in held}
         _compare_settings(
             {name: one.cleaning for name, one in prepared.items()},
             "prepare the rows of both with the same settings, or pass the rows themselves",
@@ -206,15 +206,15 @@ def are_rows(source: Any) -> bool:
     return is_pandas(source) or isinstance(source, tables) or isinstance(getattr(source, "rows", None), tables)
 
 
-def _prepared(source: Any) -> Descents | None:
-    """Descents that are prepared already; None for rows."""
+def _prepared(source: Any) -> tuple[Descents, ...]:
+    """Descents that are prepared already, joined; empty for rows."""
     descents = _in_memory(source)
-    if descents is not None or are_rows(source):
+    if descents or are_rows(source):
         return descents
     paths = _expanded(_existing(source))
     prepared = [path for path in paths if is_prepared(path)]
     if not prepared:
-        return None
+        return ()
     if len(prepared) < len(paths):
         other = next(path for path in paths if path not in prepared)
         raise DataError(
@@ -222,7 +222,7 @@ def _prepared(source: Any) -> Descents | None:
             expected="rows alone, or prepared descents alone",
             mend="prepare the rows first",
         )
-    return join_descents([read_descents(path) for path in prepared], [str(path) for path in prepared])
+    return (join_descents([read_descents(path) for path in prepared], [str(path) for path in prepared]),)
 
 
 def _existing(source: Any) -> list[Path]:
@@ -249,27 +249,26 @@ def _expanded(paths: Sequence[Path]) -> list[Path]:
     return found
 
 
-def _in_memory(source: Any) -> Descents | None:
+def _in_memory(source: Any) -> tuple[Descents, ...]:
     if isinstance(source, Descents):
-        return source
+        return (source,)
     if isinstance(source, list | tuple) and source:
-        held = [_in_memory(one) for one in source]
-        whole = [one for one in held if one is not None]
-        names = [f"table {number}" for number in range(1, len(held) + 1)]
-        return join_descents(whole, names) if len(whole) == len(held) else None
+        whole = [held for one in source for held in _in_memory(one)]
+        names = [f"table {number}" for number in range(1, len(source) + 1)]
+        return (join_descents(whole, names),) if len(whole) == len(source) else ()
     table = held_table(source)
     if not isinstance(table, pl.DataFrame) or "level_fl" not in table.columns:
-        return None
+        return ()
     table = checked_descents(table, "a table of descents")
     bottom = int(table["level_fl"].min())  # type: ignore[arg-type]
     known = {"schema_version": SCHEMA_VERSION, "bottom_fl": bottom, "top_fl": top_levels(table), "inputs": []}
-    return Descents(table, known)
+    return (Descents(table, known),)
 
 
 def _compare_settings(settings: Mapping[str, Cleaning | None], mend: str) -> None:
     """Warn of sides that were cleaned with different settings, or that do not say with which."""
-    unknown = [name for name, cleaning in settings.items() if cleaning is None]
     known = {name: cleaning for name, cleaning in settings.items() if cleaning is not None}
+    unknown = [name for name in settings if name not in known]
     if unknown:
         found = f"the cleaning settings of {' and '.join(unknown)} are unknown and may differ from the other side's"
     elif words := differences_in_words(known):

@@ -36,21 +36,21 @@ class SampledDescents(LinearPredictor):  # type: ignore[misc]
             self.samples.update((name, ascending) for name in one["types"])
 
     def sample_of(self, aircraft: Aircraft) -> Any:
-        """The flight's sample while it descends within the sample's levels; None otherwise."""
-        samples = self.samples.get(aircraft.aircraft_type)
-        if aircraft.flight_state is not FlightState.DESCEND or samples is None:
-            return None
+        """The flight's sample while it descends within the sample's levels; empty otherwise."""
+        samples = self.samples.get(aircraft.aircraft_type, [])
+        if aircraft.flight_state is not FlightState.DESCEND or not samples:
+            return []
         instructed = aircraft.selected_instructions.cas, aircraft.selected_instructions.mach
-        before, number = aircraft.predictor_params.get(CHOSEN, (None, None))
-        if number is None or before != instructed or samples[number][0][-1] < aircraft.fl:
+        before, number = aircraft.predictor_params.get(CHOSEN, ((), 0))
+        if before != instructed or samples[number][0][-1] < aircraft.fl:
             among = [i for i, sample in enumerate(samples) if sample[0][-1] >= aircraft.fl]
             if not among:
-                return None
+                return []
             if any(instructed):
                 among = self.nearest(aircraft, samples, among)
             number = among[drawn(aircraft, len(among))]
             aircraft.predictor_params[CHOSEN] = instructed, number
-        return samples[number] if aircraft.fl > samples[number][0][0] else None
+        return samples[number] if aircraft.fl > samples[number][0][0] else []
 
     def nearest(self, aircraft: Aircraft, samples: list[Any], among: list[int]) -> list[int]:
         """Samples whose speed at the flight's level is nearest to the flight's, which a controller instructed."""
@@ -63,8 +63,8 @@ class SampledDescents(LinearPredictor):  # type: ignore[misc]
 
     def update_vertical_speeds(self, aircraft: Aircraft) -> None:
         """Rate of descent (ft/min, negative): what is instructed, or the sample's."""
-        sample = self.sample_of(aircraft) if aircraft.selected_instructions.vertical_speed is None else None
-        if sample is None:
+        sample = self.sample_of(aircraft) if aircraft.selected_instructions.vertical_speed is None else []
+        if not sample:
             super().update_vertical_speeds(aircraft)
         else:
             aircraft.vertical_speed = float(np.interp(aircraft.fl, sample[0], sample[1]))
@@ -72,8 +72,8 @@ class SampledDescents(LinearPredictor):  # type: ignore[misc]
     def get_aircraft_cas_mach_speeds(self, aircraft: Aircraft) -> tuple[float, float | None]:
         """CAS (kt) and Mach number as instructed, or the sample's CAS at every level."""
         said = aircraft.selected_instructions
-        sample = self.sample_of(aircraft) if said.cas is None and said.mach is None else None
-        if sample is None:
+        sample = self.sample_of(aircraft) if said.cas is None and said.mach is None else []
+        if not sample:
             found: tuple[float, float | None] = super().get_aircraft_cas_mach_speeds(aircraft)
             return found
         return float(np.interp(aircraft.fl, sample[0], sample[2])), None

@@ -11,6 +11,7 @@ from descentflow.core.arguments import Count, checked_arguments
 from descentflow.core.errors import DataError
 from descentflow.core.threads import one_thread_where_they_spin
 from descentflow.densities.checkpoint import as_density
+from descentflow.densities.mixture_parameters import NO_CONTEXT
 from descentflow.evaluation.evaluation_report import Evaluation
 from descentflow.evaluation.level_flight_beside import sampled_level_flight
 from descentflow.evaluation.metrics.descent_set import DescentSet
@@ -117,7 +118,7 @@ def evaluate_profiles(
     representation: Representation,
     real: Profiles,
     *,
-    context: Tensor | None = None,
+    context: Tensor = NO_CONTEXT,
     n: int = 10_000,
     seed: int = 0,
     name: str = "samples",

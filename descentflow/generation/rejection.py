@@ -14,6 +14,7 @@ from torch import Tensor
 from descentflow.air.level_air import LevelAir
 from descentflow.core.counter_random import DrawNumbers
 from descentflow.core.errors import SamplingError
+from descentflow.densities.mixture_parameters import NO_CONTEXT
 from descentflow.generation.samples import RejectionReport, Samples
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.decoder.trajectories import Trajectories, concatenate
@@ -23,6 +24,8 @@ from descentflow.representation.representation import Representation
 
 BATCH = 10_000
 """Draws decoded at once: 10,000 descents on 228 levels are 18 MB a quantity."""
+DRAWN = torch.zeros(0, dtype=torch.int64)
+"""In place of levels of entry: they are drawn as the training flights entered."""
 
 
 class Sampler(Protocol):
@@ -60,8 +63,8 @@ def sample_descents(
     n: int,
     seed: int,
     *,
-    context: Tensor | None = None,
-    entry: Tensor | None = None,
+    context: Tensor = NO_CONTEXT,
+    entry: Tensor = DRAWN,
     air: LevelAir | AirWhereFlown | None = None,
     draw_budget: int | None = None,
     progress: Callable[[int], None] | None = None,
@@ -99,8 +102,7 @@ def sample_descents(
         (100, 100)
     """
     budget = draw_budget or max(100 * n, 10_000)
-    given = torch.zeros(1, 0) if context is None else context
-    wanted = _Wanted(model, parts, n, seed, given, entry, air)
+    wanted = _Wanted(model, parts, n, seed, context, entry, air)
     drawn, plausible, broken = 0, 0, torch.zeros(len(RULES), dtype=torch.long)
     weights, kept, owners = [], [], []
     for start in range(0, n, BATCH):
@@ -129,7 +131,7 @@ def sample_descents(
             f"only {report}",
             expected=f"{n} plausible descents within {budget} draws",
             mend="give a context like those of the training flights, or raise the draw budget"
-            if given.shape[1]
+            if context.shape[1]
             else "train on more flights or with fewer components, or raise the draw budget",
         )
     order = torch.cat(owners).argsort()
@@ -146,7 +148,7 @@ class _Wanted:
         n: int,
         seed: int,
         context: Tensor,
-        entry: Tensor | None,
+        entry: Tensor,
         air: LevelAir | AirWhereFlown | None,
     ) -> None:
         """Choose entry levels and airs."""
@@ -158,7 +160,7 @@ class _Wanted:
         self.air_row = torch.randint(n_airs, (n,), generator=torch.Generator().manual_seed(seed))
         if context.shape[1] and n_airs == len(context):
             self.air_row = everyone % n_airs
-        if entry is None:
+        if not len(entry):
             self.entry = parts.plausibility.draw_entry(n, self.generator)
         elif context.shape[1]:
             self.entry = entry[everyone % len(context)]

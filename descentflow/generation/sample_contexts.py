@@ -36,19 +36,19 @@ def context_rows(context: Contexts | None, encoder: ContextEncoder) -> pl.DataFr
         >>> context_rows({"deviation_k": "7.5"}, encoder)["deviation_k"].to_list()
         [7.5]
     """
-    if context is not None and not encoder.columns:
-        raise ConfigError(
-            "a context for a model that knows no context",
-            expected="a model that was fitted with data.context",
-            mend="leave the context out, or fit with data.context",
-        )
-    if context is None and not encoder.columns:
-        return pl.DataFrame()
     if context is None:
+        if not encoder.columns:
+            return pl.DataFrame()
         raise ConfigError(
             "a conditional model without a context",
             expected=f"a context with {encoder.describe()}",
             mend="give its values, or a table with a row for each context",
+        )
+    if not encoder.columns:
+        raise ConfigError(
+            "a context for a model that knows no context",
+            expected="a model that was fitted with data.context",
+            mend="leave the context out, or fit with data.context",
         )
     if isinstance(context, Mapping):
         return _one_row(context, encoder)
@@ -78,8 +78,8 @@ def _one_row(context: Mapping[str, Any], encoder: ContextEncoder) -> pl.DataFram
 
 def entry_levels(
     representation: Representation, contexts: pl.DataFrame, entry_fl: float | Sequence[float] | None
-) -> Tensor | None:
-    """Indices (m,) of the levels where descents start; None if they are drawn as the training flights entered.
+) -> Tensor:
+    """Indices (m,) of the levels where descents start; empty if they are drawn as the training flights entered.
 
     Args:
         representation: The model's: its grid, and whether ``entry_fl`` is part of its context.
@@ -99,8 +99,8 @@ def entry_levels(
     """
     own, levels = "entry_fl" in contexts.columns, representation.decoder.levels_fl
     if entry_fl is None:
-        wanted = contexts["entry_fl"].cast(pl.Float64, strict=False) if own else None
-        return None if wanted is None or wanted.null_count() else _nearest(levels, wanted.to_list())
+        wanted = contexts["entry_fl"].cast(pl.Float64, strict=False).to_list() if own else []
+        return _nearest(levels, [] if None in wanted else wanted)
     asked = [float(one) for one in np.atleast_1d(entry_fl)]
     # At the lowest level nothing is left to descend.
     wrong = [one for one in asked if not float(levels[0] + levels[1]) / 2 < one <= float(levels[-1])]

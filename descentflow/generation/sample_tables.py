@@ -76,9 +76,10 @@ def flown_quantities(flown: Trajectories) -> dict[str, Tensor]:
 def _quantities(flown: Trajectories, positions: Positions | None, air: LevelAir | None) -> dict[str, np.ndarray]:
     """Each quantity of :data:`UNITS` as (n, L) float64, on ascending levels."""
     found = {name: tensor.detach().cpu().double().numpy() for name, tensor in flown_quantities(flown).items()}
+    tailwind: Tensor | float = 0.0
     if air is not None:
-        found |= {"deviation_k": air.deviation_k.numpy(), "tailwind": air.tailwind_mps.numpy() / KT_MPS}
-    tailwind = 0.0 if air is None else air.tailwind_mps
+        tailwind = air.tailwind_mps
+        found |= {"deviation_k": air.deviation_k.numpy(), "tailwind": tailwind.numpy() / KT_MPS}
     return found | _over_ground(place(flown, tailwind_mps=tailwind) if positions is None else positions)
 
 

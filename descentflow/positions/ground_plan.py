@@ -95,10 +95,12 @@ def ground_plan(
         Traceback (most recent call last):
         descentflow.core.errors.ConfigError: an end point without a track; expected both, or a route; ...
     """
-    if (end is None) != (track is None):
-        only, other = ("an end point", "a track") if track is None else ("a track", "an end point")
-        raise ConfigError(f"{only} without {other}", expected="both, or a route", mend=f"give {other} too")
-    if end is not None and route is not None:
+    ways = {"an end point": end, "a track": track, "a route": route}
+    given = {name for name, way in ways.items() if way is not None}
+    for only, other in (("an end point", "a track"), ("a track", "an end point")):
+        if only in given and other not in given:
+            raise ConfigError(f"{only} without {other}", expected="both, or a route", mend=f"give {other} too")
+    if {"an end point", "a route"} <= given:
         raise ConfigError("an end point and a route", expected="one of them", mend="leave one of them out")
     path = None
     if route is not None:

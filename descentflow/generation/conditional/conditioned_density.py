@@ -10,7 +10,7 @@ from torch import Tensor
 
 from descentflow.densities.density import Density
 from descentflow.densities.gaussian import TransformedDensity
-from descentflow.generation.conditional.constraints import PointAsked, Request, SpeedAsked
+from descentflow.generation.conditional.constraints import Constraint, Request, SpeedAsked
 from descentflow.generation.conditional.draws import Proposed
 from descentflow.generation.conditional.latent_density import Array, LatentDensity
 from descentflow.generation.conditional.point_condition import PointCondition
@@ -43,7 +43,7 @@ class NothingPlausible(Exception):
         'cas_kt 500 at FL200'
     """
 
-    def __init__(self, culprit: SpeedAsked | PointAsked) -> None:
+    def __init__(self, culprit: Constraint) -> None:
         """Say what cannot be met."""
         super().__init__(culprit)
         self.culprit = culprit

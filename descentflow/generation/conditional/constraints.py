@@ -22,20 +22,13 @@ BySpeed = Band | Mapping[float, Band]
 """A speed at the level meant by default, or speeds by flight level."""
 SPEEDS = ("cas_kt", "mach")
 KINDS = {
-    "cas_kt": "a number of knots",
-    "mach": "a Mach number up to 1.5",
-    "time_s": "a number of seconds",
-    "distance_nm": "a number of NM",
-    "level": "a flight level",
+    "cas_kt": ("a number of knots", "cas_kt=280 or cas_kt=(275, 285)"),
+    "mach": ("a Mach number up to 1.5", "mach=0.78 or mach=(0.76, 0.78)"),
+    "time_s": ("a number of seconds", "time_s=420 or time_s=(400, 450)"),
+    "distance_nm": ("a number of NM", "distance_nm=44 or distance_nm=(42, 46)"),
+    "level": ("a flight level", "level=200 or level=(190, 210)"),
 }
-"""Kind of value of each name."""
-EXAMPLES = {
-    "cas_kt": "cas_kt=280 or cas_kt=(275, 285)",
-    "mach": "mach=0.78 or mach=(0.76, 0.78)",
-    "time_s": "time_s=420 or time_s=(400, 450)",
-    "distance_nm": "distance_nm=44 or distance_nm=(42, 46)",
-    "level": "level=200 or level=(190, 210)",
-}
+"""Kind of value of each name, and examples."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +84,10 @@ class PointAsked:
         return NM_M if self.name == "distance_nm" else 1.0
 
 
+Constraint = SpeedAsked | PointAsked
+"""One of a request."""
+
+
 @dataclass(frozen=True)
 class Request:
     """One call's constraints.
@@ -134,10 +131,8 @@ class Request:
         words += [f"{name} {value}" for name, value in self.key]
         for speed in self.speeds:
             level = self.entry if speed.level < 0 else speed.level
-            if level >= 0:
-                words.append(speed.text(levels_fl[level]))
-            else:
-                words.append(speed.text(0.0).replace("FL0", "the level of entry"))
+            text = speed.text(levels_fl[level]) if level >= 0 else speed.text(0.0).replace("FL0", "the level of entry")
+            words.append(text)
         return (*words, *(point.text for point in self.points))
 
     def check(self, levels_fl: list[float]) -> None:
@@ -282,13 +277,11 @@ def points_asked(time_s: Band | None, distance_nm: Band | None, level: Band | No
 def _band(name: str, asked: Band) -> tuple[float, float]:
     least, greatest = (asked, asked) if isinstance(asked, int | float) else asked
     low, high = -inf if least is None else float(least), inf if greatest is None else float(greatest)
-    kind, most = KINDS[name], 1.5 if name == "mach" else inf
+    (kind, examples), most = KINDS[name], 1.5 if name == "mach" else inf
     if low > high or (low, high) == (-inf, inf) or (name in SPEEDS and high <= 0) or max(low, 0) > most:
         raise ConfigError(
             f"{name} {asked!r:.80}",
             expected=f"{kind}, or a pair of the least and the greatest, None for an open side",
-            mend=f"put the least first, {name}=({high:g}, {low:g})"
-            if low > high
-            else f"write for instance {EXAMPLES[name]}",
+            mend=f"put the least first, {name}=({high:g}, {low:g})" if low > high else f"write for instance {examples}",
         )
     return low, high

@@ -29,7 +29,6 @@ from descentflow.generation.conditional.nearest_plausible import implausible
 from descentflow.generation.given_temperature import given_deviation_k, in_given_air
 from descentflow.generation.sample_contexts import context_rows, entry_levels
 from descentflow.generation.samples import GeneratedSamples, origin_of
-from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.representation.own_air import check_standard_air
 
 NoiseMultiple = Annotated[float, Within(1e-4, 1e4)]
@@ -231,7 +230,7 @@ class Generator:
                 )
             return replace(request, flown=so_far, entry=int(so_far.mask[0].to(torch.int8).argmax())), contexts
         entry = entry_levels(self.representation, contexts, entry_fl)
-        return request if entry is None else replace(request, entry=int(entry[0])), contexts
+        return replace(request, entry=int(entry[0])) if len(entry) else request, contexts
 
     def _cas_level(self, entry: int) -> int:
         """Half way down the part flown at constant CAS."""
@@ -247,20 +246,17 @@ class Generator:
                 judge_of(self.representation, self.seed, flown=request.goes_on),
             )
         except NothingPlausible as error:
-            culprits = [error.culprit]
+            unmet = [error.culprit]
         except NoneLeft:
-            culprits = list((request.points or request.speeds)[-1:])
-        if not culprits:
+            unmet = list((request.points or request.speeds)[-1:])
+        if not unmet:
             raise ConfigError(
                 "; ".join(request.words(self.levels_fl)) or "no constraint at all",
                 expected="a level of entry or a context from which some draws are plausible",
                 mend="choose one like those of the training flights",
             )
 
-        def draws(request: Request, n: int) -> Trajectories:
-            return self._accepted(request, np.arange(n)).flown
-
-        raise implausible(request, culprits[0], draws, self.levels_fl)
+        raise implausible(request, unmet[0], lambda rest, n: self._accepted(rest, np.arange(n)).flown, self.levels_fl)
 
     def _target(self, request: Request) -> ConditionedTarget | FreeTarget:
         """The density given a request, kept for the next call that asks the same."""

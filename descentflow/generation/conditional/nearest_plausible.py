@@ -7,7 +7,7 @@ from math import ceil, floor
 import numpy as np
 
 from descentflow.core.errors import ImplausibleError
-from descentflow.generation.conditional.constraints import PointAsked, Request, SpeedAsked, of_cas_mps
+from descentflow.generation.conditional.constraints import Constraint, PointAsked, Request, SpeedAsked, of_cas_mps
 from descentflow.generation.conditional.latent_density import Array
 from descentflow.generation.conditional.point_condition import since_entry
 from descentflow.representation.decoder.trajectories import Trajectories
@@ -18,10 +18,7 @@ DIGITS = {"cas_kt": 1, "mach": 4, "time_s": 1, "distance_nm": 2}
 
 
 def implausible(
-    request: Request,
-    culprit: SpeedAsked | PointAsked,
-    draws: Callable[[Request, int], Trajectories],
-    levels_fl: list[float],
+    request: Request, culprit: Constraint, draws: Callable[[Request, int], Trajectories], levels_fl: list[float]
 ) -> ImplausibleError:
     """The error for a request, of which ``culprit`` cannot be met.
 

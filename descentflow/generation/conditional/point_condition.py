@@ -83,13 +83,12 @@ class PointCondition:
 
     def __init__(self, latent: LatentDensity, decoder: DescentDecoder, request: Request, speeds: Conditions) -> None:
         """Take slopes at the Gaussians' means given the speeds."""
-        (asked,) = request.points
-        self.asked = asked
+        (self.asked,) = request.points
         self.latent, self.decoder, self.request, self.speeds = latent, decoder, request, speeds
-        self.low = -log(asked.high * asked.unit)
-        self.high = -log(asked.low * asked.unit) if asked.low > 0 else np.inf
+        self.low = -log(self.asked.high * self.asked.unit)
+        self.high = -log(self.asked.low * self.asked.unit) if self.asked.low > 0 else np.inf
         levels_fl = decoder.levels_fl.numpy()
-        self.levels = np.interp(asked.levels, levels_fl, np.arange(len(levels_fl)))
+        self.levels = np.interp(self.asked.levels, levels_fl, np.arange(len(levels_fl)))
         n_cells = len(latent.means)
         middle, _ = speeds.values(np.arange(n_cells), np.full((n_cells, speeds.rows.n_rows), 0.5))
         self.moved = (speeds.gain @ (middle - speeds.rows.centre)[:, :, None])[:, :, 0]

@@ -170,17 +170,17 @@ def integrate(
     """
     grid = grid or flight_grid(aircraft, altitude_m, mass_kg, deviation_k)
     if wind_mps is not None or exact_energy_share:
-        slope = slope_per_m(cas_mps, altitude_m) if exact_energy_share else None
+        slope = slope_per_m(cas_mps, altitude_m) if exact_energy_share else torch.zeros_like(cas_mps)
         wind = torch.zeros_like(altitude_m) if wind_mps is None else slope_per_m(wind_mps, altitude_m)
-        shares = _shares(aircraft, grid, cas_mps, deviation_k, wind, slope)
+        shares = _shares(aircraft, grid, cas_mps, deviation_k, wind, slope, exact_energy_share)
         found = fly(grid, drag_n, cas_mps, entry, shares)
     elif grid.is_plain and not drag_n.requires_grad and not cas_mps.requires_grad:
         found = _fly_chunks(grid, drag_n, cas_mps, entry, out)
     else:
         found = fly(grid, drag_n, cas_mps, entry)
-    own = aircraft if mass_kg is None or grid.is_plain else None
-    if own is not None and mass_kg is not None:
-        own = own.at_mass(mass_kg)
+    own: PerformanceModel | None = aircraft
+    if mass_kg is not None:
+        own = aircraft.at_mass(mass_kg) if grid.is_plain else None
     return Trajectories(levels_fl, entry, found.time_s, cas_mps, found.mach, found.tas_mps, found.rate_mps, drag_n, own)
 
 
@@ -282,19 +282,19 @@ def _shares(
     cas_mps: Tensor,
     deviation_k: Number,
     wind_slope_per_s: Tensor,
-    cas_slope_per_s: Tensor | None,
+    cas_slope_per_s: Tensor,
+    exact: bool,
 ) -> tuple[Tensor, Tensor]:
-    """Energy share factor in a wind, or that of the CAS profile itself, at the levels and at the jumps' sides."""
+    """Energy share factor in a wind, exactly that of the CAS profile or not, at the levels and at the jumps' sides."""
 
-    def share(altitude_m: Tensor, cas: Tensor, wind: Tensor, slope: Tensor | None) -> Tensor:
-        if slope is not None:
+    def share(altitude_m: Tensor, cas: Tensor, wind: Tensor, slope: Tensor) -> Tensor:
+        if exact:
             return energy_share_factor_local(cas, altitude_m, slope, wind, deviation_k)
         at_mach = aircraft.holds_mach(altitude_m)
         return energy_share_factor(cas_to_mach(cas, altitude_m), altitude_m, at_mach, deviation_k, wind)
 
     at_sides = grid.breaks.continued
-    slope_at_sides = None if cas_slope_per_s is None else at_sides(cas_slope_per_s)
     return (
         share(grid.altitude_m, cas_mps, wind_slope_per_s, cas_slope_per_s),
-        share(grid.breaks.altitude_m, at_sides(cas_mps), at_sides(wind_slope_per_s), slope_at_sides),
+        share(grid.breaks.altitude_m, at_sides(cas_mps), at_sides(wind_slope_per_s), at_sides(cas_slope_per_s)),
     )

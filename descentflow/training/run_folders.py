@@ -37,7 +37,7 @@ def name_run(config: Any) -> None:
         ('here', 'Gaussian')
     """
     options = _logger_options(config)
-    if options is None:
+    if not options:
         return
     if options.get("name") == UNNAMED:
         options["name"] = config.model.class_path.rsplit(".", 1)[-1]
@@ -70,7 +70,7 @@ def write_into_run(config: Any, command: str, run: Path) -> None:
         return
     check_folder(run / command)
     options = _logger_options(config)
-    if options is None:
+    if not options:
         config.trainer.default_root_dir = str(run / command)
         return
     for name, value in {"save_dir": str(run), "name": "", "version": command}.items():
@@ -181,9 +181,9 @@ def _as_yaml(value: Any) -> Any:
 
 
 def _logger_options(config: Any) -> Any:
-    """Options of the one logger with a folder, or None."""
+    """Options of the one logger with a folder; empty if there is none."""
     options = getattr(config.trainer.logger, "init_args", None)
-    return None if options is None or "save_dir" not in options else options
+    return {} if options is None or "save_dir" not in options else options
 
 
 def _without_false_score(config: Any) -> None:

@@ -128,7 +128,7 @@ class ConditionedTarget:
         self.up_to = by_entry.sum(1).cumsum()
         self.of_entry = by_entry.cumsum(1) / np.maximum(by_entry.sum(1, keepdims=True), 1e-300)
         equal = speeds.in_closed_form and not points
-        self.proposals = PROPOSALS_OF_A_STAND_IN if latent.prior is not None else 1 if equal else PROPOSALS
+        self.proposals = PROPOSALS_OF_A_STAND_IN if latent.prior.exact is not None else 1 if equal else PROPOSALS
 
     @torch.no_grad()
     def propose(self, uniform: Array) -> Proposed:

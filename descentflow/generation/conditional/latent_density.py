@@ -15,7 +15,7 @@ from torch import Tensor
 
 from descentflow.densities.density import Density
 from descentflow.densities.mixture_parameters import NO_CONTEXT
-from descentflow.generation.prediction.posterior import Prior, log_density, posterior_of, prior_of
+from descentflow.generation.prediction.posterior import Prior, posterior_of, prior_of
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.linear_curves import LinearCurves, linear_curves
 from descentflow.representation.profiles import Profiles
@@ -35,8 +35,8 @@ class LatentDensity:
         means: (K, D).
         roots: (K, D, D) whose products with their transposes are the covariances.
         curves: Drag on the decoder's scale and CAS (m/s) as functions of u, whose first numbers are the weights.
+        prior: What proposes, and the density that it stands for where that is no mixture.
         residuals: What residual numbers are drawn of, given the weights; None where they are Gaussian.
-        prior: What proposes and what it stands for, where the density is no mixture; None where it is.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
@@ -51,8 +51,8 @@ class LatentDensity:
     means: Array
     roots: Array
     curves: LinearCurves
+    prior: Prior
     residuals: Residuals | None = None
-    prior: Prior | None = None
 
     @cached_property
     def cas(self) -> tuple[Array, Array]:
@@ -78,12 +78,9 @@ class LatentDensity:
 
     def log_ratio(self, u: Tensor) -> Array:
         """Log of the density over what proposes (n,), at (n, D); zero where both are the same."""
-        if self.prior is None:
+        if self.prior.exact is None:
             return np.zeros(len(u))
-        weights = u[:, : self.curves.n_weights]
-        with torch.no_grad():
-            ratio = self.prior.log_prob(weights) - log_density(self.prior.mixture, weights)
-        return torch.where(ratio.isfinite(), ratio, -torch.inf).numpy()
+        return self.prior.log_ratio(u[:, : self.curves.n_weights]).numpy()
 
 
 def latent_density(density: Density, context: Tensor = NO_CONTEXT, seed: int = 0) -> LatentDensity:
@@ -110,8 +107,8 @@ def latent_density(density: Density, context: Tensor = NO_CONTEXT, seed: int = 0
         _numbers(line.joint_means(mixture.locs)),
         _numbers(line.joint_roots(mixture.scale_trils)),
         _sample_curves(decoder),
+        prior,
         decoder.residuals,
-        None if prior.exact is None else prior,
     )
 
 
@@ -146,7 +143,7 @@ def latent_density_after(density: Density, context: Tensor, seed: int, flown: Pr
         # Precision L L': the transposed inverse of L is a root of the covariance.
         _numbers(torch.linalg.inv(posterior.precision_trils).mT),
         curves,
-        prior=None if prior.exact is None else prior,
+        prior,
     )
 
 

@@ -41,6 +41,12 @@ class Prior:
             return log_density(self.mixture, weights)
         return self.exact.log_prob(weights, self.context).double()
 
+    @torch.no_grad()
+    def log_ratio(self, weights: Tensor) -> Tensor:
+        """Log (n,) of the exact density over the mixture, minus infinity where it is not finite."""
+        ratio = self.log_prob(weights) - log_density(self.mixture, weights)
+        return torch.where(ratio.isfinite(), ratio, -torch.inf)
+
 
 def prior_of(density: Density, seed: int = 0, context: Tensor = NO_CONTEXT) -> Prior:
     """Take a density apart for conditioning; a conditional one is first given its context (1, c).
@@ -94,10 +100,7 @@ class Posterior:
         if self.prior.exact is None:
             return self._mixture_draw(n, generator), float(n)
         proposed = self._mixture_draw(10 * n, generator)
-        weights = proposed[:, : self.n_weights]
-        with torch.no_grad():
-            log_ratio = self.prior.log_prob(weights) - log_density(self.prior.mixture, weights)
-        ratio = torch.where(log_ratio.isfinite(), log_ratio, -torch.inf).softmax(0)
+        ratio = self.prior.log_ratio(proposed[:, : self.n_weights]).softmax(0)
         effective = float(1 / ratio.square().sum())
         if effective < MIN_EFFECTIVE:
             raise SamplingError(

@@ -186,7 +186,7 @@ def broken(kind: str, folder: Path) -> Path:
         ("coefficient", "coefficient ct2 = .-1e\\+30.; expected a finite number from"),
         ("range", "context column .*zero"),
         ("flag", "context column .*True"),
-        ("gaps", "representation.gaps is of type NoneType; expected a str; .* fit again"),
+        ("gaps", "representation.gaps is of type NoneType; expected a text; .* fit again"),
         ("own mass", "the representation has 'own_mass'; expected .*seen_flights"),
         ("column", "code"),
     ],

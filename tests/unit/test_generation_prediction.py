@@ -1,4 +1,4 @@
-"""The rest of a descent from its first part: posteriors against closed forms, occupancy, and coverage."""
+"""The rest of a descent from its first part: posteriors against closed forms, and coverage."""
 
 from dataclasses import replace
 

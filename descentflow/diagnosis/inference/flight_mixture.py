@@ -223,7 +223,8 @@ def fit_mixture(
     models = [_Ways(one, plain, law_flights) for one in effects]
     share = np.array([1.0 - FIRST_ODD * len(odd) - FIRST_SHARE * len(models), *[FIRST_ODD] * len(odd)])
     share = np.concatenate([share, np.full(len(models), FIRST_SHARE)])
-    whole, offset = np.zeros(len(values)), first_offset if models else 0.0
+    whole, none = np.zeros(len(values)), np.zeros(values.shape[1])
+    offset = none + first_offset if models else none
     for _ in range(rounds):
         x = values + offset * seen
         log = [plain.log_density(x), *(other.log_density(x) for other in others)]
@@ -234,7 +235,7 @@ def fit_mixture(
         share = (posterior.sum(0) + 0.5) / (len(values) + 0.5 * len(share))
         for model, mine in zip(models, posterior[:, 1 + len(odd) :].T, strict=True):
             model.maximise(mine, seen)
-        offset = sum((model.offset_of_mean for model in models), np.zeros(values.shape[1]))
+        offset = sum((model.offset_of_mean for model in models), none)
     return MixtureFit(
         float(whole.sum()),
         {model.name: LearntLaw(model.coarse, model.ways.state, model.law, model.learnt) for model in models},
@@ -242,7 +243,7 @@ def fit_mixture(
         {model.name: model.taken for model in models},
         {model.name: model.size for model in models},
         1.0 - sum((model.taken.sum(1) for model in models), np.zeros(len(values))),
-        offset + np.zeros(values.shape[1]),
+        offset,
     )
 
 

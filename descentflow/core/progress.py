@@ -7,7 +7,7 @@ library, reports it by :func:`stage`. Standard output is never written to.
 import shutil
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
 from threading import Event, Lock, Thread
 from time import monotonic
@@ -22,7 +22,7 @@ CLEARED = "\r\x1b[2K"
 """Control sequence that empties a terminal's line."""
 
 
-@dataclass
+@dataclass(eq=False)
 class Stage:
     """Stage of a long call, and its share done.
 
@@ -73,21 +73,21 @@ class Stage:
             counted = f", {self.done:,} {self.unit or 'steps'}"
         return f"{self.text}{counted}, {monotonic() - self.began:.0f} s"
 
-    def as_meter(self, name: str, columns: int, *, plain: bool) -> str:
-        """A line with a bar for a terminal of so many columns; of ASCII alone where it knows no others."""
+    def as_meter(self, name: str) -> str:
+        """A line with a bar for the terminal, as wide as that is; of ASCII alone where it knows no others."""
         from tqdm import tqdm
 
-        elapsed = monotonic() - self.began
+        columns = shutil.get_terminal_size().columns - 1
         if not self.total:
             return f"{name}: {self.as_text()}"[:columns]
         line: str = tqdm.format_meter(
             self.done,
             self.total,
-            elapsed,
+            monotonic() - self.began,
             ncols=columns,
             prefix=f"{name}: {self.text}",
             unit=f" {self.unit}",
-            ascii=plain,
+            ascii=not (getattr(sys.stderr, "encoding", None) or "").lower().startswith("utf"),
             bar_format="{desc}: {percentage:3.0f}%|{bar}| {n_fmt}/{total_fmt}{unit} [{elapsed}<{remaining}]",
         )
         return line
@@ -96,62 +96,28 @@ class Stage:
 class _Display:
     """Draws the innermost stage from a thread of its own, so that the clock runs while nothing is counted."""
 
-    def __init__(self, name: str, *, quiet: bool, after_s: float) -> None:
-        self.name, self.quiet, self.after_s = name, quiet, after_s
-        self.stages = [Stage("starting")]
-        self._first, self._drawn = True, False
-        self._over, self._lock = Event(), Lock()
-        self._thread = Thread(target=self._run, daemon=True, name="progress")
+    def __init__(self, name: str) -> None:
+        self.name, self.stages = name, [Stage("starting")]
+        self.drawn, self.over, self.lock = False, Event(), Lock()
 
-    def start(self) -> None:
-        if not self.quiet:
-            self._thread.start()
-
-    def finish(self) -> None:
-        self._over.set()
-        if not self.quiet:
-            self._thread.join()
-        self.clear()
-
-    def push(self, stage: Stage) -> None:
-        with self._lock:
-            if self._first:
-                self.stages, self._first = [], False
-            self.stages.append(stage)
-
-    def pop(self, stage: Stage) -> None:
-        with self._lock:
-            self.stages = [one for one in self.stages if one is not stage]
-        # What follows may print.
-        self.clear()
+    def run(self, wait: float) -> None:
+        while not self.over.wait(wait):
+            terminal = _is_terminal()
+            wait = REDRAWN_S if terminal else LINE_S
+            stage = self.stages[-1]
+            text = CLEARED + stage.as_meter(self.name) if terminal else f"{self.name}: {stage.as_text()}\n"
+            with self.lock:
+                self._write(text, drawn=terminal)
 
     def clear(self) -> None:
-        with self._lock:
-            if self._drawn:
-                self._write(CLEARED)
-                self._drawn = False
+        with self.lock:
+            if self.drawn:
+                self._write(CLEARED, drawn=False)
 
-    def _run(self) -> None:
-        wait = self.after_s
-        while not self._over.wait(wait):
-            terminal = _is_terminal()
-            with self._lock:
-                if self.stages:
-                    self._draw(self.stages[-1], terminal=terminal)
-            wait = REDRAWN_S if terminal else LINE_S
-
-    def _draw(self, stage: Stage, *, terminal: bool) -> None:
-        if not terminal:
-            self._write(f"{self.name}: {stage.as_text()}\n")
-            return
-        columns = shutil.get_terminal_size().columns - 1
-        plain = not (getattr(sys.stderr, "encoding", None) or "").lower().startswith("utf")
-        self._write(CLEARED + stage.as_meter(self.name, columns, plain=plain))
-        self._drawn = True
-
-    def _write(self, text: str) -> None:
+    def _write(self, text: str, *, drawn: bool) -> None:
+        self.drawn = drawn
         # Whoever closed stderr, or cannot show a letter, wants no line; the work goes on.
-        with suppress(OSError, ValueError):
+        with suppress(OSError, ValueError, AttributeError):
             sys.stderr.write(text)
             sys.stderr.flush()
 
@@ -174,29 +140,32 @@ def display(name: str, *, quiet: bool = False, after_s: float = AFTER_S) -> Iter
         with stage(name):
             yield
         return
-    whole = _Display(name, quiet=quiet, after_s=after_s)
+    whole = _Display(name)
+    thread = Thread(target=whole.run, args=[after_s], daemon=True, name="progress")
     _shown.append(whole)
-    whole.start()
+    if not quiet:
+        thread.start()
     try:
         yield
     finally:
         _shown.remove(whole)
-        whole.finish()
+        whole.over.set()
+        if not quiet:
+            thread.join()
+        whole.clear()
 
 
 @contextmanager
 def stage(text: str, total: int | None = None, unit: str = "") -> Iterator[Stage]:
     """Say what is being done inside the block; shown by the display around it, or by one of its own."""
-    if not _shown:
-        with display("descentflow"), stage(text, total, unit) as own:
-            yield own
-        return
-    current, whole = Stage(text, total, unit), _shown[0]
-    whole.push(current)
-    try:
-        yield current
-    finally:
-        whole.pop(current)
+    with nullcontext() if _shown else display("descentflow"):
+        current, whole = Stage(text, total, unit), _shown[0]
+        whole.stages.append(current)
+        try:
+            yield current
+        finally:
+            whole.stages.remove(current)
+            whole.clear()  # what follows may print
 
 
 def clear_line() -> None:

@@ -8,9 +8,10 @@ import torch
 from scipy.stats import ks_2samp, wasserstein_distance
 
 from benchmarks.timing import best_of, print_row
-from descentflow.evaluation.metrics.level_distances import level_distances
-from descentflow.evaluation.metrics.proper import crps, energy_scores
-from descentflow.evaluation.metrics.score_registry import level_statistics
+from descentflow.evaluation.metrics.noise_floor import level_distances
+from descentflow.evaluation.metrics.proper import energy_scores
+from descentflow.evaluation.metrics.score_registry import statistics_of
+from descentflow.evaluation.metrics.statistic_kinds import LevelStatistic
 
 LEVELS = 221
 
@@ -26,7 +27,7 @@ def run(args: argparse.Namespace) -> None:
     generator = torch.Generator().manual_seed(0)
     samples, real = (torch.randn(n, LEVELS, generator=generator).double() for n in (args.n, args.flights))
     masks = [torch.rand(values.shape, generator=generator) > 0.1 for values in (samples, real)]
-    chosen = [one for one in level_statistics() if one.name in ("ks", "wasserstein", "mae")]
+    *chosen, crps = statistics_of(LevelStatistic)
     ours = best_of(lambda: level_distances(samples, masks[0], real, masks[1], chosen), 5)
     found = level_distances(samples, masks[0], real, masks[1], chosen)
     start = time.perf_counter()
@@ -38,7 +39,7 @@ def run(args: argparse.Namespace) -> None:
     print_row(["score", "ms", "scipy's ms", "ratio"], 24)
     cells = [f"{1000 * ours:.0f}", f"{1000 * theirs:,.0f}", f"{theirs / ours:.1f} x"]
     print_row(["KS, Wasserstein, mean", *cells], 24)
-    proper = best_of(lambda: crps(samples, masks[0], real, masks[1]), 3)
+    proper = best_of(lambda: level_distances(samples, masks[0], real, masks[1], [crps]), 3)
     print_row(["CRPS", f"{1000 * proper:.0f}", "-", "-"], 24)
     energy = best_of(lambda: energy_scores((samples, masks[0] | True), (real, masks[1])), 2)
     print_row(["energy score", f"{1000 * energy:.0f}", "-", "-"], 24)

@@ -7,7 +7,7 @@ from scipy import stats
 from torch import Tensor
 
 from descentflow.core.errors import DataError
-from descentflow.evaluation.metrics.level_distances import Distances, level_distances
+from descentflow.evaluation.metrics.noise_floor import Distances, level_distances
 
 # Both sum at most 500 terms of order 1 to 100 in double precision.
 TOLERANCE = 1e-12
@@ -31,7 +31,7 @@ def paper(found: Distances) -> list[Tensor]:
 def assert_as_scipy(found: Distances, first: tuple[Tensor, Tensor], second: tuple[Tensor, Tensor]) -> None:
     for level in range(first[0].shape[1]):
         one, two = (values[mask[:, level], level].double().numpy() for values, mask in (first, second))
-        assert (int(found.n_first[level]), int(found.n_second[level])) == (len(one), len(two))
+        assert int(found["fewest"][level]) == min(len(one), len(two))
         if min(len(one), len(two)) == 0:
             assert all(bool(d[level].isnan()) for d in paper(found))
             continue

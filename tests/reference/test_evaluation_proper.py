@@ -6,7 +6,8 @@ import torch
 from torch import Tensor
 
 from descentflow.evaluation.metrics import proper
-from descentflow.evaluation.metrics.proper import crps, energy_scores
+from descentflow.evaluation.metrics.noise_floor import level_distances
+from descentflow.evaluation.metrics.proper import energy_scores
 
 
 def draw(n: int, seed: int, mean: float = 0.0, n_levels: int = 4) -> tuple[Tensor, Tensor]:
@@ -30,7 +31,7 @@ def within(one: list[float], *, fair: bool = True) -> float:
 
 def test_crps_is_the_double_loop() -> None:
     samples, real = draw(30, 0), draw(20, 1)
-    found = crps(*samples, *real)
+    found = level_distances(*samples, *real)["crps"]
     for level in range(4):
         one, two = seen(samples, level), seen(real, level)
         expected = mean_difference(one, two) - within(one) / 2
@@ -51,7 +52,7 @@ def test_energy_score_is_the_double_loop(pairs: int, monkeypatch: pytest.MonkeyP
 
 def test_too_few_values_have_no_score() -> None:
     one, two = torch.zeros(1, 1), torch.zeros(2, 1)
-    assert bool(crps(one, one == 0, two, two == 0).isnan())
-    assert bool(crps(two, two == 0, one, one == 1).isnan())
+    assert bool(level_distances(one, one == 0, two, two == 0)["crps"].isnan())
+    assert bool(level_distances(two, two == 0, one, one == 1)["crps"].isnan())
     assert bool(energy_scores((one, one == 0), (two, two == 0)).isnan().all())
     assert len(energy_scores((two, two == 0), (two[:0], two[:0] == 0))) == 0

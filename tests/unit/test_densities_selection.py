@@ -12,7 +12,7 @@ from descentflow.core.errors import ConfigError
 from descentflow.densities.component_search import (
     select_mixture,
 )
-from descentflow.evaluation.metrics.proper import crps
+from descentflow.evaluation.metrics.noise_floor import level_distances
 from descentflow.training.data_settings import ContextSettings
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models import Gaussian, GaussianMixture, MaskedAffineFlow, SplineFlow
@@ -89,7 +89,7 @@ def test_scores_of_each_flight_average_to_those_of_one_forecast() -> None:
     samples, real = normal(30, D), normal(20, D, seed=1)
     each = samples.expand(20, -1, -1)
     mask = torch.ones(30, D, dtype=torch.bool)
-    torch.testing.assert_close(crps_each(each, real).mean(0), crps(samples, mask, real, mask[:20]))
+    torch.testing.assert_close(crps_each(each, real).mean(0), level_distances(samples, mask, real, mask[:20])["crps"])
     across, among = torch.cdist(samples, real).mean(), torch.cdist(samples, samples).sum() / (30 * 29)
     torch.testing.assert_close(energy_score_each(each, real).mean(), across - among / 2)
     with pytest.raises(ConfigError, match="1 sample"):

@@ -12,8 +12,7 @@ from torch import Tensor
 from descentflow.core.units import KT_MPS
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.distances import Values
-from descentflow.evaluation.metrics.level_distances import Distances
-from descentflow.evaluation.metrics.noise_floor import SIZE, matched_size, split_distances, splits
+from descentflow.evaluation.metrics.noise_floor import SIZE, Distances, matched_size, split_distances, splits
 from descentflow.evaluation.metrics.scores import score
 
 SHIFT = 0.4

@@ -12,12 +12,11 @@ from torch import Tensor
 from descentflow.core.errors import DataError
 from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.distances import MIN_VALUES
 from descentflow.reporting.figure_style import BLACK, BLUE, legend_below, model_style, say_why_empty, tidy
 
 _POINTS = 400
 _MARGIN_BANDWIDTHS = 4.0
-MIN_VALUES = 4
-"""Fewest values from which a density is drawn."""
 
 
 def cuts_figure(

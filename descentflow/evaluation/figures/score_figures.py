@@ -6,9 +6,10 @@ from matplotlib.figure import Figure
 
 from descentflow.evaluation.metrics.classifier import QUANTITIES as FEATURES
 from descentflow.evaluation.metrics.classifier import Detection
-from descentflow.evaluation.metrics.noise_floor import MIN_VALUES
-from descentflow.evaluation.metrics.score_registry import QUANTITIES, level_statistics
+from descentflow.evaluation.metrics.distances import MIN_VALUES
+from descentflow.evaluation.metrics.score_registry import QUANTITIES, statistics_of
 from descentflow.evaluation.metrics.score_table import LevelScores, ScoreTable
+from descentflow.evaluation.metrics.statistic_kinds import LevelStatistic
 from descentflow.generation.samples import RejectionReport
 from descentflow.reporting.figure_style import BAND, BLUE, GREY, RED, legend_below, say_why_empty, tidy
 
@@ -97,7 +98,7 @@ def level_scores_figure(table: ScoreTable, transition_fl: float) -> Figure:
         4
     """
     found = {(level.quantity, level.statistic): level for level in table.levels}
-    drawn = [one for one in level_statistics() if one.in_figure]
+    drawn = [one for one in statistics_of(LevelStatistic) if one.in_figure]
     panels = [(quantity, one) for quantity in QUANTITIES if quantity.by_level for one in drawn]
     figure = Figure(figsize=(2.75 * len(panels), 5.0), layout="constrained")
     axes = figure.subplots(1, len(panels), sharey=True)
@@ -105,7 +106,7 @@ def level_scores_figure(table: ScoreTable, transition_fl: float) -> Figure:
     for ax, (quantity, statistic) in zip(axes, panels, strict=True):
         level = found[quantity.name, statistic.name]
         _draw(ax, level, transition_fl)
-        ax.set_xlabel(f"{statistic.short}, {quantity.short or quantity.label} ({level.unit})")
+        ax.set_xlabel(f"{statistic.short}, {quantity.short} ({level.unit})")
     axes[0].set_ylabel("Flight level")
     legend_below(figure, axes)
     return figure

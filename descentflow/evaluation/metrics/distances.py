@@ -177,6 +177,24 @@ def observed_mean(values: Tensor, mask: Tensor) -> Tensor:
     return torch.where(mask, values, 0.0).sum(0, dtype=torch.float64) / mask.sum(0)
 
 
+MIN_VALUES = 4
+"""Fewest values of each set at a level, or of times, from which a distance or a spread is taken: below that, it depends
+on the count more than on the flights. By the 25 % rule for the top of the grid, 32 flights leave about 4 on
+each side at the highest level."""
+
+
+def level_spreads(values: Tensor, mask: Tensor) -> Tensor:
+    """Standard deviation (L,) of the observed values at each level that has enough of them, else NaN.
+
+    Example:
+        >>> level_spreads(torch.tensor([[1.0], [3.0], [1.0], [3.0]]), torch.ones(4, 1) > 0)
+        tensor([1.1547], dtype=torch.float64)
+    """
+    n = mask.sum(0)
+    from_mean = torch.where(mask, values - observed_mean(values, mask), 0.0).double()
+    return (from_mean.square().sum(0) / (n - 1)).sqrt().where(n >= MIN_VALUES, torch.nan)
+
+
 @torch.no_grad()
 def by_chunks(
     compare: Callable[..., tuple[Tensor, ...]], first: Tensor, first_mask: Tensor, second: Tensor, second_mask: Tensor

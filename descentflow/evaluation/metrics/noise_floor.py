@@ -5,7 +5,7 @@ their ratio depends on the size. So every comparison with a floor is of :data:`S
 flights were held out, and is averaged over many splits. Ratios then compare between types and with a goal.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,21 +13,53 @@ import torch
 from torch import Tensor
 
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.evaluation.metrics.distances import Values
-from descentflow.evaluation.metrics.level_distances import Distances, joined, level_distances
-from descentflow.evaluation.metrics.score_registry import level_statistics
-from descentflow.evaluation.metrics.statistic_kinds import DescentStatistic, ProfileStatistic
+from descentflow.evaluation.metrics.distances import MIN_VALUES, Values, by_chunks, pool
+from descentflow.evaluation.metrics.score_registry import statistics_of
+from descentflow.evaluation.metrics.statistic_kinds import DescentStatistic, LevelStatistic, ProfileStatistic
 
 Some = Values | DescentSet
 """Descents, or one quantity of them: values and mask."""
+Distances = dict[str, Tensor]
+"""Statistics by name, float64, and under :data:`FEWEST` the observed values of the smaller set; (K,) or (splits, K)."""
+FEWEST = "fewest"
 SIZE = 200
 """Flights on each side. A type needs twice as many held-out flights; of one with fewer, half are on each side."""
-MIN_VALUES = 4
-"""Fewest values of each set at a level, or of times, from which a distance is taken: below that, a distance depends on
-the count more than on the flights. By the 25 % rule for the top of the grid, 32 flights leave about 4 on
-each side at the highest level."""
 BATCH_VALUES = 1 << 22
 """Values of one set that are held at once: 32 MB in float64."""
+
+
+def level_distances(
+    first: Tensor,
+    first_mask: Tensor,
+    second: Tensor,
+    second_mask: Tensor,
+    statistics: Sequence[LevelStatistic] = (),
+) -> Distances:
+    """Statistics of two sets at each level (paper, section 4.1); NaN where either set has no value.
+
+    Args:
+        first: (n, L) values, float32 or float64; masked values are not read.
+        first_mask: (n, L) bool.
+        second: (m, L) values.
+        second_mask: (m, L) bool.
+        statistics: Which; all that are registered if empty.
+
+    Raises:
+        DataError: If an observed value is not finite.
+
+    Example:
+        >>> one = torch.ones(1, 1)
+        >>> level_distances(0 * one, one.bool(), 3 * one, one.bool())["wasserstein"]
+        tensor([3.], dtype=torch.float64)
+    """
+    chosen = statistics or statistics_of(LevelStatistic)
+
+    def compare(*chunk: Tensor) -> tuple[Tensor, ...]:
+        pooled = pool(*chunk)
+        return *(one.compute(pooled) for one in chosen), torch.minimum(pooled.n_first, pooled.n_second)[:, 0]
+
+    found = by_chunks(compare, first, first_mask, second, second_mask)
+    return dict(zip([*(one.name for one in chosen), FEWEST], found, strict=True))
 
 
 def split_distances(
@@ -60,22 +92,24 @@ def split_distances(
     Example:
         >>> values = torch.randn(60, 5).double()
         >>> same, floor = split_distances((values[:30], values[:30] < 9), (values[30:], values[30:] < 9), n_splits=4)
-        >>> floor["ks"].shape, int(floor.n_first[0, 0])
+        >>> floor["ks"].shape, int(floor[FEWEST][0, 0])
         (torch.Size([4, 5]), 15)
     """
-    chosen = [one for one in level_statistics() if one.has_floor]
+    chosen = [one for one in statistics_of(LevelStatistic) if one.has_floor]
     drawn, first, second = splits(samples, real, seed, n_splits, size)
     step = max(BATCH_VALUES // max(first.shape[1] * real[0].shape[1], 1), 1)
-    same, noise = [], []
+    same: list[Distances] = []
+    noise: list[Distances] = []
     for at in range(0, n_splits, step):
         batch = slice(at, at + step)
-        targets = _beside(real, first[batch])
-        stand_in, other = _equally_many(_beside(samples, drawn[batch]), _beside(real, second[batch]))
-        n = len(first[batch])
-        same.append(level_distances(*stand_in, *targets, chosen).unflatten(n))
-        noise.append(level_distances(*other, *targets, chosen).unflatten(n))
+        targets, n = _beside(real, first[batch]), len(first[batch])
+        both = _equally_many(_beside(samples, drawn[batch]), _beside(real, second[batch]))
+        for parts, one in zip((same, noise), both, strict=True):
+            found = level_distances(*one, *targets, chosen)
+            parts.append({name: values.reshape(n, -1) for name, values in found.items()})
         progress(n)
-    return joined(same), joined(noise)
+    joined = [{name: torch.cat([part[name] for part in parts]) for name in parts[0]} for parts in (same, noise)]
+    return joined[0], joined[1]
 
 
 def matched_size(samples: Values, real: Values, size: int = SIZE) -> int:
@@ -238,5 +272,5 @@ def _enough(distances: Distances) -> dict[str, Tensor]:
 
     Within a split, both comparisons have the same counts, and so lack the same levels.
     """
-    enough = torch.minimum(distances.n_first, distances.n_second) >= MIN_VALUES
-    return {name: values.where(enough, torch.nan) for name, values in distances.by_name.items()}
+    few = distances[FEWEST] < MIN_VALUES
+    return {name: values.masked_fill(few, torch.nan) for name, values in distances.items() if name != FEWEST}

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.evaluation.metrics.distances import Pooled, Values, by_chunks, observed_mean, pool
+from descentflow.evaluation.metrics.distances import Pooled, Values, level_spreads, observed_mean
 
 _PAIRS = 1 << 22
 """Distances held at once: 32 MB in float64."""
@@ -25,42 +25,18 @@ PROFILE_LEVELS = 40
 """Levels of a profile, at the least and if the grid has as many: every fifth of 200, since neighbours are alike."""
 
 
-def crps(samples: Tensor, samples_mask: Tensor, real: Tensor, real_mask: Tensor) -> Tensor:
-    """Fair continuous ranked probability score of the samples as one forecast of every real flight, per level.
+def crps_of(pooled: Pooled) -> Tensor:
+    """Fair continuous ranked probability score of the samples (first) as one forecast of every real flight, per level.
 
     ``mean |X - y| - 1/2 mean |X - X'|`` over distinct pairs of samples X, averaged over the real values y; lower is
     better, and lowest in expectation for the distribution of the real values.
 
-    Args:
-        samples: (n, L) sampled values.
-        samples_mask: (n, L) bool.
-        real: (m, L) real values.
-        real_mask: (m, L) bool.
-
     Returns:
-        (L,) in the unit of the values; NaN with fewer than two samples or no real value.
-
-    Raises:
-        DataError: If an observed value is not finite.
-
-    Example:
-        >>> samples, real = torch.tensor([[0.0], [2.0]]), torch.tensor([[1.0]])
-        >>> crps(samples, samples > -1, real, real > -1)
-        tensor([0.], dtype=torch.float64)
-    """
-
-    def compare(*chunk: Tensor) -> tuple[Tensor, ...]:
-        return (crps_of(pool(*chunk)),)
-
-    (score,) = by_chunks(compare, samples, samples_mask, real, real_mask)
-    return score
-
-
-def crps_of(pooled: Pooled) -> Tensor:
-    """:func:`crps` (K,) of samples (first) and real values (second) already pooled.
+        (K,) in the unit of the values; NaN with fewer than two samples or no real value.
 
     Example:
         >>> samples, real = torch.tensor([[0.0], [2.0]]), torch.tensor([[3.0]])
+        >>> from descentflow.evaluation.metrics.distances import pool
         >>> crps_of(pool(samples, samples > -1, real, real > -1))  # 2 - 2 / 2
         tensor([1.], dtype=torch.float64)
     """
@@ -170,10 +146,6 @@ def _among(below: Tensor, n: Tensor, pooled: Pooled) -> Tensor:
     return (2 * below * (n - below) * pooled.widths).sum(1)
 
 
-MIN_FLIGHTS = 4
-"""Fewest flights at a level that tell its spread; levels with fewer are left out."""
-
-
 def joint_energy_scores(samples: DescentSet, real: DescentSet) -> Tensor:
     """Fair energy score (m,) of the samples as one forecast of each flight's CAS and rate at all its levels.
 
@@ -206,7 +178,6 @@ _SCORED = ("cas_mps", "rate_mps")
 
 def _in_spreads(samples: Tensor, samples_mask: Tensor, real: Tensor, real_mask: Tensor) -> tuple[Values, Values]:
     """Both sets minus the flights' mean in their standard deviations, without levels where these are not known."""
-    n, mean = real_mask.sum(0), observed_mean(real, real_mask)
-    spread = (torch.where(real_mask, real - mean, 0.0).double().square().sum(0) / (n - 1)).sqrt()
-    known = (n >= MIN_FLIGHTS) & (spread > 0)
+    mean, spread = observed_mean(real, real_mask), level_spreads(real, real_mask)
+    known = spread > 0
     return ((samples - mean) / spread, samples_mask & known), ((real - mean) / spread, real_mask & known)

@@ -4,7 +4,7 @@ To add a score, add an entry to :data:`STATISTICS`: the table, its CSV file, the
 callbacks and the study take it from there.
 """
 
-from collections.abc import Iterator
+from typing import TypeVar
 
 import torch
 
@@ -35,6 +35,8 @@ from descentflow.evaluation.metrics.statistic_kinds import (
 )
 from descentflow.physics.fuel import burnt_kg
 
+Kind = TypeVar("Kind", bound=Statistic)
+
 
 def _times(descents: DescentSet) -> Values:
     return (descents.time_s[:, 0] - descents.time_s[:, -1])[:, None], descents.spans_grid()[:, None]
@@ -56,21 +58,26 @@ def _cas_and_rate(descents: DescentSet) -> Values:
 
 
 QUANTITIES = (
-    Quantity("time_to_bottom_of_descent", "Time to bottom of descent", "s", _times, False, "time to bottom"),
-    Quantity("cas", "CAS", "kt", lambda descents: (descents.cas_mps / KT_MPS, descents.mask)),
+    Quantity("time_to_bottom_of_descent", "Time to bottom of descent", "time to bottom", "s", _times, False),
+    Quantity("cas", "CAS", "CAS", "kt", lambda descents: (descents.cas_mps / KT_MPS, descents.mask)),
     Quantity(
         "rocd",
         "Rate of climb or descent",
+        "rate",
         "ft/min",
         lambda descents: (descents.rate_mps / FPM_MPS, descents.mask),
-        short="rate",
     ),
 )
 
-FUEL = Quantity("fuel", "Fuel from entry to bottom", "kg", _fuel, False, "fuel")
+FUEL = Quantity("fuel", "Fuel from entry to bottom", "fuel", "kg", _fuel, False)
 """Scored where flights have a fuel flow."""
 
-WHOLE = Part(Quantity("descent", "Whole descent", "1", _cas_and_rate), "descent", "Whole descent", "whole descent")
+WHOLE = Part(
+    Quantity("descent", "Whole descent", "whole descent", "1", _cas_and_rate),
+    "descent",
+    "Whole descent",
+    "whole descent",
+)
 """Quantity of statistics of whole descents: CAS and rate together, at all levels."""
 
 STATISTICS: dict[str, Statistic] = {
@@ -108,24 +115,14 @@ STATISTICS: dict[str, Statistic] = {
 """Statistic by name, in the order of the table."""
 
 
-def level_statistics() -> list[LevelStatistic]:
-    """The registered statistics that are computed level by level.
+def statistics_of(kind: type[Kind]) -> list[Kind]:
+    """The registered statistics of a kind.
 
     Example:
-        >>> [one.name for one in level_statistics()]
+        >>> [one.name for one in statistics_of(LevelStatistic)]
         ['ks', 'wasserstein', 'mae', 'crps']
     """
-    return [one for one in STATISTICS.values() if isinstance(one, LevelStatistic)]
-
-
-def profile_statistics() -> list[ProfileStatistic]:
-    """The registered statistics of whole profiles.
-
-    Example:
-        >>> [one.name for one in profile_statistics()]
-        ['energy']
-    """
-    return [one for one in STATISTICS.values() if isinstance(one, ProfileStatistic)]
+    return [one for one in STATISTICS.values() if isinstance(one, kind)]
 
 
 def parts_of(quantity: Quantity) -> list[Part]:
@@ -135,15 +132,14 @@ def parts_of(quantity: Quantity) -> list[Part]:
         >>> [part.name for part in parts_of(QUANTITIES[1])]
         ['cas_above_transition', 'cas_below_transition']
     """
-    short = quantity.short or quantity.label
     if not quantity.by_level:
-        return [Part(quantity, quantity.name, quantity.label, short)]
+        return [Part(quantity, quantity.name, quantity.label, quantity.short)]
     return [
         Part(
             quantity,
             f"{quantity.name}_{name}_transition",
             f"{quantity.label} {side} the transition altitude",
-            f"{short} {in_short}",
+            f"{quantity.short} {in_short}",
             side,
         )
         for name, side, in_short in (("above", "above", "above transition"), ("below", "at or below", "below"))
@@ -157,41 +153,8 @@ def profile_of(quantity: Quantity) -> Part:
         >>> profile_of(QUANTITIES[2]).label
         'Rate of climb or descent, whole profile'
     """
-    short = quantity.short or quantity.label
-    return Part(quantity, f"{quantity.name}_profile", f"{quantity.label}, whole profile", f"{short} profile")
-
-
-def rows(*, costly: bool = False) -> Iterator[tuple[Part, Statistic]]:
-    """The rows of the table of scores in their order: by level first, then whole profiles, then whole descents.
-
-    Args:
-        costly: Whether costly statistics are among them.
-
-    Example:
-        >>> [(part.name, statistic.name) for part, statistic in rows(costly=True)][-3:]
-        [('rocd_profile', 'energy'), ('descent', 'joint_energy'), ('descent', 'auc')]
-    """
-    for quantity in QUANTITIES:
-        for part in parts_of(quantity):
-            for statistic in level_statistics():
-                yield part, statistic
-    for quantity in QUANTITIES:
-        if quantity.by_level:
-            for whole in profile_statistics():
-                yield profile_of(quantity), whole
-    for one in descent_statistics(costly=costly):
-        yield WHOLE, one
-
-
-def descent_statistics(*, costly: bool = True) -> list[DescentStatistic]:
-    """The registered statistics of whole descents, without the costly ones unless they are wanted.
-
-    Example:
-        >>> [one.name for one in descent_statistics(costly=False)]
-        ['joint_energy']
-    """
-    found = [one for one in STATISTICS.values() if isinstance(one, DescentStatistic)]
-    return [one for one in found if costly or not one.costly]
+    label = f"{quantity.label}, whole profile"
+    return Part(quantity, f"{quantity.name}_profile", label, f"{quantity.short} profile")
 
 
 def level_parts() -> dict[str, Part]:

@@ -6,10 +6,10 @@ from math import isnan, nan
 import torch
 from torch import Tensor
 
-from descentflow.evaluation.metrics.distances import Values, observed_mean
-from descentflow.evaluation.metrics.noise_floor import MIN_VALUES, Comparison
+from descentflow.evaluation.metrics.distances import MIN_VALUES, Values, level_spreads
+from descentflow.evaluation.metrics.noise_floor import Comparison
 from descentflow.evaluation.metrics.score_table import LevelScores, Score
-from descentflow.evaluation.metrics.statistic_kinds import Part, Quantity, Statistic
+from descentflow.evaluation.metrics.statistic_kinds import LevelStatistic, Part, Quantity, Statistic
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class ScoredQuantity:
         samples: Its values and mask in the samples.
         real: Those in the flights.
         found: The comparison.
-        nominal: Those in the nominal descent, if there is one; else empty.
+        nominal: Those in the nominal descent; empty sets for none.
 
     Example:
         >>> from descentflow.evaluation.metrics.noise_floor import compare
@@ -32,8 +32,8 @@ class ScoredQuantity:
         >>> one, two = (DescentSet.of_trajectories(sample("best.ckpt", 60, seed=s).trajectories) for s in (1, 2))
         >>> cas = QUANTITIES[1]
         >>> compared = compare(cas.of(one), cas.of(two), seed=0, n_splits=2)
-        >>> scored = ScoredQuantity(cas, two.levels_fl, cas.of(one), cas.of(two), compared)
-        >>> scored.row(parts_of(cas)[1], two.levels_fl < 290, STATISTICS["ks"]).quantity
+        >>> scored = ScoredQuantity(cas, two.levels_fl, cas.of(one), cas.of(two), compared, cas.of(one.subset([])))
+        >>> scored.row(parts_of(cas)[1], STATISTICS["ks"], two.levels_fl < 290).quantity
         'cas_below_transition'
     """
 
@@ -42,111 +42,82 @@ class ScoredQuantity:
     samples: Values
     real: Values
     found: Comparison
-    nominal: Values = (torch.empty(0), torch.empty(0))
+    nominal: Values
 
-    def row(self, part: Part, chosen: Tensor, statistic: Statistic) -> Score:
-        """The row of a statistic at the levels where ``chosen`` (K,) is true."""
-        n_samples, n_real = (int(values[1][:, chosen].any(1).sum()) for values in (self.samples, self.real))
-        levels = self.found.whole[statistic.name][chosen]
-        used = ~levels.isnan()
-        numbers = self._numbers(statistic, levels, chosen, self._spreads()[chosen].nanmean())
-        numbers["nominal"] = float(self._of_nominal(statistic)[chosen][used].mean())
+    def row(self, part: Part, statistic: Statistic, chosen: Tensor) -> Score:
+        """The row of a statistic, at the levels where ``chosen`` is true: (K,), and (1,) of whole profiles."""
+        by_level, whole = isinstance(statistic, LevelStatistic), self.found.whole[statistic.name]
+        nominal, spreads = self._of_nominal(statistic), level_spreads(*self.real)
+        seen = [values[1].any(1) for values in (self.samples, self.real)]
+        if by_level:
+            whole, nominal, spread = whole[chosen], nominal[chosen], spreads[chosen].nanmean()
+            seen = [values[1][:, chosen].any(1) for values in (self.samples, self.real)]
+        else:
+            spread = spreads.square().nanmean().sqrt()
+        used = ~whole.isnan()
+        numbers = self._numbers(statistic, whole, chosen, spread)
+        numbers["nominal"] = float(nominal[used].mean() if by_level else nominal[used].nanmean())
+        n_samples, n_real = (int(each.sum()) for each in seen)
+        is_levels = by_level and self.quantity.by_level
         return Score(
             part.name,
             statistic.name,
             statistic.unit_of(self.quantity),
             **numbers,
             n_samples=n_samples,
-            n_real=n_real,
+            n_real=n_real if by_level else int(used.sum()),
             n_each=self.found.n_each,
-            n_levels=int(used.sum()) if self.quantity.by_level else 0,
-            worst_fl=self._worst_fl(chosen, levels) if bool(used.any()) else nan,
-            note="; ".join(self._reasons(part, statistic, used, n_samples, n_real, numbers)),
+            n_levels=(int(used.sum()) if is_levels else 0) if by_level else len(self.levels_fl),
+            worst_fl=self._worst_fl(chosen, whole) if is_levels and bool(used.any()) else nan,
+            note="; ".join(self._reasons(part, statistic, used, (n_samples, n_real), numbers)),
         )
-
-    def profile_row(self, part: Part, statistic: Statistic) -> Score:
-        """The row of a statistic of whole profiles."""
-        flights = self.found.whole[statistic.name]
-        used = ~flights.isnan()
-        everywhere = torch.ones(1, dtype=torch.bool, device=flights.device)
-        numbers = self._numbers(statistic, flights, everywhere, self._spreads().square().nanmean().sqrt())
-        numbers["nominal"] = float(self._of_nominal(statistic)[used].nanmean())
-        reasons = []
-        if not bool(used.any()):
-            reasons.append(f"fewer than {statistic.needs}")
-        elif statistic.has_floor and isnan(numbers["floor"]):
-            reasons.append(f"no noise floor: fewer than {statistic.needs} on each side")
-        return Score(
-            part.name,
-            statistic.name,
-            statistic.unit_of(self.quantity),
-            **numbers,
-            n_samples=int(self.samples[1].any(1).sum()),
-            n_real=int(used.sum()),
-            n_each=self.found.n_each,
-            n_levels=len(self.levels_fl),
-            note="; ".join(reasons),
-        )
-
-    def _spreads(self) -> Tensor:
-        """Standard deviation (K,) of the flights at each level that has enough of them, else NaN."""
-        values, mask = self.real
-        n = mask.sum(0)
-        from_mean = torch.where(mask, values - observed_mean(values, mask), 0.0).double()
-        return (from_mean.square().sum(0) / (n - 1)).sqrt().where(n >= MIN_VALUES, nan)
 
     def _numbers(self, statistic: Statistic, whole: Tensor, chosen: Tensor, spread: Tensor) -> dict[str, float]:
         """Score, and where the statistic has one, matched size and noise floor."""
         numbers = {"score": float(whole.nanmean())}
         if statistic.has_floor:
             same, floor = (side[statistic.name][:, chosen].nanmean(1) for side in (self.found.same, self.found.floor))
+            distance, noise = float(same.mean()), float(floor.mean())
             numbers |= {
-                "equal_size": float(same.mean()),
-                "floor": float(floor.mean()),
+                "equal_size": distance,
+                "floor": noise,
                 "floor_high": float(floor.quantile(0.95)),
+                "over_floor": distance / noise if noise else nan,
+                "excess": statistic.excess(distance, noise, float(spread)) if float(spread) else nan,
             }
-            distance, noise = numbers["equal_size"], numbers["floor"]
-            numbers["over_floor"] = distance / noise if noise else nan
-            numbers["excess"] = statistic.excess(distance, noise, float(spread)) if float(spread) else nan
         return numbers
-
-    def _has_nominal(self, statistic: Statistic) -> bool:
-        return len(self.nominal[0]) > 0 and statistic.of_one is not None
 
     def _of_nominal(self, statistic: Statistic) -> Tensor:
         """The nominal descent's statistic, of the shape of the samples'; NaN where there is none."""
-        if not self._has_nominal(statistic):
+        if statistic.of_one is None or not len(self.nominal[0]):
             return torch.full_like(self.found.whole[statistic.name], nan)
-        assert statistic.of_one is not None
         return statistic.of_one(self.nominal, self.real)
 
     def _reasons(
-        self,
-        part: Part,
-        statistic: Statistic,
-        used: Tensor,
-        n_samples: int,
-        n_real: int,
-        numbers: dict[str, float],
+        self, part: Part, statistic: Statistic, used: Tensor, n: tuple[int, int], numbers: dict[str, float]
     ) -> list[str]:
+        """Why numbers are missing, or levels left out."""
+        no_floor = statistic.has_floor and isnan(numbers["floor"])
+        if not isinstance(statistic, LevelStatistic):
+            if not bool(used.any()):
+                return [f"fewer than {statistic.needs}"]
+            return [f"no noise floor: fewer than {statistic.needs} on each side"] if no_floor else []
         if len(used) == 0:
             return [f"no level of the grid is {part.side} the transition"]
         if isnan(numbers["score"]):
             what = "at any level" if self.quantity.by_level else "that span the grid"
-            return [f"fewer than {MIN_VALUES} descents {what} ({n_samples} sampled, {n_real} real in all)"]
+            return [f"fewer than {MIN_VALUES} descents {what} ({n[0]} sampled, {n[1]} real in all)"]
         reasons = []
         if not bool(used.all()):
             left_out = int((~used).sum())
             reasons.append(f"{left_out} of {len(used)} levels left out: fewer than {MIN_VALUES} descents")
-        if statistic.has_floor and isnan(numbers["floor"]):
+        if no_floor:
             reasons.append(f"no floor: fewer than {MIN_VALUES} of {self.found.n_each} descents on each side")
-        if self._has_nominal(statistic) and isnan(numbers["nominal"]):
+        if len(self.nominal[0]) and statistic.of_one is not None and isnan(numbers["nominal"]):
             reasons.append("the nominal descent does not cover these levels")
         return reasons
 
     def _worst_fl(self, chosen: Tensor, levels: Tensor) -> float:
-        if not self.quantity.by_level:
-            return nan
         return float(self.levels_fl[chosen][levels.nan_to_num(nan=-1.0).argmax()])
 
     def by_level(self, statistic: Statistic) -> LevelScores:

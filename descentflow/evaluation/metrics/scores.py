@@ -1,26 +1,31 @@
 """Scores of sampled against held-out descents (paper, section 4), each beside its noise floor."""
 
 from collections.abc import Callable
-from math import isnan
 
 import torch
 from torch import Tensor
 
-from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.errors import DataError
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.evaluation.metrics.noise_floor import compare, compare_flights
+from descentflow.evaluation.metrics.noise_floor import Comparison, compare, compare_flights
 from descentflow.evaluation.metrics.score_registry import (
     FUEL,
     QUANTITIES,
     WHOLE,
-    descent_statistics,
-    level_statistics,
     parts_of,
     profile_of,
-    profile_statistics,
+    statistics_of,
 )
 from descentflow.evaluation.metrics.score_table import LevelScores, Score, ScoreTable
 from descentflow.evaluation.metrics.scored_quantity import ScoredQuantity
+from descentflow.evaluation.metrics.statistic_kinds import (
+    DescentStatistic,
+    LevelStatistic,
+    Part,
+    ProfileStatistic,
+    Quantity,
+    Statistic,
+)
 
 
 def score(
@@ -64,7 +69,6 @@ def score(
 
     Raises:
         DataError: If the grids differ or an observed value is not finite.
-        ConfigError: If the transition is NaN or there are no splits.
 
     Example:
         >>> from descentflow.generation.sample import sample
@@ -74,38 +78,36 @@ def score(
         30
     """
     nominal = nominal or real.subset(torch.arange(0))
-    _check(samples, real, nominal, transition_fl, n_splits)
+    _check_grids(real, samples=samples, nominal=nominal)
     rows: list[Score] = []
     whole: list[Score] = []
     by_flight: dict[tuple[str, str], Tensor] = {}
     levels: list[LevelScores] = []
+
+    def scored(quantity: Quantity, compared: Comparison) -> ScoredQuantity:
+        of = quantity.of
+        return ScoredQuantity(quantity, real.levels_fl, of(samples), of(real), compared, of(nominal))
+
+    def add_whole(part: Part, statistic: Statistic, compared: Comparison) -> None:
+        everywhere = torch.ones(1, dtype=torch.bool, device=real.mask.device)
+        whole.append(scored(part.quantity, compared).row(part, statistic, everywhere))
+        by_flight[part.name, statistic.name] = compared.whole[statistic.name]
+
     burns = real.fuel_flow_kg_s is not None and samples.fuel_flow_kg_s is not None
     for quantity in (*QUANTITIES, *([FUEL] if burns else [])):
-        sampled, observed = quantity.of(samples), quantity.of(real)
-        one = quantity.of(nominal)
-        found = ScoredQuantity(
-            quantity,
-            real.levels_fl,
-            sampled,
-            observed,
-            compare(sampled, observed, seed, n_splits, (lambda _: None) if quantity is FUEL else progress),
-            one,
-        )
+        sides = quantity.of(samples), quantity.of(real)
+        shown = (lambda _: None) if quantity is FUEL else progress
+        found = scored(quantity, compare(*sides, seed, n_splits, shown))
         for part in parts_of(quantity):
             chosen = part.levels(real.levels_fl, transition_fl)
-            rows += [found.row(part, chosen, statistic) for statistic in level_statistics()]
+            rows += [found.row(part, statistic, chosen) for statistic in statistics_of(LevelStatistic)]
         if quantity.by_level:
-            levels += [found.by_level(statistic) for statistic in level_statistics()]
-            for statistic in profile_statistics():
-                compared = compare_flights(statistic, sampled, observed, seed, n_splits)
-                profiles = ScoredQuantity(quantity, real.levels_fl, sampled, observed, compared, one)
-                whole.append(profiles.profile_row(profile_of(quantity), statistic))
-                by_flight[profile_of(quantity).name, statistic.name] = compared.whole[statistic.name]
-    both = WHOLE.quantity.of(samples), WHOLE.quantity.of(real)
-    for of_descents in descent_statistics(costly=costly):
-        compared = compare_flights(of_descents, samples, real, seed, n_splits)
-        whole.append(ScoredQuantity(WHOLE.quantity, real.levels_fl, *both, compared).profile_row(WHOLE, of_descents))
-        by_flight[WHOLE.name, of_descents.name] = compared.whole[of_descents.name]
+            levels += [found.by_level(statistic) for statistic in statistics_of(LevelStatistic)]
+            for profile in statistics_of(ProfileStatistic):
+                add_whole(profile_of(quantity), profile, compare_flights(profile, *sides, seed, n_splits))
+    for one in statistics_of(DescentStatistic):
+        if costly or not one.costly:
+            add_whole(WHOLE, one, compare_flights(one, samples, real, seed, n_splits))
     return ScoreTable((*rows, *whole), tuple(levels), by_flight)
 
 
@@ -119,22 +121,14 @@ def n_comparisons(n_splits: int) -> int:
     return len(QUANTITIES) * n_splits
 
 
-def _check(samples: DescentSet, real: DescentSet, nominal: DescentSet, transition_fl: float, n_splits: int) -> None:
-    for name, other in (("samples", samples), ("the nominal descent", nominal)):
+def _check_grids(real: DescentSet, **others: DescentSet) -> None:
+    for name, other in others.items():
         if not torch.equal(other.levels_fl.double(), real.levels_fl.double()):
             raise DataError(
                 f"{name} on {_grid(other)} and flights on {_grid(real)}",
                 expected="one grid for both",
                 mend="put the flights on the checkpoint's grid",
             )
-    if len(nominal) > 1:
-        raise DataError(f"{len(nominal)} nominal descents", expected="one", mend="pass the descent of one mass")
-    if isnan(transition_fl) or n_splits < 1:
-        raise ConfigError(
-            f"transition FL{transition_fl} and {n_splits} splits",
-            expected="a transition level (infinite where there is none) and at least one split",
-            mend="take the transition from the aircraft, and 20 splits",
-        )
 
 
 def _grid(descents: DescentSet) -> str:

@@ -18,13 +18,13 @@ class Quantity:
     Attributes:
         name: In files and code.
         label: In figures and tables.
+        short: The label where there is little room.
         unit: Of the values.
         of: Values and mask (n, K) of n descents.
         by_level: Whether K counts the levels; else there is one value for each descent.
-        short: The label where there is little room; the label itself if empty.
 
     Example:
-        >>> drag = Quantity("drag", "Drag", "kN", lambda descents: (descents.drag_n / 1000, descents.mask))
+        >>> drag = Quantity("drag", "Drag", "drag", "kN", lambda descents: (descents.drag_n / 1000, descents.mask))
         >>> from descentflow.evaluation.metrics.score_registry import parts_of
         >>> [part.name for part in parts_of(drag)]
         ['drag_above_transition', 'drag_below_transition']
@@ -32,10 +32,10 @@ class Quantity:
 
     name: str
     label: str
+    short: str
     unit: str
     of: Callable[[DescentSet], Values]
     by_level: bool = True
-    short: str = ""
 
 
 @dataclass(frozen=True)

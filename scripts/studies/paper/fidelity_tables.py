@@ -4,7 +4,8 @@ from pathlib import Path
 
 import polars as pl
 
-from descentflow.evaluation.metrics.score_registry import descent_statistics, level_parts
+from descentflow.evaluation.metrics.score_registry import level_parts, statistics_of
+from descentflow.evaluation.metrics.statistic_kinds import DescentStatistic
 from studies.paper.study_plan import StudyPlan
 
 STATISTICS = ("ks", "wasserstein")
@@ -102,7 +103,7 @@ def whole_descents(plan: StudyPlan, folder: Path) -> pl.DataFrame:
         >>> whole_descents(plan, folder).select("score", "low", "looks_at").row(0)
         (0.7, 0.6, 'rate FL150-175: 0.14')
     """
-    names = [one.name for one in descent_statistics()]
+    names = [one.name for one in statistics_of(DescentStatistic)]
     parts = []
     for typecode in plan.flights:
         for name in plan.models:

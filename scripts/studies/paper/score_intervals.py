@@ -7,8 +7,9 @@ from torch import Tensor
 
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.noise_floor import whole_distances
-from descentflow.evaluation.metrics.score_registry import QUANTITIES, level_statistics, parts_of
+from descentflow.evaluation.metrics.score_registry import QUANTITIES, parts_of, statistics_of
 from descentflow.evaluation.metrics.score_table import ScoreTable
+from descentflow.evaluation.metrics.statistic_kinds import LevelStatistic
 
 MAX_SAMPLES = 2000
 """Samples that resampled flights are compared with: their own noise is small beside that of hundreds of flights."""
@@ -93,6 +94,6 @@ def _level_spreads(
         distances = {name: torch.stack([one[name] for one in each]) for name in each[0]}
         for part in parts_of(quantity):
             chosen = part.levels(real.levels_fl, transition_fl)
-            for one in level_statistics():
+            for one in statistics_of(LevelStatistic):
                 spreads[part.name, one.name] = distances[one.name][:, chosen].nanmean(1).std()
     return spreads

@@ -96,7 +96,7 @@ class ScoredQuantity:
     def _reasons(
         self, part: Part, statistic: Statistic, used: Tensor, n: tuple[int, int], numbers: dict[str, float]
     ) -> list[str]:
-        """Why numbers are missing, or levels left out."""
+        """Reasons for missing numbers and levels."""
         no_floor = statistic.has_floor and isnan(numbers["floor"])
         if not isinstance(statistic, LevelStatistic):
             if not bool(used.any()):

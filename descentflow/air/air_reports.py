@@ -121,8 +121,8 @@ def _banded(grid: LevelGrid, values: Tensor, parts: list[Part]) -> AirReports:
     rounding = torch.zeros(n, count, count, dtype=torch.float64)
     for reported, step, weight in parts:
         run, variance = _runs(reported, step)
-        member = torch.nn.functional.one_hot(run, n_levels).double()
-        in_runs = (mean_of * weight.nan_to_num(0.0)[:, None, :]) @ member
+        weighted = mean_of * weight.nan_to_num(0.0)[:, None, :]
+        in_runs = torch.zeros_like(weighted).scatter_add_(2, run[:, None, :].expand_as(weighted), weighted)
         rounding += (in_runs * variance[:, None, :]) @ in_runs.transpose(1, 2)
     middle = grid.altitude_m @ inside / inside.sum(0)
     return AirReports(middle, torch.where(seen, mean, 0.0), seen, rounding, scatter)

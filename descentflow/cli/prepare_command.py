@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from descentflow.cli.options import pairs
 from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import ConfigError
-from descentflow.surveillance.cleaning.thresholds import Cleaning, describe
+from descentflow.surveillance.cleaning.thresholds import Cleaning, meaning_of
 
 UNITS = ("", "k", "m", "g", "t")
 SHOWN_AT_RANDOM = 6
@@ -36,7 +36,7 @@ def extend(parser: argparse.ArgumentParser) -> None:
         # Absent options are left to --config, and then to the defaults.
         optional = "None" in str(field.type)
         kind = number_or_none if optional else int if isinstance(field.default, int) else float
-        text = f"{describe(field.name)[0]} (default: {field.default})".replace("%", "%%")
+        text = f"{meaning_of(field.name)} (default: {field.default})".replace("%", "%%")
         name = f"--{field.name.replace('_', '-')}"
         rules.add_argument(name, type=kind, default=argparse.SUPPRESS, metavar="X", help=text)
 

@@ -1,6 +1,5 @@
 """From paths, or tables in memory, to blocks of rows in one schema: a row's way through reading, stage by stage."""
 
-import gc
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
@@ -23,7 +22,6 @@ from descentflow.surveillance.rows.air_data import MACH_MISSING, mach_reported, 
 from descentflow.surveillance.rows.column_names import note_unused, row_names, with_named
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.normalise import is_list_of_types, normalise, wanted
-from descentflow.surveillance.rows.times import RelativeTimes
 from descentflow.surveillance.rows.units_check import check_units
 from descentflow.surveillance.rows.values_beside import with_values_beside
 from descentflow.surveillance.unpacking import Input, Unreadable, files_of, inputs, opened, unpacked
@@ -81,7 +79,7 @@ def row_blocks(
         parts = _parts(opened_sources, report, unreadable, format, block_rows, named)
         tables = put_together(parts, report, block_rows)
         rows = _normalised(tables, report, columns or {})
-        for block in _without_cycle_search(_even_blocks(rows, block_rows)):
+        for block in _even_blocks(rows, block_rows):
             empty = False
             yield block
     if empty:
@@ -178,7 +176,6 @@ def _normalised(tables: Iterator[Part], report: DropReport, columns: Mapping[str
 
     A folder of rows often holds the list of their types (`--types`), which has none: it is counted and left out.
     """
-    times = RelativeTimes()
     for table in tables:
         if not table.format.any_columns:
             rows = normalise(table.rows, table.label, report)
@@ -200,7 +197,6 @@ def _normalised(tables: Iterator[Part], report: DropReport, columns: Mapping[str
         if table.first or len(rows) >= MIN_IN_LATER_PARTS:
             # A computed IAS proves nothing of Mach.
             check_units(rows.drop("Mach", strict=False) if computed else rows, table.label)
-        times.check(rows, table.label, table.first)
         yield with_mach(rows, report) if reported < MACH_MISSING else rows
 
 
@@ -217,21 +213,3 @@ def _even_blocks(tables: Iterator[pl.DataFrame], block_rows: int) -> Iterator[pl
             count += len(piece)
     if count:
         yield pl.concat(waiting, how="diagonal")
-
-
-def _without_cycle_search(blocks: Iterator[pl.DataFrame]) -> Iterator[pl.DataFrame]:
-    """The same blocks; while one is made, Python does not look for cycles of references.
-
-    JSON makes many objects and no cycles among them, and the search would take as long as the reading.
-    """
-    while True:
-        before = gc.isenabled()
-        gc.disable()
-        try:
-            block = next(blocks, None)
-        finally:
-            if before:
-                gc.enable()
-        if block is None:
-            return
-        yield block

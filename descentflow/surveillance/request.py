@@ -9,7 +9,6 @@ from typing import Any
 
 import polars as pl
 
-from descentflow.core.errors import DataError
 from descentflow.core.version import __version__
 from descentflow.core.workers import version
 from descentflow.surveillance.cleaning.chain import Work
@@ -23,7 +22,6 @@ from descentflow.surveillance.cleaning.report_checks import (
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import top_levels
 from descentflow.surveillance.descents.store import SCHEMA_VERSION
-from descentflow.surveillance.formats.asterix import WITHOUT_DAY
 from descentflow.surveillance.formats.known_formats import ACCEPTED
 from descentflow.surveillance.read_rows import TABLE_IN_MEMORY, Source
 from descentflow.surveillance.rows.column_names import check_named
@@ -115,19 +113,12 @@ class Request:
             parts: Report of each part, its rows per type, and its rows per address where the table of types names none.
 
         Raises:
-            DataError: If no usable row was left before the filters, most of them contradict themselves, or several
-                files have no day.
+            DataError: If no usable row was left before the filters, or most of them contradict themselves.
 
         Warns:
             DescentflowWarning: Of notes for which there is advice.
         """
         report.extend([part for part, _, _ in parts])
-        if (number := report.notes.get(WITHOUT_DAY, 0)) > 1:
-            raise DataError(
-                f"{number:,} files of ASTERIX without a day in their names: rows of several days would be shuffled",
-                expected="a day in each name, as 2024-03-01_x.ast or 240301-x.ast: a message has a time of day alone",
-                mend="put the day of each recording into its name",
-            )
         present = sum((Counter(types) for _, types, _ in parts), Counter[str]())
         untyped = sum((Counter(addresses) for _, _, addresses in parts), Counter[str]())
         check_left(report, self.typecodes, present, self.types, untyped)

@@ -4,8 +4,7 @@ import numpy as np
 import torch
 
 from descentflow.physics.airspeed import mach_to_cas_mps, mach_to_tas_mps
-from descentflow.surveillance.cleaning.rates import ALTITUDE_ERROR_FT, local_slope
-from descentflow.surveillance.cleaning.thresholds import Fixed
+from descentflow.surveillance.cleaning.rates import ALTITUDE_ERROR_FT, RATE_ERROR_FPM, RATE_WINDOWS_S, local_slope
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt, isa_tas_of_mach_kt
 
 
@@ -30,11 +29,11 @@ def test_local_slopes_are_those_of_polyfit_in_the_same_window() -> None:
     found = local_slope(flight, seconds, values)
     expected = np.full(len(values), np.nan)
     for row in range(len(values)):
-        for half in Fixed.rate_windows_s:
+        for half in RATE_WINDOWS_S:
             near = (flight == flight[row]) & (np.abs(seconds - seconds[row]) <= half)
             # The slope's standard error is that of one altitude over the root of the sum of squares of time.
             error_fpm = 60 * ALTITUDE_ERROR_FT / max(np.std(seconds[near]) * near.sum() ** 0.5, 1e-9)
-            if error_fpm <= Fixed.rate_error_fpm:
+            if error_fpm <= RATE_ERROR_FPM:
                 expected[row] = np.polyfit(seconds[near] - seconds[row], values[near], 1)[0]
                 break
     assert np.isfinite(expected).sum() > 150

@@ -142,7 +142,7 @@ def test_files_without_days_are_not_put_on_one(tmp_path: Path) -> None:
     for name in ("a.ast", "b.ast"):
         written_to(tmp_path / name, block)
     prepare(tmp_path / "a.ast", types={"4ca001": "A320"})
-    with pytest.raises(DataError, match="2 files of ASTERIX without a day in their names"):
+    with pytest.raises(DataError, match=r"begin anew 1 times .* of ASTERIX the day"):
         prepare(tmp_path, types={"4ca001": "A320"})
 
 

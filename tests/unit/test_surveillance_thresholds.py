@@ -1,7 +1,6 @@
 """Thresholds are said once: the options, the YAML file and the library agree; wrong ones are refused."""
 
 import argparse
-import textwrap
 from dataclasses import fields
 from pathlib import Path
 
@@ -11,29 +10,22 @@ from descentflow.cli.options import CommandParser
 from descentflow.cli.prepare_command import cleaning_of_options, extend, memory_bytes, run
 from descentflow.core.errors import ConfigError
 from descentflow.core.user_files import read_settings
-from descentflow.surveillance.cleaning.thresholds import Cleaning, cleaning_of, describe
+from descentflow.surveillance.cleaning.thresholds import Cleaning, cleaning_of, meaning_of
 
 DEFAULT = Path(__file__).resolve().parents[2] / "descentflow" / "configs" / "prepare" / "default.yaml"
 
 
-def as_yaml(cleaning: Cleaning) -> str:
-    """The text of the packaged file: every threshold with its meaning and source as a comment."""
-    lines = ["# Thresholds of `descentflow prepare --config`; an option of the same name overrides a line here."]
-    for field in fields(cleaning):
-        value = getattr(cleaning, field.name)
-        text = f"{field.metadata['meaning']}. Source: {field.metadata['source']}."
-        lines += ["", *(f"# {line}" for line in textwrap.wrap(text[0].upper() + text[1:], 110))]
-        lines.append(f"{field.name}: {'null' if value is None else value}")
-    return "\n".join(lines) + "\n"
-
-
-def test_the_yaml_file_holds_every_threshold_with_its_source() -> None:
-    assert DEFAULT.read_text() == as_yaml(Cleaning())
-    assert cleaning_of(read_settings(DEFAULT), "file") == Cleaning()
-    for field in fields(Cleaning):
-        meaning, source = describe(field.name)
-        assert len(meaning) > 10
+def test_the_yaml_file_holds_every_threshold_with_its_meaning_and_source() -> None:
+    first, *paragraphs = DEFAULT.read_text().split("\n\n")
+    assert first.startswith("# Thresholds of `descentflow prepare --config`")
+    for field, paragraph in zip(fields(Cleaning), paragraphs, strict=True):
+        *comment, line = paragraph.splitlines()
+        meaning, source = " ".join(text.removeprefix("# ") for text in comment).split(". Source: ")
+        assert meaning[0].lower() + meaning[1:] in (found := meaning_of(field.name), found[0].lower() + found[1:])
         assert len(source) > 10
+        value = getattr(Cleaning(), field.name)
+        assert line == f"{field.name}: {'null' if value is None else value}"
+    assert cleaning_of(read_settings(DEFAULT), "file") == Cleaning()
 
 
 def test_options_go_before_the_file_and_the_file_before_defaults(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ from descentflow.surveillance.cleaning.level_flight import SPEEDS, note_level_fl
 from descentflow.surveillance.cleaning.level_grid import to_levels
 from descentflow.surveillance.cleaning.rates import ConstantRate, with_rate
 from descentflow.surveillance.cleaning.thresholds import Cleaning
-from descentflow.surveillance.cleaning.two_clocks import without_other_clocks
+from descentflow.surveillance.cleaning.two_clocks import check_one_clock, without_other_clocks
 from descentflow.surveillance.rows.drop_report import ROW_NUMBER, DropReport, TracedReport, some_flights
 from descentflow.surveillance.rows.schema import COLUMNS
 
@@ -97,6 +97,7 @@ def clean(
     rows = rows.select(
         pl.col(name) if name in rows.columns else pl.lit(None, COLUMNS[name]).alias(name) for name in work.columns
     )
+    check_one_clock(rows)
     shared = pl.Series(work.shared, dtype=pl.String)
     gap_s = work.rules.flight_gap_s
     rows = without_other_clocks(in_order(rows, report), gap_s, report)

@@ -6,8 +6,15 @@ import numpy as np
 import polars as pl
 
 from descentflow.surveillance.cleaning.filters import FLIGHT, SECONDS, Filter, Index, clock_of, flights_of
-from descentflow.surveillance.cleaning.thresholds import Cleaning, Fixed
+from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.rows.air_data import Array, cas_of_mach_kt, mach_of_cas
+
+HAMPEL_REPORTS, HAMPEL_DEVIATIONS = 5, 3.0
+"""Reports in the window of a Hampel filter, and robust standard deviations from the median that make a spike (Hampel
+1974, JASA 69)."""
+STALE_RATE_FPM, STALE_HEIGHT_SHARE = 100.0, 0.1
+"""Rate by which altitude and reported rate may differ for any time (steps of 64 ft/min and their bias), and share of
+the height besides (inertial rates in air 25 K off the standard atmosphere differ by a tenth)."""
 
 
 @dataclass(frozen=True)
@@ -85,15 +92,13 @@ class Despike(Filter):
         whole = (SECONDS.max() - SECONDS.min()).over(FLIGHT)
         reach = pl.when((last - first).is_null()).then(pl.min_horizontal(ahead, behind, whole)).otherwise(0.0)
         around = rows.with_columns(
-            value.rolling_median(Fixed.hampel_rows, center=True, min_samples=3).over(FLIGHT).alias("_median"),
+            value.rolling_median(HAMPEL_REPORTS, center=True, min_samples=3).over(FLIGHT).alias("_median"),
             (self.smallest + self.fastest * reach).alias("_smallest"),
         ).with_columns((value - pl.col("_median")).abs().alias("_off"))
         around = around.with_columns(
-            pl.col("_off").rolling_median(Fixed.hampel_rows, center=True, min_samples=3).over(FLIGHT).alias("_mad")
+            pl.col("_off").rolling_median(HAMPEL_REPORTS, center=True, min_samples=3).over(FLIGHT).alias("_mad")
         )
-        spike = (pl.col("_off") > pl.col("_smallest")) & (
-            pl.col("_off") > Fixed.hampel_deviations * 1.4826 * pl.col("_mad")
-        )
+        spike = (pl.col("_off") > pl.col("_smallest")) & (pl.col("_off") > HAMPEL_DEVIATIONS * 1.4826 * pl.col("_mad"))
         return around.select(spike.fill_null(False)).to_series()
 
 
@@ -188,12 +193,12 @@ class Stale(Filter):
             other = rows["Mach" if self.column == "IAS" else "IAS"].to_numpy()
             implied = cas_of_mach_kt(other, altitude) if self.column == "IAS" else mach_of_cas(other, altitude)
             return np.asarray(np.maximum.reduceat(implied, starts) - np.minimum.reduceat(implied, starts) > self.moved)
-        allowed = self.moved + Fixed.stale_rate_fpm / 60 * lasted
+        allowed = self.moved + STALE_RATE_FPM / 60 * lasted
         rate = rows["vertical_rate"].to_numpy()
         if self.column == "altitude":
             run = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(time)))
             middle = rows.group_by(pl.Series("run", run), maintain_order=True).agg(pl.col("vertical_rate").median())
             return np.asarray(np.nan_to_num(np.abs(middle["vertical_rate"].to_numpy()) / 60 * lasted) > allowed)
         made = altitude - np.repeat(altitude[starts], np.diff(starts, append=len(time)))
-        off = np.maximum.reduceat(np.abs(made - rate / 60 * time) - Fixed.stale_height_share * np.abs(made), starts)
+        off = np.maximum.reduceat(np.abs(made - rate / 60 * time) - STALE_HEIGHT_SHARE * np.abs(made), starts)
         return np.asarray(off > allowed)

@@ -9,8 +9,7 @@ from collections.abc import Mapping
 
 import polars as pl
 
-from descentflow.surveillance.cleaning.rates import with_rate
-from descentflow.surveillance.cleaning.thresholds import Fixed
+from descentflow.surveillance.cleaning.rates import MIN_SIDE_REPORTS, SIDE_S, with_rate
 from descentflow.surveillance.rows.air_data import isa_tas_of_mach_kt
 from descentflow.surveillance.rows.drop_report import DropReport
 
@@ -29,7 +28,7 @@ LEAST_DESCENT_FT = 5000.0
 """Height that a flight loses at least to be counted among descents. Ours, for receivers see parts of flights."""
 LONGEST_GAP_S = 60.0
 """Between reports of one segment. Ours."""
-RARE_S = Fixed.constant_rate_side_s / (Fixed.constant_rate_side_reports - 1)
+RARE_S = SIDE_S / (MIN_SIDE_REPORTS - 1)
 """Reports so far apart do not show where a held rate begins and ends, and level flight by the mean rate between them
 too."""
 BAND_FT = 5000

@@ -4,7 +4,8 @@ import numpy as np
 import polars as pl
 
 from descentflow.surveillance.cleaning.filters import SEGMENT, flights_of
-from descentflow.surveillance.cleaning.thresholds import Cleaning, Fixed
+from descentflow.surveillance.cleaning.rates import ALTITUDE_STEP_FT
+from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import CHANNELS
 
@@ -42,7 +43,7 @@ def to_levels(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.Dat
     same = flight[1:] == flight[:-1]
     bridged = same & (gap_s <= rules.longest_gap_s) & (gap_fl * 100 <= rules.highest_gap_ft)
     # Half a step of quantisation may be missing from the height at either end.
-    falls = 60 * (gap_fl * 100 + Fixed.altitude_step_ft) >= rules.slowest_fpm * gap_s
+    falls = 60 * (gap_fl * 100 + ALTITUDE_STEP_FT) >= rules.slowest_fpm * gap_s
     bridged &= (gap_s <= rules.hidden_gap_s) | falls
     segment = np.diff(rows[SEGMENT].to_numpy()) if SEGMENT in rows.columns else np.zeros(len(same), dtype=np.int64)
     report.note("gaps of reception left open", int((same & (segment == 0) & ~bridged).sum()))

@@ -7,7 +7,7 @@ import polars as pl
 
 from descentflow.core.errors import DataError, warn
 from descentflow.surveillance.cleaning.flights import FLIGHTS_OF_SEVERAL_TYPES, NO_TYPES, OTHER_VALUES
-from descentflow.surveillance.cleaning.thresholds import Cleaning, Fixed
+from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.cleaning.two_clocks import ROWS_OF_OTHER_CLOCK
 from descentflow.surveillance.rows.addresses import named_types
 from descentflow.surveillance.rows.drop_report import DropReport, Step
@@ -15,6 +15,8 @@ from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED, ROWS_WITHOU
 from descentflow.surveillance.rows.values_beside import JOIN_MEND, OF_OTHER_ROWS, VALUES_APART
 
 MAX_LISTED_TYPES = 12
+MAX_CONTRADICTING_SHARE = 0.5
+"""Share of rows whose IAS contradicts Mach, above which the column is wrong, not its rows; real ones have 0.001."""
 NONE_OF = "types asked for beside others, of which there is no row: "
 """Note in the report."""
 ADVICE = {
@@ -47,7 +49,7 @@ def check_report(report: DropReport, rules: Cleaning) -> None:
     """Refuse rows of which most contradict themselves; warn of notes for which there is advice."""
     step = next((one for one in report.steps if one.step == "IAS_contradicts_Mach"), None)
     judged = step.rows_dropped + step.rows_left if step else 0
-    if step and step.rows_dropped > Fixed.contradicting_share * judged:
+    if step and step.rows_dropped > MAX_CONTRADICTING_SHARE * judged:
         raise DataError(
             f"IAS contradicts Mach and altitude by {rules.airspeeds_differ_kt:g} kt or more in {step.rows_dropped:,} "
             f"of {judged:,} rows",

@@ -1,7 +1,8 @@
-"""Rows that come again by another clock: of two sources, one of which writes local times, say."""
+"""Clocks of rows: those that begin anew with each flight, and rows that come again by another clock, as local times."""
 
 import polars as pl
 
+from descentflow.core.errors import DataError
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.times import FIRST_TIME_S
 
@@ -15,10 +16,41 @@ MIN_ROWS, MIN_SHARE_AGAIN = 20, 0.9
 """Falling rows of a stretch, and share of them that come again, from which a clock is another one."""
 SLOT_S, BAND_FT, BAND_EVERY_FT, MIN_SLOTS = 10.0, 200.0, 1000.0, 5
 """Times and altitudes by which shifts are looked for before rows are compared: one band in each thousand feet."""
+BACKWARDS_S, MAX_BACKWARDS_SHARE = 60.0, 0.1
+"""Step back in time within the rows of a flight that is no disorder of reports, and share of such steps up to which
+rows are in order: a table in no order has a half of them."""
 OTHER_CLOCK = "other_clock"
 """Its name in the report."""
 ROWS_OF_OTHER_CLOCK = "rows that come again {hours:g} h later, of another clock"
 """Note in the report."""
+
+
+def check_one_clock(rows: pl.DataFrame) -> None:
+    """Refuse rows of before 1990 whose times begin anew: flights of an aircraft would be shuffled into each other.
+
+    One clock for all rows, as a simulator's, is taken as it is, in any order.
+
+    Args:
+        rows: In the order in which they were read.
+    """
+    keys: list[str] = [name for name in ("icao24", "flight_id") if name in rows.columns]
+    clock = rows.select(*keys, s=pl.col("timestamp").dt.epoch("us") / 1e6).filter(pl.col("s") < FIRST_TIME_S)
+    step = pl.col("s").diff().over(keys)
+    count, back = clock.select((step < 0).sum(), back=(step < -BACKWARDS_S).sum()).row(0)
+    if not back or count > MAX_BACKWARDS_SHARE * len(clock):
+        return
+    run = (step < -BACKWARDS_S).fill_null(False).cum_sum().over(keys).alias("run")
+    spans = clock.with_columns(run).group_by(*keys, "run").agg(begin=pl.col("s").min(), end=pl.col("s").max())
+    meets = pl.col("begin") <= pl.col("end").shift().over(keys)
+    if (anew := spans.sort(*keys, "begin").filter(meets)).height:
+        raise DataError(
+            f"times before 1990 that begin anew {len(anew):,} times within the rows of one {' and '.join(keys)} (the "
+            f"first: {', '.join(map(str, anew.row(0)[: len(keys)]))}): they count from the begin of something",
+            expected="dates with time, or seconds since 1970: an aircraft's rows are ordered by them",
+            mend="add the time at which each count began to the column timestamp (for a simulator any day will do, "
+            "another for each file, such as 1704067200 for 2024-01-01; of ASTERIX the day to each file's name, as "
+            "2024-03-01_x.ast), or give each flight a flight_id and an icao24 of its own",
+        )
 
 
 def without_other_clocks(rows: pl.DataFrame, gap_s: float, report: DropReport) -> pl.DataFrame:

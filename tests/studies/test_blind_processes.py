@@ -14,12 +14,3 @@ def test_more_work_than_processes_are_kept_for_is_all_done(tmp_path: Path, monke
     processes.spread([(Path.touch, file) for file in files], 2, counted.append)
     assert all(file.exists() for file in files)
     assert counted == list(range(1, 10))
-
-
-def test_the_first_error_ends_the_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The failure is reported, and nothing further is begun."""
-    monkeypatch.setattr(processes, "TASKS_PER_PROCESS", 1)
-    work = [(Path.rmdir, tmp_path / "absent"), *[(Path.touch, tmp_path / str(k)) for k in range(8)]]
-    with pytest.raises(FileNotFoundError):
-        processes.spread(work, 2, lambda done: None)
-    assert len(list(tmp_path.iterdir())) <= 1

@@ -7,7 +7,6 @@ import polars as pl
 import pytest
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-from descentflow.core.errors import DataError
 from descentflow.simulation.world import World, simulate
 from descentflow.simulation.world_config import WorldConfig
 from descentflow.surveillance.prepare import prepare
@@ -15,9 +14,7 @@ from studies.blind_diagnosis.hypsometry import (
     gravity_mps2,
     hypsometric_deviation,
     speed_deviation,
-    weighted_mean,
 )
-from studies.blind_diagnosis.real_flights import filled
 from studies.blind_diagnosis.winds import tailwind_gradient, wind_profile
 
 pytestmark = pytest.mark.usefixtures("worlds_once")
@@ -54,17 +51,6 @@ def test_heights_and_speeds_give_the_temperature_that_was_flown(windy: World, de
         assert 0.1 < found.error_k < 2
 
 
-def test_a_height_held_over_does_not_turn_the_line(descents: pl.DataFrame) -> None:
-    one = descents.filter(flight_id=descents["flight_id"][0])
-    stale = one.with_columns(
-        pl.when(pl.col("level_fl").is_between(200, 215))
-        .then(pl.lit(23_000.0))
-        .otherwise("geoaltitude")
-        .alias("geoaltitude")
-    )
-    assert hypsometric_deviation(stale).mean_k == pytest.approx(hypsometric_deviation(one).mean_k, abs=0.5)
-
-
 def test_gravity_is_that_of_the_place() -> None:
     # Normal gravity at the equator, 45 degrees and the pole (GRS80), and 3.1 mm/s^2 less a kilometre up.
     np.testing.assert_allclose(
@@ -81,34 +67,3 @@ def test_the_wind_of_others_gives_the_gradient_along_a_track(windy: World, desce
     found = tailwind_gradient(descents.filter((pl.col("track") - track).abs() < 1), profile)
     # A metre of geometric altitude is some 0.95 m of pressure altitude in air 15 K warmer.
     assert found.mean_per_s == pytest.approx(0.002 * 1.06, rel=0.06)
-
-
-def test_what_is_missing_is_said(descents: pl.DataFrame) -> None:
-    with pytest.raises(DataError, match="without geometric altitude"):
-        hypsometric_deviation(descents.drop("geoaltitude"))
-    with pytest.raises(DataError, match="spans 3,000 ft"):
-        hypsometric_deviation(descents.filter(pl.col("level_fl") < 160))
-    with pytest.raises(DataError, match="layers with a wind"):
-        wind_profile(
-            pl.DataFrame(
-                schema=dict.fromkeys(("altitude", "TAS", "groundspeed", "track", "heading"), pl.Float64)
-                | {"icao24": pl.String}
-            ),
-            0.0,
-        )
-    assert weighted_mean(np.array([3.0]), np.array([1.0]))[1] == float("inf")
-
-
-def test_gaps_between_registers_are_filled_and_long_ones_left() -> None:
-    stamps = pl.Series([0, 5, 10, 15, 60]).cast(pl.Int64) * 1_000_000
-    rows = pl.DataFrame(
-        {
-            "icao24": ["a", "a", "a", "a", "a"],
-            "timestamp": stamps.cast(pl.Datetime("us", "UTC")),
-            "TAS": [200.0, None, 210.0, None, 230.0],
-            "track": [350.0, None, 10.0, None, 20.0],
-        }
-    )
-    done = filled(rows, ["TAS", "track"])
-    assert done["TAS"].to_list() == [200.0, 205.0, 210.0, None, 230.0]
-    assert done["track"].to_list() == [350.0, 0.0, 10.0, None, 20.0]

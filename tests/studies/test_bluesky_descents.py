@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import torch
 
-from descentflow.core.errors import DataError
 from descentflow.core.units import FT_M, KT_MPS
 from descentflow.physics.airspeed import mach_to_cas_mps, mach_to_tas_mps
 from flying.bluesky_fleet import Orders, fly, start
@@ -62,14 +61,6 @@ def test_warmer_air_is_faster_at_the_same_mach_number_and_cooler_again_after(blu
     assert np.abs(standard["geoaltitude"] - standard["altitude"]).max() < 1e-6
 
 
-def test_a_deep_altitude_commanded_at_once_slows_the_flight(bluesky: object) -> None:
-    """BlueSky 1.1.1 limits the speed by that of the commanded altitude, not of its own."""
-    at_once, stepped = (fly(bluesky, [plan()], Orders(step_ft=step))[0] for step in (None, 1000.0))
-    for state, slow in ((at_once, True), (stepped, False)):
-        mach = state["Mach"][np.abs(state["altitude"] - 33000) < 300].mean()
-        assert (mach < 0.70) == slow
-
-
 def test_own_rate_is_1500_and_its_spread_is_of_the_flights(bluesky: object) -> None:
     own = fly(bluesky, [plan()], Orders())[0]["vertical_rate"]
     assert np.abs(own[20:] + 1500).max() < 5
@@ -77,8 +68,3 @@ def test_own_rate_is_1500_and_its_spread_is_of_the_flights(bluesky: object) -> N
     rates = [np.median(state["vertical_rate"]) for state in fly(bluesky, [plan()] * 3, spread)]
     own_size = np.exp(0.2 * np.random.default_rng(4).standard_normal(3) - 0.02)
     assert rates == pytest.approx(-2000 * own_size, abs=3)
-
-
-def test_type_that_it_does_not_know_is_refused(bluesky: object) -> None:
-    with pytest.raises(DataError, match="XXXX, which BlueSky would fly as a B744"):
-        fly(bluesky, [plan("XXXX")], Orders())

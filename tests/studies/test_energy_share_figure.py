@@ -1,9 +1,7 @@
 import numpy as np
-import torch
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-from descentflow.core.units import FL_M, KT_MPS
-from studies.aircraft.energy_share_figure import energy_share_figure, speed_profile
+from studies.aircraft.energy_share_figure import energy_share_figure
 
 
 def test_the_figure_holds_one_speed_and_three_rates_and_times() -> None:
@@ -20,10 +18,3 @@ def test_the_figure_holds_one_speed_and_three_rates_and_times() -> None:
     # A tailwind that falls off downwards slows every descent.
     assert (windy < exact).all()
     assert np.ptp([line.get_xdata()[0] for line in time.lines]) > 0.5
-
-
-def test_the_speed_profile_holds_mach_then_cas_then_the_slower_cas() -> None:
-    altitude_m = torch.tensor([150.0, 200, 210, 220, 280, 370], dtype=torch.float64) * FL_M
-    cas_kt = speed_profile(altitude_m, 0.78, 300.0, 260.0) / KT_MPS
-    torch.testing.assert_close(cas_kt[:5], torch.tensor([260.0, 260, 280, 300, 300], dtype=torch.float64))
-    assert float(cas_kt[5]) < 260

@@ -1,15 +1,12 @@
 """Scripts that fly other simulators: plans from real flights, and reports of what was flown."""
 
-import argparse
 from datetime import UTC, datetime
 
 import numpy as np
 import polars as pl
 import pytest
 
-from descentflow.core.errors import DataError
 from flying.flight_plans import FlightPlan, cas_of_mach_kt, flight_plans
-from flying.profiles import Profile
 from flying.radar_reports import NOISE, reports, table
 
 START = datetime(2024, 3, 1, 10, tzinfo=UTC)
@@ -44,11 +41,6 @@ def test_plan_holds_the_schedule_that_was_flown() -> None:
     assert plan.channels == ("vertical_rate", "Mach")  # a channel without a value is not reported
 
 
-def test_low_flight_has_no_mach_number() -> None:
-    low = descent().filter(pl.col("level_fl") < 250)
-    assert np.isnan(flight_plans(low, None, 100.0)[0].mach)
-
-
 def test_rows_say_how_often_and_whether_a_rate_was_reported() -> None:
     seconds = [0, 7, 7, 20, 400, 412]
     rows = pl.DataFrame(
@@ -61,11 +53,6 @@ def test_rows_say_how_often_and_whether_a_rate_was_reported() -> None:
     plan = flight_plans(descent(), rows, 100.0)[0]
     assert plan.intervals_s == (7.0, 13.0, 12.0)  # neither the repeated report nor the loss of 380 s
     assert "vertical_rate" not in plan.channels  # `prepare` had differenced it
-
-
-def test_no_flight_above_the_lowest_level_is_an_error() -> None:
-    with pytest.raises(DataError, match="no descent above FL400"):
-        flight_plans(descent(), None, 400.0)
 
 
 def test_reports_are_sampled_at_the_intervals_and_quantised() -> None:
@@ -88,15 +75,6 @@ def test_reports_are_sampled_at_the_intervals_and_quantised() -> None:
     assert all(t > 358 or t < 3.1 for t in rows["track"])
     assert "Mach" not in rows.columns  # the state has none
     assert table([rows, rows.drop("track")]).height == 14
-
-
-def test_profile_reads_levels_in_any_order_and_holds_the_ends() -> None:
-    profile = Profile.of_text("300:-2300,100:-1400")
-    assert (profile.at(50), profile.at(200), profile.at(400)) == (-1400.0, -1850.0, -2300.0)
-    with pytest.raises(argparse.ArgumentTypeError, match="twice"):
-        Profile.of_text("100:1,100:2")
-    with pytest.raises(argparse.ArgumentTypeError, match="not level:value"):
-        Profile.of_text("-1400")
 
 
 def test_noise_is_of_the_size_asked_for_and_another_in_each_flight() -> None:

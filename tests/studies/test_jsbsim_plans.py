@@ -1,7 +1,6 @@
 """Parts of the JSBSim flights that need no JSBSim: plans, effects, and the scalar atmosphere."""
 
 import math
-import sys
 
 import pytest
 import torch
@@ -11,9 +10,8 @@ from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M
 from descentflow.physics import airspeed, atmosphere
 from studies.jsbsim_world import scalar_air
-from studies.jsbsim_world.airframes import AIRFRAMES, WITHHELD, airframe_of
+from studies.jsbsim_world.airframes import AIRFRAMES
 from studies.jsbsim_world.flight_plans import JsbsimConfig, draw_plans
-from studies.jsbsim_world.fly_models import fly
 from studies.jsbsim_world.model_effects import inject
 
 MD11 = AIRFRAMES["MD11"]
@@ -29,30 +27,6 @@ def test_the_scalar_atmosphere_is_the_packages() -> None:
     machs = [scalar_air.mach_of_cas(145.0, p) for p in pressure.tolist()]
     expected = airspeed.cas_to_mach(torch.full_like(altitude, 145.0), altitude)
     torch.testing.assert_close(torch.tensor(machs, dtype=torch.float64), expected, rtol=1e-6, atol=0)
-
-
-@pytest.mark.parametrize("name", AIRFRAMES)
-def test_plans_are_within_what_the_type_flies(name: str) -> None:
-    airframe, config = AIRFRAMES[name], JsbsimConfig()
-    plans = draw_plans(airframe, range(200), 0, config)
-    tops = {round(p.top_m / FL_M) for p in plans}
-    low, high = (round(level) for level in airframe.tops_fl)
-    assert tops == set(range(low, high + 1, 10))
-    assert all(airframe.mass_kg[0] <= p.mass_kg <= airframe.mass_kg[1] for p in plans)
-    assert {p.operator for p in plans} == {0, 1, 2}
-    assert plans[57] == draw_plans(airframe, [57], 0, config)[0]
-    assert plans[57] != draw_plans(airframe, [57], 1, config)[0]
-
-
-def test_aircraft_keep_their_operator() -> None:
-    plans = draw_plans(MD11, range(50), 0, JsbsimConfig())
-    assert all(len({p.operator for p in plans[k : k + 5]}) == 1 for k in range(0, 50, 5))
-
-
-@pytest.mark.parametrize("name", [*WITHHELD, "c172p"])
-def test_models_that_are_not_flown_are_refused(name: str) -> None:
-    with pytest.raises(ConfigError, match="787-8, MD11, B747, global5000"):
-        airframe_of(name)
 
 
 def test_each_flight_differs_by_the_law_that_is_planted() -> None:
@@ -79,18 +53,6 @@ def test_each_flight_differs_by_the_law_that_is_planted() -> None:
     assert all(late[k].rate_lag_s == late[k + 4].rate_lag_s for k in range(0, 300, 5))
 
 
-def test_a_share_of_the_flights_is_taken_and_each_at_its_own_levels() -> None:
-    plans = draw_plans(MD11, range(300), 0, JsbsimConfig())
-    values = {"factor": 1.5, "share": 0.6, "low_fl": 230.0, "high_fl": 280.0, "spread_fl": 12.0}
-    taken = [p for p in inject(MD11, plans, {"speed_brake": values}, seed=0) if p.brake > 0]
-    assert 0.5 * 300 < len(taken) < 0.7 * 300
-    assert {p.brake for p in taken} == {0.5}
-    middles = torch.tensor([(p.brake_high_m + p.brake_low_m) / 2 / FL_M for p in taken])
-    assert abs(float(middles.mean()) - 255) < 3
-    assert 9 < float(middles.std()) < 15
-    assert all(math.isclose(p.brake_high_m - p.brake_low_m, 50 * FL_M) for p in taken)
-
-
 @pytest.mark.parametrize(
     ("effects", "message"),
     [
@@ -104,15 +66,3 @@ def test_a_share_of_the_flights_is_taken_and_each_at_its_own_levels() -> None:
 def test_effects_that_cannot_be_are_refused(effects: dict[str, dict[str, float]], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         inject(MD11, draw_plans(MD11, range(1), 0, JsbsimConfig()), effects, seed=0)
-
-
-@pytest.mark.parametrize("values", [{"step_s": 0.0}, {"step_s": 0.3}, {"cd0_spread": -0.1}, {"bottom_fl": math.inf}])
-def test_settings_that_cannot_be_are_refused(values: dict[str, float]) -> None:
-    with pytest.raises(ConfigError):
-        JsbsimConfig(**values)  # type: ignore[arg-type]
-
-
-def test_without_jsbsim_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "jsbsim", None)
-    with pytest.raises(ConfigError, match="pip install 'jsbsim<2"):
-        fly("MD11", 1, seed=0)

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 pytest.importorskip("jsbsim", reason="JSBSim is an extra: pip install '.[jsbsim]'")
 
-from descentflow.core.errors import DataError
-from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
+from descentflow.core.units import FL_M, FPM_MPS
 from descentflow.physics.airspeed import tas_to_cas_mps
 from descentflow.physics.atmosphere import isa_temperature_k, pressure_altitude_m
 from descentflow.simulation.causes.air_and_instruments import KT_PER_KFT
@@ -71,22 +70,6 @@ def test_energy_balances(model: str, slope: float) -> None:
     assert np.abs(ratio - 1).max() < 0.02
 
 
-@pytest.mark.parametrize("model", AIRFRAMES)
-def test_speed_is_held(model: str) -> None:
-    world = fly(model, 2, seed=1)
-    assert len(world.flights) == 2
-    idle = world.truth.filter(pl.col("label") == "idle")
-    error = column(idle, "speed_error_mps")
-    assert np.abs(error).max() < 2.0
-    assert np.sqrt((error**2).mean()) < 0.5
-    for (name,), own in idle.group_by("flight_id"):
-        plan = world.flights.row(by_predicate=pl.col("flight_id") == name, named=True)
-        fast, slow = own.filter(pl.col("cas_mps") < (plan["cas_kt"] - 6) * KT_MPS), own.tail(100)
-        # The wander is some 1 kt, 0.003 of Mach.
-        assert np.abs(column(fast, "mach") - plan["mach"]).max(initial=0.0) < 0.015
-        assert np.abs(column(slow, "cas_mps") / KT_MPS - plan["cas_kt"]).max() < 5
-
-
 def test_the_atmosphere_is_ours(plain: JsbsimWorld) -> None:
     truth = plain.truth
     altitude = torch.from_numpy(column(truth, "altitude_m"))
@@ -132,45 +115,6 @@ def test_a_tailwind_gradient_slows_the_descent_by_the_closed_form(plain: JsbsimW
         np.testing.assert_allclose(change, expected, atol=0.006)
 
 
-def test_brakes_raise_the_rate_in_their_window_alone(plain: JsbsimWorld) -> None:
-    values = {"factor": 1.5, "share": 1.0, "low_fl": 200.0, "high_fl": 240.0}
-    braked = fly("MD11", 1, seed=5, effects={"speed_brake": values}, config=STEADY)
-    for (name,), own in plain.truth.group_by("flight_id"):
-        out = braked.truth.filter(pl.col("flight_id") == name)
-
-        def change(low: int, high: int, own: pl.DataFrame = own, out: pl.DataFrame = out) -> Array:
-            levels = np.arange(low, high, 2) * FL_M
-            return at(out, "rate_mps", levels) / at(own, "rate_mps", levels) - 1
-
-        assert np.abs(change(242, 320)).max() < 0.002
-        assert change(203, 228).min() > 0.2
-        assert np.abs(change(100, 180)).max() < 0.02
-        # The model's own brakes take a second to move from end to end.
-        inside = (column(out, "altitude_m") < 239 * FL_M) & (column(out, "altitude_m") > 200 * FL_M)
-        outside = (column(out, "altitude_m") > 240 * FL_M) | (column(out, "altitude_m") < 199 * FL_M)
-        assert (column(out, "brake")[inside] == 0.5).all()
-        assert (column(out, "brake")[outside] == 0.0).all()
-    assert column(plain.truth, "brake").max() == 0.0
-
-
-@pytest.mark.parametrize(
-    ("effect", "values", "sign"),
-    [
-        ("drag_polar", {"factor": 1.1}, -1),
-        ("induced_drag", {"factor": 1.2}, -1),
-        ("wave_drag", {"factor": 2.0}, -1),
-        ("idle_thrust", {"factor": 1.8}, 1),
-        ("kept_thrust", {"share": 0.4, "decay_s": 150.0}, 1),
-        ("idle_setting", {"lever": 0.15}, 1),
-        ("speed_schedule", {"cas_kt": -20.0, "mach": -0.02}, 1),
-    ],
-)
-def test_effects_move_the_time_of_descent(plain: JsbsimWorld, effect: str, values: dict[str, float], sign: int) -> None:
-    injected = fly("MD11", 1, seed=5, effects={effect: values}, config=STEADY)
-    change = time_to_fl150(injected.truth) / time_to_fl150(plain.truth) - 1
-    assert (sign * change > 0.003).all()
-
-
 def test_anti_ice_keeps_a_share_of_drag_between_two_levels(plain: JsbsimWorld) -> None:
     """By the energy balance the rate falls by that share there, and is as it was elsewhere."""
     values = {"share": 1.0, "drag_share": 0.4, "low_fl": 200.0, "high_fl": 250.0}
@@ -186,19 +130,6 @@ def test_anti_ice_keeps_a_share_of_drag_between_two_levels(plain: JsbsimWorld) -
 def time_to_fl150(truth: pl.DataFrame) -> Array:
     own = truth.group_by("flight_id", maintain_order=True)
     return np.array([at(t, "time_s", np.array([150 * FL_M]))[0] for _, t in own])
-
-
-def test_a_factor_of_drag_and_a_factor_of_mass_are_what_they_say(plain: JsbsimWorld) -> None:
-    heavy = fly("MD11", 1, seed=5, effects={"mass": {"factor": 1.1}}, config=STEADY)
-    ratio = column(heavy.truth.filter(pl.col("time_s") == 0), "mass_kg")
-    ratio /= column(plain.truth.filter(pl.col("time_s") == 0), "mass_kg")
-    np.testing.assert_allclose(ratio, 1.1, rtol=1e-3)
-    draggy = fly("MD11", 1, seed=5, effects={"drag_polar": {"factor": 1.1}}, config=STEADY)
-    levels = np.array([200 * FL_M])
-    for (name,), own in plain.truth.group_by("flight_id"):
-        more = draggy.truth.filter(pl.col("flight_id") == name)
-        # At 290 kt seven tenths of the MD-11's drag or more are drag at no lift.
-        assert 1.06 < (at(more, "drag_n", levels) / at(own, "drag_n", levels))[0] < 1.1
 
 
 @pytest.mark.parametrize("kind", ["geometric_path", "vertical_speed_mode"])
@@ -239,20 +170,6 @@ def test_rows_are_the_same_to_the_bit_for_the_same_seed() -> None:
     assert not first.rows["vertical_rate"].equals(fly("global5000", 3, seed=5).rows["vertical_rate"])
 
 
-@pytest.mark.slow
-def test_rows_do_not_depend_on_the_processes() -> None:
-    assert fly("MD11", 12, seed=4, workers=2).rows.equals(fly("MD11", 12, seed=4).rows)
-
-
-def test_instruments_report_what_is_injected(plain: JsbsimWorld) -> None:
-    biased = fly("MD11", 1, 5, {"airspeed_bias": {"bias_kt": 5.0, "slope_kt_per_mach": 0.0}}, config=STEADY)
-    assert biased.truth.equals(plain.truth)
-    assert float((biased.rows["IAS"] - plain.rows["IAS"]).mean()) == pytest.approx(5.0, abs=0.1)
-    late = fly("MD11", 1, 5, {"vertical_rate_lag": {"lag_s": 12.0}}, config=STEADY)
-    assert late.rows.drop("vertical_rate").equals(plain.rows.drop("vertical_rate"))
-    assert float((late.rows["vertical_rate"] - plain.rows["vertical_rate"]).abs().max()) > 300
-
-
 @pytest.mark.parametrize("model", AIRFRAMES)
 def test_prepare_keeps_most_flights(model: str) -> None:
     """Of 6 flights of each model at least 5 become descents."""
@@ -273,20 +190,6 @@ def test_flights_that_fail_are_counted_and_not_kept() -> None:
     assert world.failures["reason"].null_count() == 0
     assert f"{len(world.flights)} flights" in str(world)
     assert "failed" in str(world)
-
-
-def test_where_all_flights_fail_it_is_an_error() -> None:
-    with pytest.raises(DataError, match="all 2 flights of the MD11 failed"):
-        fly("MD11", 2, seed=0, effects={"mass": {"factor": 1.5}, "speed_schedule": {"cas_kt": -100.0, "mach": -0.2}})
-
-
-def test_nothing_is_printed_and_no_file_is_left(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    fly("global5000", 1, seed=0)
-    assert capfd.readouterr() == ("", "")
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("model", AIRFRAMES)

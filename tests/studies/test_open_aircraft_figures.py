@@ -8,13 +8,11 @@ import matplotlib
 import numpy as np
 import pytest
 import torch
-from matplotlib.figure import Figure
 
-from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_type, open_typecodes
-from descentflow.core.errors import AircraftError
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.units import FPM_MPS
 from descentflow.physics.nominal_descent import nominal_descent
-from studies.aircraft.open_aircraft_figures import descent_masses_kg, open_aircraft_figure
+from studies.aircraft.open_aircraft_figures import open_aircraft_figure
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "open_aircraft_page.py"
 
@@ -24,39 +22,12 @@ def _no_window() -> None:
     matplotlib.use("agg")
 
 
-@pytest.mark.parametrize("typecode", open_typecodes())
-def test_masses_ascend(typecode: str) -> None:
-    low, reference, landing = descent_masses_kg(typecode)
-    assert low < reference < landing
-
-
 def test_lines_are_the_nominal_descent() -> None:
     figure = open_aircraft_figure("B738")
     line = next(x for x in figure.axes[0].lines if x.get_label().startswith("reference mass"))
     level = np.asarray(line.get_ydata())
     descent = nominal_descent(open_aircraft("B738"), torch.as_tensor(level))
     np.testing.assert_allclose(line.get_xdata(), -descent.rate_mps.numpy() / FPM_MPS, rtol=1e-6)  # one mass, same grid
-
-
-def test_published_ranges_are_shaded_where_they_hold() -> None:
-    figure = open_aircraft_figure("B738")
-    published = {e.name: e.value for e in open_type("B738").published}
-    spans = [c.get_datalim(figure.axes[0].transData) for c in figure.axes[0].collections]
-    found = sorted((round(-s.x1), round(-s.x0)) for s in spans)
-    expected = sorted(published[n][1:] for n in ("rate_constant_mach_fpm", "rate_constant_cas_fpm"))
-    assert found == [tuple(round(v) for v in pair) for pair in expected]
-    assert min(s.y0 for s in spans) == pytest.approx(100)
-
-
-def test_a_type_without_ranges_is_drawn_without_shade() -> None:
-    figure = open_aircraft_figure("PC12")
-    assert isinstance(figure, Figure)
-    assert all(not ax.collections for ax in figure.axes)
-
-
-def test_an_unknown_type_is_refused() -> None:
-    with pytest.raises(AircraftError, match="no open aircraft"):
-        open_aircraft_figure("ZZZZ")
 
 
 def test_the_page_holds_everything_in_one_file(

@@ -13,15 +13,6 @@ def sets(n: int, seed: int) -> DescentSet:
     return DescentSet.of_profiles(toys.flights(n, seed, top_fl=190))
 
 
-def test_intervals_are_about_the_scores_in_their_order() -> None:
-    samples, real = sets(300, 1), sets(120, 2)
-    table = score(samples, real, 170.0, n_splits=1)
-    found = score_intervals(table, samples, real, 170.0, n_resamples=10)
-    assert [(i.quantity, i.statistic) for i in found] == [(r.quantity, r.statistic) for r in table]
-    for one, row in zip(found, table, strict=True):
-        assert one.low <= row.score <= one.high
-
-
 def test_the_width_is_that_of_a_mean_over_flights() -> None:
     """Error of the mean CAS with samples 20 kt away: its deviation is that of the flights' mean, in closed form."""
     samples, real = sets(3000, 1), sets(200, 2)

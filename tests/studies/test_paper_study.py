@@ -7,15 +7,14 @@ import polars as pl
 import pytest
 import torch
 
-from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.errors import ConfigError
 from descentflow.core.workers import engine_of
 from descentflow.densities.checkpoint import load_model
 from descentflow.training.datamodule import DescentDataModule
-from studies.paper.fidelity_tables import summary, whole_descents
 from studies.paper.study_plan import PAPER_FLIGHTS, StudyPlan, begin, paper_plan
-from studies.paper.study_report import read_published, write_report
-from studies.paper.study_run import costs, run_study
-from studies.paper.study_tables import all_scores, means, table, with_best
+from studies.paper.study_report import write_report
+from studies.paper.study_run import run_study
+from studies.paper.study_tables import all_scores, means
 from studies.paper.sweep_report import sweep_sections
 from studies.paper.sweeps import NAMES, SweepPlan, run_sweeps
 from studies.process_engine import processes
@@ -48,29 +47,6 @@ def test_the_page_holds_the_tables_and_figures(study: Path) -> None:
     assert page.count("data:image/png") == 1 + 1 + 1 + 3 * 3  # mass, boxes, rejections; three a type
     assert 'src="http' not in page
     assert page.count("</h2>") == page.count('<a href="#') == 13 + 3
-
-
-def test_ratios_of_the_page_are_those_of_the_scores_and_the_worst_type_is_a_large_one(study: Path) -> None:
-    found = pl.read_csv(study / "over_floor.csv", infer_schema_length=None)
-    # A column that is empty for all types, as of times where few flights span the grid, is read as text.
-    found = found.with_columns(pl.exclude("typecode", "model").cast(pl.Float64))
-    scores = pl.read_csv(study / "DH8D" / "gmm" / "scores.csv", infer_schema_length=None)
-    one = scores.filter(quantity="cas_below_transition", statistic="ks")
-    row = found.filter(typecode="DH8D", model="gmm")
-    assert (
-        row["cas_below_transition/ks"].item()
-        == one["over_floor"].item()
-        == one["equal_size"].item() / one["floor"].item()
-    )
-    assert row["n_each"].item() == one["n_each"].item()
-    told = summary(found, {"A320": 2_000, "DH8D": 5_000, "BE20": 200})
-    worst = told.filter(model="gmm", of="worst of 2 large")["rocd_below_transition/ks"].item()
-    large = found.filter(pl.col("typecode") != "BE20", pl.col("model") == "gmm")
-    assert worst == large["rocd_below_transition/ks"].max()
-    joint = (
-        whole_descents(PLAN, study).filter(typecode="A320", model="gmm", statistic="joint_energy").row(0, named=True)
-    )
-    assert joint["low"] < joint["score"] < joint["high"]
 
 
 def test_a_study_goes_on_where_it_was_killed_with_the_same_results(study: Path) -> None:
@@ -122,34 +98,6 @@ def test_sweeps_leave_a_file_a_job_go_on_and_show_in_the_page(study: Path) -> No
     shutil.rmtree(study / "sweeps")
 
 
-def test_another_plan_is_refused(study: Path) -> None:
-    with pytest.raises(ConfigError, match="another plan"):
-        begin(StudyPlan({"A320": 200}), study)
-
-
-def test_published_figures_stand_in_columns_of_their_own(study: Path) -> None:
-    published = pl.DataFrame(
-        {"quantity": ["cas_below_transition"], "typecode": ["A320"], "statistic": ["ks"]}
-        | {"gaussian": [0.5], "gmm": [0.4], "flow": [0.3], "bada": [None]}
-    )
-    found = table(all_scores(PLAN, study), "cas_below_transition", published)
-    row = found.filter(typecode="A320", statistic="ks").row(0, named=True)
-    assert row["paper_gmm"] == 0.4
-    assert row["gaussian"] != 0.5
-    assert found.filter(typecode="BE20")["paper_gmm"].is_null().all()
-    (study / "published_scores.csv").write_text(published.write_csv())
-    assert read_published(study).scores is not None
-    with pytest.raises(DataError, match="no published figures"):
-        read_published(study / "nowhere")
-
-
-def test_models_within_five_percent_of_the_best_are_marked() -> None:
-    scores = pl.DataFrame(
-        {"typecode": "X", "quantity": "q", "statistic": "s", "model": ["a", "b", "c"], "score": [1.0, 1.05, 1.06]}
-    )
-    assert with_best(scores)["best"].to_list() == [True, True, False]
-
-
 def test_means_are_over_types() -> None:
     rows = {"quantity": "cas_below_transition", "statistic": "ks", "unit": "1", "model": "a"}
     scores = pl.DataFrame(
@@ -158,22 +106,6 @@ def test_means_are_over_types() -> None:
     )
     row = means(scores).row(0, named=True)
     assert (row["types"], row["score"], row["over_floor"]) == (2, 2.0, 2.5)
-
-
-def test_all_models_of_a_type_share_split_and_components(study: Path) -> None:
-    one, two = (load_model(study / "DH8D" / name / "model.ckpt").representation for name in PLAN.models)
-    assert one.split == two.split
-    torch.testing.assert_close(one.decoder.drag_basis.components, two.decoder.drag_basis.components, rtol=0, atol=0)
-    torch.testing.assert_close(
-        one.decoder.to_state()["weight_scale"], two.decoder.to_state()["weight_scale"], rtol=0, atol=0
-    )
-
-
-def test_every_job_leaves_what_it_cost(study: Path) -> None:
-    spent = costs(study)
-    assert dict(spent.group_by("stage").len().iter_rows()) == {"descents": 3, "models": 6, "figures": 3}
-    assert (spent["cpu_s"] > 0).all()
-    assert spent["peak_mb"].is_between(100, 20_000).all()
 
 
 def test_the_likelihoods_are_those_of_the_held_out_flights(study: Path) -> None:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from descentflow.core.errors import DataError
 from flying.flight_plans import FlightPlan
 from flying.rate_table import drawn, fly, read_tables
 
@@ -53,11 +52,3 @@ def test_draws_follow_the_truncated_normal(tmp_path: Path) -> None:
     assert stats.kstest(rates, law.cdf).pvalue > 1e-4
     slow = drawn(read_tables(written(tmp_path, rocd_des=100))["MEDIUM"], {}, generator)
     assert set(slow.rate_fpm) == {500.0}
-
-
-@pytest.mark.parametrize(
-    "changes", [{"flight_level": [0, 0, 300]}, {"rocd_des": [1500, 0, 2500]}, {"cas_des": None}, {"mach_des": "x"}]
-)
-def test_what_is_no_table_is_refused(tmp_path: Path, changes: dict[str, object]) -> None:
-    with pytest.raises(DataError, match="flight_level"):
-        read_tables(written(tmp_path, **changes))

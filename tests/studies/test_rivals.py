@@ -1,8 +1,6 @@
 """Scores of the rivals' answers, and meanings of their names; their libraries are not needed."""
 
-import json
 from dataclasses import replace
-from graphlib import TopologicalSorter
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +9,11 @@ import pytest
 import torch
 
 from benchmarks.rivals_dowhy import flight_table
-from benchmarks.rivals_mapping import EFFECTS_OF_NODE, PARENTS_OF_NODE, TARGETS, graph
+from benchmarks.rivals_mapping import EFFECTS_OF_NODE
 from benchmarks.rivals_sbi import posterior_answer
 from benchmarks.rivals_scoring import Answer, Scored, tally
 from benchmarks.rivals_sets import read_set, set_folders
 from descentflow.core.errors import DataError
-from descentflow.effects import EFFECTS
 from descentflow.simulation.world import simulate
 from descentflow.surveillance.descents.prepared_descents import write_descents
 from descentflow.surveillance.prepare import prepare
@@ -64,23 +61,6 @@ def test_tally_counts_each_answer_once_and_says_what_is_left_open() -> None:
     assert (found.left_open, found.seconds) == (4.0, 2.0)  # seven effects of one name, one of the other
 
 
-def test_every_effect_has_a_node_and_every_node_is_reached_from_a_target() -> None:
-    assert set().union(*EFFECTS_OF_NODE.values()) == set(EFFECTS)
-    assert set(EFFECTS_OF_NODE) == set(PARENTS_OF_NODE)
-    order = list(TopologicalSorter(PARENTS_OF_NODE).static_order())  # raises if there is a circle
-    reached = set(TARGETS)
-    for node in reversed(order):
-        if node in reached:
-            reached |= set(PARENTS_OF_NODE[node])
-    assert reached == set(PARENTS_OF_NODE)
-
-
-def test_a_node_that_was_not_measured_is_passed_over() -> None:
-    """Without TAS, the rate hangs on what TAS hangs on."""
-    edges = graph({"IAS", "Mach", "rate", "reported"})
-    assert sorted(edges) == [("IAS", "Mach"), ("IAS", "rate"), ("Mach", "rate"), ("rate", "reported")]
-
-
 def test_npe_names_what_its_interval_says_is_not_zero() -> None:
     """Means of 4, 8 and 1 spreads; at 0.05 over three effects the interval is 2.4 spreads wide to either side."""
     draws = torch.randn(20_000, 3, generator=torch.Generator().manual_seed(1)) + torch.tensor([4.0, -8.0, 1.0])
@@ -115,24 +95,6 @@ def test_flight_table_sees_rate_wind_height_noise_and_lost_time() -> None:
     assert row["noise"] == pytest.approx(np.log(64 * np.sqrt(100 / 99)), abs=0.01)
     assert row["reported"] == pytest.approx(2000 + 64 * 50 / 101)
     assert "TAS" not in flight_table(frame.drop("TAS")).columns
-
-
-def test_sets_are_read_with_plain_names_and_refused_where_incomplete(tmp_path: Path) -> None:
-    folder = tmp_path / "paths"
-    folder.mkdir()
-    truth = {"world": "own", "typecode": "A320", "kind": "single", "effects": {"geometric_path_own": {"share": 1}}}
-    (folder / "truth.json").write_text(json.dumps(truth))
-    pl.DataFrame({"flight_id": ["a"]}).write_parquet(folder / "real.parquet")
-    with pytest.raises(DataError, match=r"lacks simulator\.parquet"):
-        read_set(folder)
-    pl.DataFrame({"flight_id": ["b"]}).write_parquet(folder / "simulator.parquet")
-    assert read_set(folder).effects == {"geometric_path"}
-    (folder / "truth.json").write_text(json.dumps({**truth, "kind": "null"}))
-    with pytest.raises(DataError, match="kind null with"):
-        read_set(folder)
-    assert set_folders(tmp_path, None) == [folder]
-    with pytest.raises(DataError, match="no set other"):
-        set_folders(tmp_path, ["paths", "other"])
 
 
 def test_sets_of_an_open_study_are_written_as_rivals_read_them(tmp_path: Path) -> None:

@@ -102,16 +102,12 @@ def to_dataset(
     table: pl.DataFrame, dims: tuple[str, str], variables: Sequence[str], units: Mapping[str, str] | None = None
 ) -> Any:
     """An `xarray.Dataset` of a table with one row per pair of two columns, NaN where the table has no row."""
-    xarray = optional_library("xarray")
-    numpy = import_module("numpy")
-    values = [table[name].unique().sort() for name in dims]
-    places = tuple(table[name].rank("dense").cast(pl.Int64).to_numpy() - 1 for name in dims)
-    found = {}
-    for name in variables:
-        grid = numpy.full([len(each) for each in values], numpy.nan)
-        grid[places] = table[name].cast(pl.Float64).to_numpy()
-        found[name] = (dims, grid, {"units": units[name]} if units and name in units else {})
-    return xarray.Dataset(found, coords={name: each.to_numpy() for name, each in zip(dims, values, strict=True)})
+    optional_library("xarray")
+    numbers = table.select(*dims, pl.col(list(variables)).cast(pl.Float64))
+    dataset = to_pandas(numbers).set_index(list(dims)).to_xarray()
+    for name in dataset.data_vars.keys() & (units or {}).keys():
+        dataset[name].attrs["units"] = (units or {})[name]
+    return dataset
 
 
 def safe_in_spreadsheets(table: pl.DataFrame) -> pl.DataFrame:

@@ -3,9 +3,8 @@
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from datetime import datetime
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Unpack
 
 from descentflow.core.arguments import Count, Output, Within, checked_arguments
 from descentflow.core.errors import ConfigError
@@ -15,9 +14,7 @@ from descentflow.exports.descent_graph import Precision
 from descentflow.exports.export_request import ExportRequest
 from descentflow.exports.targets import target_of
 from descentflow.generation.sample_contexts import Contexts
-from descentflow.positions.ground_path import Point
-from descentflow.positions.ground_plan import ground_plan
-from descentflow.positions.wind import Wind
+from descentflow.positions.ground_plan import Ground, ground_plan
 
 Interval = Annotated[float, Within(0, 1_000_000)]
 """Seconds, up to some days: times of all samples are within what a calendar holds."""
@@ -35,12 +32,6 @@ def export(
     n: Count = 1000,
     seed: int = 0,
     context: Contexts | None = None,
-    end: Point | None = None,
-    track: float | None = None,
-    route: Sequence[Point] | None = None,
-    wind: str | Path | Wind | None = None,
-    to_go_nm: float = 0.0,
-    end_time: datetime | str | None = None,
     every_s: Interval = 120.0,
     draw_budget: Count | None = None,
     progress: Callable[[int], None] | None = None,
@@ -48,6 +39,7 @@ def export(
     step_s: float | None = None,
     prefix: str = "",
     fly_as: str | Sequence[str] = (),
+    **ground: Unpack[Ground],
 ) -> list[Path]:
     """Write a model's samples, or the model, in the format of another program.
 
@@ -59,12 +51,6 @@ def export(
         n: Number of samples of each model.
         seed: The same seed gives the same files.
         context: For a conditional model, as in :func:`descentflow.generation.sample.sample`.
-        end: See :func:`descentflow.positions.ground_plan.ground_plan`, as the next five.
-        track: True track at the end point.
-        route: Fixes, in place of both.
-        wind: Still air if absent.
-        to_go_nm: Distance left to the end point at the lowest level.
-        end_time: When the first flight passes the lowest level.
         every_s: Seconds from one flight's arrival to the next one's.
         draw_budget: Most draws.
         progress: Progress callback: called with the number of descents newly accepted.
@@ -73,6 +59,8 @@ def export(
         prefix: Of the callsigns; if empty, three letters that stand for these flights, so that two exports that fly in
             one simulation have two.
         fly_as: Types that a model's samples are flown as, as "A319,A320,A321"; one such text for each model.
+        **ground: Where they are flown, the first flight at ``end_time``: arguments of
+            :func:`~descentflow.positions.ground_plan.ground_plan`.
 
     Returns:
         The files that were written.
@@ -88,7 +76,6 @@ def export(
         ['samples.py', 'samples.json']
     """
     target = target_of(to)
-    plan = ground_plan(end=end, track=track, route=route, wind=wind, to_go_nm=to_go_nm, end_time=end_time)
     if prefix and not PREFIX.fullmatch(prefix):
         raise ConfigError(
             f"callsigns that begin {prefix!r}", expected="capital letters, then digits or none", mend="pass KLM"
@@ -103,7 +90,7 @@ def export(
         n=n,
         seed=seed,
         context=context,
-        plan=plan,
+        plan=ground_plan(**ground),
         every_s=every_s,
         draw_budget=draw_budget,
         progress=progress,

@@ -166,7 +166,7 @@ def test_every_open_type_descends(typecode: str) -> None:
         ({"thrust_spread": -0.1}, "thrust_spread"),
         ({"level_off_share": 1.5}, "level_off_share"),
         ({"deviation_mean_k": float("nan")}, "deviation_mean_k"),
-        ({"step_s": 0.0}, "steps of"),
+        ({"step_s": 0.0}, "step_s"),
         ({"operators": ()}, "operator"),
     ],
 )

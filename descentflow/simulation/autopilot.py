@@ -162,8 +162,7 @@ def decide(
     drag, idle = dynamics.drag_n(state), dynamics.idle_n(state)
     limit = dynamics.aircraft.climb_thrust_n(state.altitude_m, state.tas_mps, deviation) - idle
     hold = drag - idle + p.mass_kg * (G0_MPS2 * torch.sin(pilot.gamma) - error / SPEED_LAG_S)
-    idling = torch.zeros_like(drag) if p.injected is None else _kept_n(p.injected, state, pilot, drag - idle)
-    idling = idling + p.off_idle.power(state.altitude_m) * (drag - idle)
+    idling = _kept_n(p.injected, state, pilot, drag - idle) + p.off_idle.power(state.altitude_m) * (drag - idle)
     wanted = torch.where(pilot.mode == IDLE, idling, hold.clamp(min=0.0).minimum(limit.clamp(min=0.0)))
     change = wanted - pilot.extra_n
     extra_rate = change * torch.where(change > 0, _lag(SPOOL_UP_S, period_s), _lag(SPOOL_DOWN_S, period_s))
@@ -190,13 +189,13 @@ def _kept_n(injected: Injected, state: Motion, pilot: Pilot, needed_n: Tensor) -
     return (decaying + injected.power(state.altitude_m)) * needed_n
 
 
-def labels(pilot: Pilot, drag_n: Tensor, injected: Injected | None = None) -> Tensor:
+def labels(pilot: Pilot, drag_n: Tensor, injected: Injected) -> Tensor:
     """Phases of flight, as codes of :data:`LABELS`.
 
     Args:
         pilot: Memory of the autopilot, n flights.
         drag_n: (n,) drag now; an idle descent is settled once the thrust above idle is below 1 % of it.
-        injected: Paths and rates that are held on purpose, if any.
+        injected: Paths and rates that are held on purpose.
 
     Returns:
         (n,) codes.
@@ -207,7 +206,7 @@ def labels(pilot: Pilot, drag_n: Tensor, injected: Injected | None = None) -> Te
         >>> aircraft = open_aircraft("A320")
         >>> dynamics = Dynamics(aircraft, draw_parameters(aircraft, range(2), seed=0))
         >>> state, pilot = start(dynamics)
-        >>> [LABELS[code] for code in labels(pilot, dynamics.drag_n(state))]
+        >>> [LABELS[code] for code in labels(pilot, dynamics.drag_n(state), dynamics.parameters.injected)]
         ['transient', 'transient']
     """
     settled = (pilot.mode == IDLE) & (pilot.age_s >= SETTLED_S) & (pilot.extra_n < 0.01 * drag_n)
@@ -215,8 +214,6 @@ def labels(pilot: Pilot, drag_n: Tensor, injected: Injected | None = None) -> Te
     managed = ((pilot.mode == MANAGED) | (pilot.mode == SEGMENT)) & (pilot.age_s >= SETTLED_S / 2)
     label = torch.where(settled, IDLE_LABEL, TRANSIENT_LABEL)
     label = torch.where(level, LEVEL_OFF_LABEL, torch.where(managed, MANAGED_LABEL, label))
-    if injected is None:
-        return label
     held = (pilot.mode == INJECTED) & (pilot.age_s >= SETTLED_S / 2)
     kind = torch.where(injected.hold_angle.isnan(), MANAGED_LABEL, PATH_LABEL)
     return torch.where(held, kind, label)
@@ -235,11 +232,9 @@ def _select_mode(dynamics: Dynamics, state: Motion, pilot: Pilot, rate: Tensor, 
     resumes |= (mode == LEVEL_OFF) & (pilot.captured_s >= p.level_off_s)
     resumes |= (mode == MANAGED) & (pilot.age_s >= p.managed_s)
     ends = (mode == BOTTOM) & (pilot.captured_s >= BOTTOM_S)
-    chosen = mode
-    if p.injected is not None:
-        resumes |= (mode == INJECTED) & (state.altitude_m <= p.injected.hold_low_m)
-        holds = (state.altitude_m <= p.injected.hold_high_m) & (state.altitude_m > p.injected.hold_low_m)
-        chosen = torch.where((mode == IDLE) & (pilot.age_s >= SETTLED_S) & holds, INJECTED, chosen)
+    resumes |= (mode == INJECTED) & (state.altitude_m <= p.injected.hold_low_m)
+    holds = (state.altitude_m <= p.injected.hold_high_m) & (state.altitude_m > p.injected.hold_low_m)
+    chosen = torch.where((mode == IDLE) & (pilot.age_s >= SETTLED_S) & holds, INJECTED, mode)
     chosen = torch.where(resumes, IDLE, chosen)
     in_segment = ~p.constant_rates.rate_at_mps(state.altitude_m).isnan()
     chosen = torch.where((chosen == SEGMENT) & ~in_segment, IDLE, chosen)
@@ -277,10 +272,9 @@ def _gamma_rate(
     wanted = torch.where(pilot.mode == MANAGED, pilot.rate_mps, wanted)
     wanted = torch.where(pilot.mode == SEGMENT, p.constant_rates.rate_at_mps(state.altitude_m), wanted)
     sine = wanted / (state.tas_mps * fraction)
-    if p.injected is not None:
-        by_angle = torch.tan(p.injected.hold_angle) * (1 + dynamics.wind_mps(state) / state.tas_mps)
-        by_rate = p.injected.hold_rate_mps / (state.tas_mps * fraction)
-        sine = torch.where(pilot.mode == INJECTED, torch.where(by_angle.isnan(), by_rate, by_angle), sine)
+    by_angle = torch.tan(p.injected.hold_angle) * (1 + dynamics.wind_mps(state) / state.tas_mps)
+    by_rate = p.injected.hold_rate_mps / (state.tas_mps * fraction)
+    sine = torch.where(pilot.mode == INJECTED, torch.where(by_angle.isnan(), by_rate, by_angle), sine)
     angle = torch.asin(sine.clamp(-0.3, 0.05))
     by_path = (angle - pilot.gamma) / PATH_LAG_S
     turn = torch.where(pilot.mode == IDLE, by_speed, by_path).clamp(-GAMMA_RATE, GAMMA_RATE)

@@ -82,6 +82,8 @@ class Dynamics:
         one = torch.ones(1, dtype=torch.float64)
         self.aircraft = aircraft.with_factors(parasitic=parameters.cd0_factor, induced=one, idle=one)
         self.parameters = parameters
+        more = parameters.injected
+        self._is_clean = not torch.stack([more.brake_gain, more.wave_gain, more.bank_rad, more.induced_gain]).any()
         self._known: tuple[Motion, Tensor, Tensor] | None = None
         self._known_deviation: tuple[Tensor, Tensor] | None = None
 
@@ -105,7 +107,7 @@ class Dynamics:
         clean = self.aircraft
         if p.off_idle.brake_gain.numel():
             clean = clean.with_factors(parasitic=p.off_idle.drag_gain(state.altitude_m))
-        if p.injected is None:
+        if self._is_clean:
             return clean.drag_n(*where, p.mass_kg)
         gain = p.injected.drag_gain(state.altitude_m, tas_to_mach(*where))
         load_factor = 1 / torch.cos(p.injected.bank(state.altitude_m))

@@ -28,7 +28,7 @@ def observe(
     seed: int,
     numbers: Sequence[int],
     config: WorldConfig,
-    injected: Injected | None = None,
+    injected: Injected,
     tracks_rad: Sequence[float] | None = None,
 ) -> pl.DataFrame:
     """Report flights as Mode S does; a flight's reports depend on the seed and its own number only.
@@ -39,7 +39,7 @@ def observe(
         seed: Seed of the world.
         numbers: Numbers of the flights in the world.
         config: Interval, jitter, losses and noise.
-        injected: Instrument errors and turns of the flights, if any.
+        injected: Instrument errors and turns of the flights.
         tracks_rad: Track of each flight, where its wind goes by it; drawn if not given.
 
     Returns:
@@ -47,17 +47,18 @@ def observe(
 
     Example:
         >>> from descentflow.simulation.truth import name_flights
+        >>> from descentflow.simulation.injected import neutral
         >>> named = name_flights("A320", range(2), 0, 5, ["SLO", "SLO"])
         >>> names = [flight.flight_id for flight in named]
         >>> truth = pl.read_parquet("rows_truth.parquet").filter(pl.col("flight_id").is_in(names))
-        >>> rows = observe(named, truth, 0, range(2), WorldConfig())
+        >>> rows = observe(named, truth, 0, range(2), WorldConfig(), neutral(2))
         >>> (rows["altitude"] % 25).unique().to_list()  # reported in steps of 25 ft
         [0.0]
     """
     lengths = truth.group_by("flight_id", maintain_order=True).len()["len"].to_numpy()
     columns = truth.select(_TRUTH).to_numpy()
     ends = np.cumsum(lengths)
-    instruments = _instruments(injected, len(named))
+    instruments = _instruments(injected)
     tracks: Sequence[float | None] = tracks_rad or [None] * len(named)
     generators = [np.random.default_rng((seed, number, _STREAM)) for number in numbers]
     reports = [
@@ -83,13 +84,13 @@ def observe(
 class _Instrument:
     """Injected errors of one flight's instruments, and its turn."""
 
-    cas_bias_mps: float = 0.0
-    cas_bias_slope_mps: float = 0.0
-    rate_lag_s: float = 0.0
-    noise_factor: float = 1.0
-    bank_rad: float = 0.0
-    turn_high_m: float = 0.0
-    turn_low_m: float = 0.0
+    cas_bias_mps: float
+    cas_bias_slope_mps: float
+    rate_lag_s: float
+    noise_factor: float
+    bank_rad: float
+    turn_high_m: float
+    turn_low_m: float
 
     def turned(self, time_s: Array, altitude_m: Array, tas_mps: Array) -> Array:
         """Change of heading since the start, radians."""
@@ -99,10 +100,8 @@ class _Instrument:
         return np.concatenate([[0.0], np.cumsum(0.5 * (turn[1:] + turn[:-1]) * np.diff(time_s))])
 
 
-def _instruments(injected: Injected | None, n: int) -> list[_Instrument]:
+def _instruments(injected: Injected) -> list[_Instrument]:
     """One per flight."""
-    if injected is None:
-        return [_Instrument()] * n
     columns = [getattr(injected, field.name).tolist() for field in dataclass_fields(_Instrument)]
     return [_Instrument(*values) for values in zip(*columns, strict=True)]
 

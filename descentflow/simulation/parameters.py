@@ -10,7 +10,7 @@ from torch import Tensor
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M, FT_M, KT_MPS
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.simulation.injected import Injected
+from descentflow.simulation.injected import Injected, neutral
 from descentflow.simulation.planned_changes import (
     ConstantRates,
     OffIdle,
@@ -29,7 +29,7 @@ N_WAVES = 3
 WIDTH = 64
 """Batches are filled up to a multiple of this: the last few entries of a vector take another path through the
 processor, and with it another last bit, so that a flight's numbers would depend on its place in the batch."""
-PARTS = ("constant_rates", "weather", "speed_changes", "off_idle")
+PARTS = ("constant_rates", "weather", "speed_changes", "off_idle", "injected")
 """Parameters that are tables of their own."""
 _DRAWS = 40
 _THOUSAND_FT_M = 1000 * FT_M
@@ -92,8 +92,8 @@ class FlightParameters:
     speed_changes: SpeedChanges
     off_idle: OffIdle
     """Stretches with thrust or brakes."""
-    injected: Injected | None = None
-    """Effects beyond these parameters; None for none."""
+    injected: Injected
+    """Effects beyond these parameters."""
     planted: Mapping[str, Tensor] = field(default_factory=dict)
     """Planted causes of each flight, by ``cause_value``; NaN for none."""
 
@@ -103,11 +103,10 @@ class FlightParameters:
 
     def rows(self, index: Tensor) -> "FlightParameters":
         """Return the flights of an index tensor."""
-        plain = [f.name for f in fields(self) if f.name not in (*PARTS, "injected", "planted")]
+        plain = [f.name for f in fields(self) if f.name not in (*PARTS, "planted")]
         return FlightParameters(
             **{name: getattr(self, name)[index] for name in plain},
             **{name: getattr(self, name).rows(index) for name in PARTS},
-            injected=self.injected and self.injected.rows(index),
             planted={name: values[index] for name, values in self.planted.items()},
         )
 
@@ -190,6 +189,7 @@ def _draw(aircraft: PerformanceModel, numbers: Sequence[int], seed: int, config:
         weather=draw_weather(numbers, days, seed, config),
         speed_changes=draw_speed_changes(numbers, seed, config, cas_mps, top),
         off_idle=draw_off_idle(numbers, seed, config, top, bottom),
+        injected=neutral(n),
     )
 
 

@@ -130,14 +130,10 @@ def flights_table(named: Sequence[Flight], parameters: FlightParameters, operato
         "airframe",
         "day",
         "planted",
-        "injected",
         *PARTS,
     }
     plain = [f.name for f in fields(parameters) if f.name not in already and not f.name.startswith("wander")]
     more = [pl.Series(name, getattr(parameters, name).numpy()) for name in plain]
-    if parameters.injected is not None:
-        injected = parameters.injected
-        more += [pl.Series(f"injected_{f.name}", getattr(injected, f.name).numpy()) for f in fields(injected)]
     rates = {"rate_fpm": parameters.constant_rates.rate_mps / FPM_MPS, "low_fl": parameters.constant_rates.low_m / FL_M}
     more += [
         pl.Series(f"{which}_{name}", column.numpy()).fill_nan(None)

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.simulation.cause_values import Values
-from descentflow.simulation.injected import Injected, neutral
+from descentflow.simulation.injected import Injected
 from descentflow.simulation.parameters import FlightParameters
 
 Own = Mapping[str, Tensor]
@@ -60,7 +60,7 @@ class Fleet:
 
     def with_injected(self, **changes: Tensor | float) -> FlightParameters:
         """The flights with some of :class:`~descentflow.simulation.injected.Injected` changed."""
-        before = self.parameters.injected or neutral(len(self.parameters))
+        before = self.parameters.injected
         like = before.noise_factor
         tensors: dict[str, Any] = {name: like * 0 + value for name, value in changes.items()}
         injected: Injected = replace(before, **tensors)

@@ -62,7 +62,7 @@ def run(
             temperature:deviation_k=10,spread_k=4 (see below)
     """
     from descentflow.core.progress import stage
-    from descentflow.simulation.world import WorldFiles, simulate
+    from descentflow.simulation.world import simulate, world_files
 
     with stage("flying", flights, "flights") as flown:
         world = simulate(
@@ -77,8 +77,8 @@ def run(
             progress=flown.advance,
         )
     print(world)
-    files = WorldFiles.named(out, truth)
-    print(f"wrote {files.rows}, {files.truth}, {files.flights}")
+    rows, beside, flown_truth = world_files(out, truth)
+    print(f"wrote {rows}, {flown_truth}, {beside}")
 
 
 def planted(words: Sequence[str]) -> dict[str, dict[str, float]]:

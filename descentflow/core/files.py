@@ -199,13 +199,7 @@ def check_output(path: str | Path) -> Path:
         raise DataError(f"output {target} is a folder", expected="a file name", mend="add a file name to it")
     if target.exists() and not target.is_file():
         raise DataError(f"output {target} is no plain file", expected="a file name", mend="choose another output")
-    for place in (target.resolve().parent, target):
-        if place.exists() and not os.access(place, os.W_OK):
-            raise DataError(
-                f"output {target}, but {place} may not be written",
-                expected="permission to write there",
-                mend="change its permissions or choose another output",
-            )
+    _check_writable(target, target.resolve().parent, target)
     return target
 
 
@@ -216,15 +210,20 @@ def check_folder(path: str | Path, *names: str) -> Path:
     there = next(place for place in (target, *target.absolute().parents) if place.exists())
     if not there.is_dir():
         raise DataError(f"output {there} is a file", expected="a folder", mend="choose another output")
-    if not os.access(there, os.W_OK):
-        raise DataError(
-            f"output {target}, but {there} may not be written",
-            expected="permission to write there",
-            mend="change its permissions or choose another output",
-        )
+    _check_writable(target, there)
     for name in names if target.is_dir() else ():
         check_output(target / name)
     return target
+
+
+def _check_writable(target: Path, *places: Path) -> None:
+    for place in places:
+        if place.exists() and not os.access(place, os.W_OK):
+            raise DataError(
+                f"output {target}, but {place} may not be written",
+                expected="permission to write there",
+                mend="change its permissions or choose another output",
+            )
 
 
 def _check_name(target: Path) -> None:

@@ -5,7 +5,6 @@
 """
 
 from dataclasses import dataclass
-from typing import Final
 
 import torch
 from torch import Tensor
@@ -15,13 +14,6 @@ from descentflow.core.tensors import Number, as_tensors
 from descentflow.physics.airspeed import CAS_SCALE_MPS, cas_to_mach, mach_to_tas_mps
 from descentflow.physics.atmosphere import below_tropopause, isa_fraction, isa_temperature_k, pressure_pa
 from descentflow.physics.performance_model import PerformanceModel
-
-ESF_CONSTANT_TAS: Final = 1.0
-"""Energy share factor at constant true airspeed, and at constant Mach above the tropopause (manual 3.2 a)."""
-ESF_DECELERATING_DESCENT: Final = 0.3
-"""Energy share factor of a descent that slows down, or a climb that speeds up (manual 3.2 e)."""
-ESF_ACCELERATING_DESCENT: Final = 1.7
-"""Energy share factor of a descent that speeds up, or a climb that slows down (manual 3.2 f)."""
 
 
 def lapse_share(mach: Tensor, altitude_m: Tensor, deviation_k: Tensor) -> Tensor:
@@ -60,9 +52,7 @@ def energy_share_factor(
     """Energy share factor of BADA: constant Mach above transition, constant CAS below (manual 3.2-8 to 3.2-11).
 
     The four cases are one expression, ``1 / (1 + lapse + compression)``: the lapse term holds up to the tropopause,
-    the compression term at constant CAS. The constants of the remaining cases (constant TAS, level acceleration and
-    deceleration) are ``ESF_CONSTANT_TAS``, ``ESF_DECELERATING_DESCENT`` and
-    ``ESF_ACCELERATING_DESCENT``.
+    the compression term at constant CAS.
 
     Args:
         mach: Mach number.

@@ -35,6 +35,7 @@ class NominalState:
     tas_mps: Tensor
     esf: Tensor
     configuration: Tensor
+    """Integer codes, see :mod:`descentflow.physics.performance_model`."""
     thrust_n: Tensor
     drag_n: Tensor
     rate_mps: Tensor
@@ -43,7 +44,7 @@ class NominalState:
 
 
 @dataclass(frozen=True)
-class NominalDescent:
+class NominalDescent(NominalState):
     """A nominal descent, see :func:`nominal_descent`: ``level_fl`` (L,) ascending flight levels, all else (..., L).
 
     Example:
@@ -56,17 +57,6 @@ class NominalDescent:
     level_fl: Tensor
     time_s: Tensor
     """Time since the top level: zero there, growing downwards."""
-    cas_mps: Tensor
-    mach: Tensor
-    tas_mps: Tensor
-    rate_mps: Tensor
-    """dHp/dt, negative."""
-    drag_n: Tensor
-    thrust_n: Tensor
-    esf: Tensor
-    configuration: Tensor
-    """Integer codes, see :mod:`descentflow.physics.performance_model`."""
-    fuel_kg_s: Tensor
 
 
 def nominal_state(

@@ -1,7 +1,7 @@
 """A world: flights of known truth, and the surveillance rows that a radar would have of them."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import astuple, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -26,49 +26,33 @@ CHUNK = 2000
 """Flights flown together: fewer waste time on overhead, more on memory and on waiting for the longest."""
 
 
-@dataclass(frozen=True)
-class WorldFiles:
-    """Paths of a world's files."""
+def world_files(out: str | Path, truth: str | Path | None = None) -> tuple[Path, Path, Path]:
+    """Paths of a world's rows, flights and truth, checked before minutes of flying go into them.
 
-    rows: Path
-    truth: Path
-    flights: Path
+    Args:
+        out: Of the rows, ``NAME.parquet``.
+        truth: Of the truth; ``NAME_truth.parquet`` if not given.
 
-    @classmethod
-    def named(cls, out: str | Path, truth: str | Path | None = None) -> "WorldFiles":
-        """Names for the tables, checked before minutes of flying go into them.
+    Raises:
+        ConfigError: If a name does not end in .parquet, or two are the same.
+        DataError: If one cannot be written.
 
-        Args:
-            out: Of the rows, ``NAME.parquet``.
-            truth: Of the truth; ``NAME_truth.parquet`` if not given.
-
-        Raises:
-            ConfigError: If a name does not end in .parquet, or two are the same.
-            DataError: If one cannot be written.
-
-        Example:
-            >>> WorldFiles.named("rows.parquet").flights.name
-            'rows_flights.parquet'
-        """
-        rows = Path(out)
-        beside = Path(truth) if truth is not None else rows.parent / f"{rows.stem}_truth.parquet"
-        files = cls(rows, beside, rows.parent / f"{rows.stem}_flights.parquet")
-        paths: tuple[Path, ...] = astuple(files)
-        if any(path.suffix != ".parquet" for path in paths) or len(set(paths)) < len(paths):
-            raise ConfigError(
-                f"outputs {', '.join(map(str, paths))}",
-                expected="three different names that end in .parquet",
-                mend="choose other names for --out and --truth",
-            )
-        for path in paths:
-            check_output(path)
-        return files
-
-    def write(self, rows: pl.DataFrame, truth: pl.DataFrame, flights: pl.DataFrame) -> None:
-        """Write each table whole or not at all."""
-        for frame, path in ((rows, self.rows), (truth, self.truth), (flights, self.flights)):
-            with whole_file(path) as temporary:
-                frame.write_parquet(temporary)
+    Example:
+        >>> [path.name for path in world_files("rows.parquet")]
+        ['rows.parquet', 'rows_flights.parquet', 'rows_truth.parquet']
+    """
+    rows = Path(out)
+    flights, beside = (rows.parent / f"{rows.stem}_{name}.parquet" for name in ("flights", "truth"))
+    paths = rows, flights, beside if truth is None else Path(truth)
+    if any(path.suffix != ".parquet" for path in paths) or len(set(paths)) < len(paths):
+        raise ConfigError(
+            f"outputs {', '.join(map(str, paths))}",
+            expected="three different names that end in .parquet",
+            mend="choose other names for --out and --truth",
+        )
+    for path in paths:
+        check_output(path)
+    return paths
 
 
 @dataclass(frozen=True)
@@ -132,7 +116,7 @@ class World:
         return to_pandas(self.rows)
 
     @checked_arguments
-    def write(self, out: Output, truth: Output | None = None) -> WorldFiles:
+    def write(self, out: Output, truth: Output | None = None) -> tuple[Path, Path, Path]:
         """Write rows, truth and flights as Parquet, each file whole or not at all.
 
         Args:
@@ -140,14 +124,16 @@ class World:
             truth: The truth; ``NAME_truth.parquet`` if not given.
 
         Returns:
-            The three paths.
+            The paths of rows, flights and truth.
 
         Raises:
             ConfigError: If a name does not end in .parquet, two are the same, or a folder does not exist.
         """
-        files = WorldFiles.named(out, truth)
-        files.write(self.rows, self.truth, self.flights)
-        return files
+        paths = world_files(out, truth)
+        for frame, path in zip((self.rows, self.flights, self.truth), paths, strict=True):
+            with whole_file(path) as temporary:
+                frame.write_parquet(temporary)
+        return paths
 
 
 @checked_arguments
@@ -204,7 +190,8 @@ def simulate(
         >>> warm.flights.select("planted_temperature_deviation_k", "deviation_k").row(0)
         (14.8..., 14.8...)
     """
-    files = None if out is None else WorldFiles.named(out, truth_out)
+    if out is not None:
+        world_files(out, truth_out)
     kind = find_aircraft(aircraft, bada_dir) if isinstance(aircraft, str) else aircraft
     config = scenario if isinstance(scenario, WorldConfig) else scenario_settings(str(scenario or PLAIN), kind)
     planting = Injection(kind, plant or {}, seed)
@@ -222,8 +209,8 @@ def simulate(
     rows, flights, truth = (pl.concat(tables) for tables in zip(*parts, strict=True))
     name = "of your own" if isinstance(scenario, WorldConfig) else str(scenario or PLAIN)
     world = World(rows, flights, truth, name, seed, planting.causes)
-    if files is not None:
-        files.write(rows, truth, flights)
+    if out is not None:
+        world.write(out, truth_out)
     return world
 
 

@@ -170,10 +170,3 @@ def test_crossover_below_and_above_the_tropopause(side, cas, mach, tolerance):
     expected = float(side.air.crossOver(cas=cas, Mach=mach))
     assert crossover_altitude_m(cas, mach).item() == pytest.approx(expected, rel=tolerance)
     assert (expected > 11000.0) is (cas < 120.0)
-
-
-def test_level_speed_changes_have_the_manual_s_constants(side):
-    from descentflow.physics import energy
-
-    assert side.theirs.esf(flightEvolution="dec", phase="des") == energy.ESF_DECELERATING_DESCENT
-    assert side.theirs.esf(flightEvolution="acc", phase="des") == energy.ESF_ACCELERATING_DESCENT

@@ -15,7 +15,7 @@ from descentflow.cli.ending import ended_in_order
 from descentflow.cli.entry import main
 from descentflow.core.errors import DataError
 from descentflow.core.files import check_folder, system_number, whole_file
-from descentflow.simulation.world import WorldFiles
+from descentflow.simulation.world import world_files
 
 pytestmark = pytest.mark.usefixtures("worlds_once")
 
@@ -70,7 +70,7 @@ def test_a_fit_tells_its_folder_before_it_reads_descents(taken: str, capsys: pyt
     [
         lambda: df.fit("none.parquet", "gaussian", out="folder.ckpt"),
         lambda: df.simulate("A320", 1, out="folder.parquet"),
-        lambda: WorldFiles.named(Path("w.parquet")),
+        lambda: world_files(Path("w.parquet")),
         lambda: check_folder(".", "other.csv", "scores.csv"),
     ],
 )

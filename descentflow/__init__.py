@@ -5,8 +5,8 @@ path of a file that holds it, and nothing heavy is imported before it is used:
 
 - :func:`simulate` flies aircraft of known truth, and :func:`aircraft` looks up a type's coefficients;
 - :func:`prepare` cleans surveillance rows to descents on flight levels, and :func:`read_descents` reads them again;
-- :func:`fit` trains a model (:class:`Gaussian`, :class:`GaussianMixture`, :class:`MaskedAffineFlow` or
-  :class:`SplineFlow`) on descents or on a :class:`DescentDataModule`, and :func:`load` reads a checkpoint again;
+- :func:`fit` trains a model (:class:`Gaussian`, :class:`GaussianMixture` or
+  :class:`MaskedAffineFlow`) on descents or on a :class:`DescentDataModule`, and :func:`load` reads a checkpoint again;
 - :func:`sample` draws descents, :class:`Generator` those that a running simulator asks for, :func:`predict` continues
   observed ones, :func:`evaluate` scores a model,
   :func:`export` writes for other programs;
@@ -61,7 +61,7 @@ if TYPE_CHECKING:
     from descentflow.surveillance.prepare import prepare
     from descentflow.training.datamodule import DescentDataModule
     from descentflow.training.fit import fit
-    from descentflow.training.models.flow_model import MaskedAffineFlow, SplineFlow
+    from descentflow.training.models.flow_model import MaskedAffineFlow
     from descentflow.training.models.gaussian_model import Gaussian
     from descentflow.training.models.mixture_model import GaussianMixture
 
@@ -72,7 +72,6 @@ __all__ = [
     "GaussianMixture",
     "Generator",
     "MaskedAffineFlow",
-    "SplineFlow",
     "__version__",
     "aircraft",
     "diagnose",

@@ -44,7 +44,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--typecode", default="A320", help="type that is simulated (default: %(default)s)")
     parser.add_argument("--flights", type=int, default=1200, help="flights simulated for a seed (default: 1200)")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
-    parser.add_argument("--models", nargs="+", default=["gaussian", "gmm", "flow", "spline"], help="of configs/model/")
+    parser.add_argument("--models", nargs="+", default=["gaussian", "gmm", "flow"], help="of configs/model/")
     parser.add_argument("--context", nargs="*", default=[], help="columns; none compares the densities alone")
     parser.add_argument("--draws", type=int, default=100, help="samples for each held-out flight (default: 100)")
     return parser.parse_args()

@@ -14,7 +14,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "descentflow"
 
 ONLY_IN = {
     "pyro": ("densities/mixture.py",),
-    "normflows": ("densities/flow.py", "densities/layers.py", "densities/splines.py"),
+    "normflows": ("densities/flow.py", "densities/layers.py"),
     "lightning": ("training/", "cli/lightning_cli.py"),
     "tensorboard": ("training/callbacks/",),
     "rs1090": ("surveillance/formats/",),

@@ -16,9 +16,9 @@ def fit(words: list[str]) -> None:
     TensorBoard's events (tensorboard --logdir runs).
 
     what to train
-      --model NAME                   gaussian, mixture, flow or spline, the name of a class, with its defaults, or
+      --model NAME                   gaussian, mixture or flow, the name of a class, with its defaults, or
                                      FILE.py, a density of your own, which is run
-      --config FILE                  YAML; these come along: gaussian, gmm, gmm_svi, flow, spline (good settings for
+      --config FILE                  YAML; these come along: gaussian, gmm, gmm_svi, flow (good settings for
                                      each), gmm_paper, flow_paper, paper (the paper's recipe), and
                                      configs/experiment/quickstart.yaml (complete)
     on what

@@ -171,7 +171,7 @@ def density_of(section: dict[str, Any]) -> Density:
         raise CheckpointError(
             f"density {name!r}",
             expected=f"one of {', '.join(sorted({*Density.kinds, *MODULES} - {'Density'}))}",
-            mend="name the Python file that defines it (--model FILE.py), or import its module before loading",
+            mend="name the Python file that defines it (--model FILE.py); one that is no longer here: fit a mixture",
         )
     kind = Density.kinds[name] if name in Density.kinds else getattr(densities, name)
     unknown = section["settings"].keys() - signature(kind).parameters.keys()

@@ -1,4 +1,4 @@
-"""Autoregressive flows from normflows: masked affine (paper, section 2.3 and appendix C), and splines."""
+"""Masked affine flow from normflows (paper, section 2.3 and appendix C)."""
 
 from typing import Any
 
@@ -6,40 +6,33 @@ import normflows as nf
 import torch
 from torch import Tensor, nn
 
-from descentflow.densities.affine_pass import AffinePass, FlowDraw
+from descentflow.densities.flow_draw import FlowDraw
 from descentflow.densities.gaussian import TransformedDensity
 from descentflow.densities.importance import widened
-from descentflow.densities.layers import (
-    Bounded,
-    ContextNet,
-    ExponentialAffine,
-    Flip,
-    LinearMap,
-    Spline,
-    TurnedRound,
-    in_parts,
-    made,
-    turned_linear,
-)
+from descentflow.densities.layers import Bounded, ContextNet, ExponentialAffine, Flip, TurnedRound, made, turned_linear
 from descentflow.densities.mixture_parameters import Mixture, log_observed
 from descentflow.densities.weight_draws import WeightDraw
 from descentflow.representation.evidence import Evidence
 
 
-class FlowDensity(TransformedDensity):
-    """Base of flows: ``log p(w | c) = log N(u; 0, I) + log |det du/dw|``, where they map weights w to normals u.
+class MaskedAffineFlowDensity(TransformedDensity):
+    """Masked affine flows over a standard normal: ``log p(w | c) = log N(u; 0, I) + log |det du/dw|``.
+
+    The paper's sizes: 5 flows, each with one hidden layer of ``2 d`` units (Papamakarios et al. 2017, arXiv
+    1705.07057). As shipped, normflows evaluates this density one dimension at a time and its scale never exceeds 1.001.
+    ``Reverse`` makes the density one pass (and sampling sequential), and an LU-decomposed linear map between
+    flows (arXiv 1906.04032) gives the scale back.
 
     A whitened flow starts from the Gaussian of the weights, whose parameters are not trained: for each weight its mean
     (at the context) is subtracted and its standard deviation divided out before the flows, and the correlation is
-    removed after them. While the flows are the identity the density is that Gaussian. (When the correlation was removed
-    first, splines saw rotated weights, whose clusters lie across their axes: held-out NLL was half a nat worse on small
-    types.)
+    removed after them. While the flows are the identity the density is that Gaussian.
 
     Example:
-        >>> flow: FlowDensity = SplineFlowDensity(dimension=2, n_flows=1, whitened=True)
-        >>> flow.whiten(torch.tensor([1.0, 0.0]), torch.zeros(2, 0), torch.tensor([[2.0, 0.0], [0.0, 1.0]]))
-        >>> (flow.sample(10_000, seed=0).std(0) / torch.tensor([2.0, 1.0]) - 1).abs().max() < 0.05
-        tensor(True)
+        >>> flow = MaskedAffineFlowDensity(dimension=4, n_flows=2, whitened=True)
+        >>> weights = flow.sample(3, seed=0)  # a whitened flow is its Gaussian until it is trained
+        >>> expected = flow.base_log_observed(Evidence.of_weights(weights))
+        >>> torch.allclose(flow.log_prob(weights).double(), expected, atol=1e-5)
+        True
     """
 
     flow: nf.NormalizingFlow
@@ -49,16 +42,49 @@ class FlowDensity(TransformedDensity):
     correlation_tril: Tensor
     order: Tensor
 
-    def __init__(self, dimension: int, n_context: int, whitened: bool) -> None:
-        """Whiten with the standard normal until :meth:`whiten` is called.
+    def __init__(
+        self,
+        dimension: int,
+        n_flows: int = 5,
+        hidden_per_weight: int = 2,
+        n_context: int = 0,
+        whitened: bool = False,
+        linear: bool = True,
+        turned_round: bool = True,
+    ) -> None:
+        """Flows that start close to the identity; at the identity where they are whitened.
 
         Args:
             dimension: Number of weights d.
+            n_flows: Number of masked affine flows.
+            hidden_per_weight: Hidden units of each flow, as a multiple of the number of weights and context.
             n_context: Numbers of context c.
-            whitened: Whether the flow starts from the Gaussian of the weights.
+            whitened: Start at the weights' Gaussian, with maps that can be the identity.
+            linear: LU-decomposed maps between the flows; their order is reversed otherwise.
+            turned_round: Whether one pass of the networks gives the density and sampling is sequential; as shipped,
+                normflows has it the other way about.
         """
         super().__init__(dimension, n_context)
-        self.whitened = whitened
+        self.whitened, self.n_flows, self.hidden_per_weight = whitened, n_flows, hidden_per_weight
+        self.linear, self.turned_round = linear, turned_round
+        hidden = hidden_per_weight * (dimension + n_context)
+        flows: list[nf.flows.Flow] = []
+        for _ in range(n_flows):
+            kind = ExponentialAffine if whitened else nf.flows.MaskedAffineAutoregressive
+            affine = kind(dimension, hidden, num_blocks=1, use_residual_blocks=False)
+            if n_context:
+                affine.autoregressive_net = ContextNet(dimension, n_context, hidden)
+            if whitened:
+                made(affine.autoregressive_net).preprocessing = Bounded()
+                final: nn.Linear = made(affine.autoregressive_net).final_layer  # type: ignore[assignment]
+                nn.init.zeros_(final.weight)
+                nn.init.zeros_(final.bias)
+            mix = turned_linear(dimension) if linear else Flip()
+            flows += [TurnedRound(affine) if turned_round else affine, mix]
+        base = nf.distributions.DiagGaussian(dimension, trainable=False)
+        chain = nf.ConditionalNormalizingFlow if n_context else nf.NormalizingFlow
+        # In one precision whatever torch's default is: draws are made in it, and another one draws other numbers.
+        self.flow = chain(base, flows).to(torch.float32)
         if whitened:
             self.register_buffer("loc", torch.zeros(dimension, dtype=torch.float64))
             self.register_buffer("slope", torch.zeros(dimension, n_context, dtype=torch.float64))
@@ -99,15 +125,13 @@ class FlowDensity(TransformedDensity):
 
     def to_white(self, weights: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
         """Normals (n, d) of weights (n, d), and the log-determinant (n,) of that map."""
-        return in_parts(self._to_white, weights, context)
-
-    def _to_white(self, weights: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
-        dtype, given = self.white_dtype, context.to(self.white_dtype)
         if not self.whitened:
-            return self._pass(weights.to(dtype), given)
-        z, log_det = self._pass(self._standardised(weights, context).to(dtype), given)
+            return self._pass(weights.to(self.white_dtype), context)
+        standardised = (weights.to(self.loc.dtype) - self._locs(context)) / self.scale
+        z, log_det = self._pass(standardised.to(self.white_dtype), context)
         own = self.scale.log().sum() + self.correlation_tril.diagonal().log().sum()
-        return self._uncorrelated(z), log_det - own.to(dtype)
+        white: Tensor = torch.linalg.solve_triangular(self.correlation_tril.to(z.dtype), z.T, upper=False)
+        return white.T, log_det - own.to(z.dtype)
 
     def _extra(self, context: Tensor) -> tuple[Tensor, ...]:
         """The context as normflows takes it: an argument where there is one."""
@@ -126,7 +150,7 @@ class FlowDensity(TransformedDensity):
         """Weights (n, d) of standard normals (n, d), at context (n, c) if it takes one.
 
         Example:
-            >>> flow = SplineFlowDensity(dimension=2, whitened=True)
+            >>> flow = MaskedAffineFlowDensity(dimension=2, whitened=True)
             >>> flow.of_white(torch.zeros(1, 2), torch.zeros(1, 0))  # its Gaussian, until it is trained
             tensor([[0., 0.]], dtype=torch.float64...)
         """
@@ -147,157 +171,15 @@ class FlowDensity(TransformedDensity):
     def _locs(self, context: Tensor) -> Tensor:
         return self.loc + context.to(self.loc.dtype) @ self.slope.T
 
-    def _standardised(self, weights: Tensor, context: Tensor) -> Tensor:
-        return (weights.to(self.loc.dtype) - self._locs(context)) / self.scale
-
-    def _uncorrelated(self, z: Tensor) -> Tensor:
-        """The flows' output without the correlation of the weights."""
-        white: Tensor = torch.linalg.solve_triangular(self.correlation_tril.to(z.dtype), z.T, upper=False)
-        return white.T
-
-    def _assembled(self, flows: list[nf.flows.Flow]) -> nf.NormalizingFlow:
-        base = nf.distributions.DiagGaussian(self.dimension, trainable=False)
-        kind = nf.ConditionalNormalizingFlow if self.n_context else nf.NormalizingFlow
-        # In one precision whatever torch's default is: draws are made in it, and another one draws other numbers.
-        found: nf.NormalizingFlow = kind(base, flows).to(torch.float32)
-        return found
-
-    def settings(self) -> dict[str, Any]:
-        """Those that older checkpoints do not have, where they are not the defaults."""
-        return {**super().settings(), "whitened": True} if self.whitened else super().settings()
-
-
-class MaskedAffineFlowDensity(FlowDensity):
-    """Masked affine flows over a standard normal.
-
-    The paper's sizes: 5 flows, each with one hidden layer of ``2 d`` units (Papamakarios et al. 2017, arXiv
-    1705.07057).
-
-    As shipped, normflows evaluates this density one dimension at a time and its scale never exceeds 1.001.
-    ``Reverse`` makes the density one pass (and sampling sequential), and an LU-decomposed linear map between
-    flows (arXiv 1906.04032) gives the scale back.
-
-    Example:
-        >>> flow = MaskedAffineFlowDensity(dimension=4, n_flows=2, whitened=True)
-        >>> weights = flow.sample(3, seed=0)  # a whitened flow is its Gaussian until it is trained
-        >>> expected = flow.base_log_observed(Evidence.of_weights(weights))
-        >>> torch.allclose(flow.log_prob(weights).double(), expected, atol=1e-5)
-        True
-    """
-
-    def __init__(
-        self,
-        dimension: int,
-        n_flows: int = 5,
-        hidden_per_weight: int = 2,
-        n_context: int = 0,
-        whitened: bool = False,
-        linear: bool = True,
-        turned_round: bool = True,
-    ) -> None:
-        """Flows that start close to the identity; at the identity where they are whitened.
-
-        Args:
-            dimension: Number of weights d.
-            n_flows: Number of masked affine flows.
-            hidden_per_weight: Hidden units of each flow, as a multiple of the number of weights and context.
-            n_context: Numbers of context c.
-            whitened: Start at the weights' Gaussian, see :class:`FlowDensity`, with maps that can be the identity.
-            linear: LU-decomposed maps between the flows; their order is reversed otherwise.
-            turned_round: Whether one pass of the networks gives the density and sampling is sequential; as shipped,
-                normflows has it the other way about.
-        """
-        super().__init__(dimension, n_context, whitened)
-        self.n_flows, self.hidden_per_weight = n_flows, hidden_per_weight
-        self.linear, self.turned_round = linear, turned_round
-        hidden = hidden_per_weight * (dimension + n_context)
-        flows: list[nf.flows.Flow] = []
-        for _ in range(n_flows):
-            kind = ExponentialAffine if whitened else nf.flows.MaskedAffineAutoregressive
-            affine = kind(dimension, hidden, num_blocks=1, use_residual_blocks=False)
-            if n_context:
-                affine.autoregressive_net = ContextNet(dimension, n_context, hidden, 2, residual=False)
-            if whitened:
-                made(affine.autoregressive_net).preprocessing = Bounded()
-                final: nn.Linear = made(affine.autoregressive_net).final_layer  # type: ignore[assignment]
-                nn.init.zeros_(final.weight)
-                nn.init.zeros_(final.bias)
-            mix = turned_linear(dimension) if linear else Flip()
-            flows += [TurnedRound(affine) if turned_round else affine, mix]
-        self.flow = self._assembled(flows)
-        self._at_once: AffinePass | None = None
-        if linear and turned_round:
-            self._at_once = AffinePass([turned.flow for turned in flows[::2]], flows[1::2])
-            self.register_load_state_dict_post_hook(self._at_once.forget)
-
-    def _pass(self, z: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
-        return super()._pass(z, context) if self._at_once is None else self._at_once(z, context)
-
     def weight_draw(self, dtype: torch.dtype) -> WeightDraw:
         """The flow as one expression, with arithmetic in a precision."""
         names = ("loc", "slope", "scale", "correlation_tril") if self.whitened else ()
         return FlowDraw(self.flow.flows, self.dimension, dtype, {name: getattr(self, name) for name in names})
 
     def settings(self) -> dict[str, Any]:
-        """Number, width and kind of the flows."""
-        mix = {} if self.linear else {"linear": False}
-        mix |= {} if self.turned_round else {"turned_round": False}
+        """Number, width and kind of the flows; those that older checkpoints do not have where they are no defaults."""
         size = {"n_flows": self.n_flows, "hidden_per_weight": self.hidden_per_weight}
+        mix = {"whitened": True} if self.whitened else {}
+        mix |= {} if self.linear else {"linear": False}
+        mix |= {} if self.turned_round else {"turned_round": False}
         return {**size, **super().settings(), **mix}
-
-
-class SplineFlowDensity(FlowDensity):
-    """Autoregressive rational-quadratic splines over a standard normal (Durkan et al. 2019, arXiv 1906.04032).
-
-    Each weight goes through a monotone spline whose knots depend on the weights before it: separate groups and bounded
-    shapes, between which affine maps leave probability, come out with few flows. Beyond ``TAIL`` standard deviations
-    the map is the identity.
-
-    Example:
-        >>> flow = SplineFlowDensity(dimension=4, n_flows=1, whitened=True)
-        >>> weights = flow.sample(3, seed=0)  # a whitened flow is its Gaussian until it is trained
-        >>> expected = flow.base_log_observed(Evidence.of_weights(weights))
-        >>> torch.allclose(flow.log_prob(weights).double(), expected, atol=1e-5)
-        True
-    """
-
-    TAIL = 5.0
-
-    def __init__(
-        self,
-        dimension: int,
-        n_flows: int = 3,
-        hidden: int = 32,
-        n_bins: int = 8,
-        n_context: int = 0,
-        whitened: bool = False,
-    ) -> None:
-        """Flows that start at the identity.
-
-        Args:
-            dimension: Number of weights d.
-            n_flows: Number of spline flows.
-            hidden: Units of the one residual block behind each flow's knots.
-            n_bins: Pieces of each spline.
-            n_context: Numbers of context c.
-            whitened: Start at the weights' Gaussian, see :class:`FlowDensity`.
-        """
-        super().__init__(dimension, n_context, whitened)
-        self.n_flows, self.hidden, self.n_bins = n_flows, hidden, n_bins
-        flows: list[nf.flows.Flow] = []
-        for _ in range(n_flows):
-            spline = Spline(dimension, num_blocks=1, num_hidden_channels=hidden, num_bins=n_bins, tail_bound=self.TAIL)
-            if n_context:
-                net = ContextNet(dimension, n_context, hidden, 3 * n_bins - 1, residual=True)
-                start = spline.mprqat.autoregressive_net.final_layer.bias.detach()
-                nn.init.zeros_(net.made.final_layer.weight)
-                nn.init.constant_(net.made.final_layer.bias, float(start[0]))
-                spline.mprqat.autoregressive_net = net
-            # Random orders serve splines better than two that alternate: 2.3 and not 2.7 nats on groups in 3-d.
-            flows += [spline, LinearMap(dimension)]
-        self.flow = self._assembled(flows)
-
-    def settings(self) -> dict[str, Any]:
-        """Number and size of the flows."""
-        size = {"n_flows": self.n_flows, "hidden": self.hidden, "n_bins": self.n_bins}
-        return {**size, **super().settings()}

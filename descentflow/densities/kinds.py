@@ -32,5 +32,4 @@ KINDS = (
     Kind("gaussian", "GaussianDensity", "gaussian", "Gaussian", "gaussian_model", "gaussian"),
     Kind("mixture", "GaussianMixtureDensity", "mixture", "GaussianMixture", "mixture_model", "gmm"),
     Kind("flow", "MaskedAffineFlowDensity", "flow", "MaskedAffineFlow", "flow_model", "flow"),
-    Kind("spline", "SplineFlowDensity", "flow", "SplineFlow", "flow_model", "spline"),
 )

@@ -66,7 +66,7 @@ def fit(
     Args:
         descents: What :func:`~descentflow.surveillance.prepare.prepare` returned, the path of what it wrote (several
             that were prepared alike are taken together), or a DataModule with options of its own.
-        model: ``mixture``, ``gaussian``, ``flow`` (masked affine) or ``spline``; a model that is not trained yet, with
+        model: ``mixture``, ``gaussian`` or ``flow`` (masked affine); a model that is not trained yet, with
             hyperparameters of its own; a YAML file as ``descentflow fit --config`` takes it; or a Python file with a
             density of your own and its model, which is run.
         out: File to write, ``NAME.ckpt``, or a new folder for the whole run: both checkpoints, ``metrics.csv`` of the

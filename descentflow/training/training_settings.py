@@ -76,7 +76,7 @@ def training_settings(name: str | Path) -> TrainingSettings:
     """Read the settings of a model.
 
     Args:
-        name: ``gaussian``, ``mixture``, ``flow`` or ``spline``, or the class's name; a YAML file as
+        name: ``gaussian``, ``mixture`` or ``flow``, or the class's name; a YAML file as
             ``descentflow fit --config`` takes it (:func:`~descentflow.configs.packaged_config.config_file`); or a
             Python file with a model of one's own, which is run.
 

@@ -67,7 +67,7 @@ figure = cleaning_figure(shown)
 # %%
 # Fit
 # ---
-# The Gaussian is fitted in closed form. ``"mixture"``, ``"flow"`` and ``"spline"`` are the other densities
+# The Gaussian is fitted in closed form. ``"mixture"`` and ``"flow"`` are the other densities
 # (:doc:`/how-to/densities`); with few flights, begin here. A fifth of the flights is held out
 # to score it, then the model is fitted again to all.
 

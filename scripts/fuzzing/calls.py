@@ -54,7 +54,6 @@ def calls(good: Path) -> dict[str, Call]:
         "GaussianMixture": Call(df.GaussianMixture, {}),
         "Generator": Call(df.Generator, {"model": density}),
         "MaskedAffineFlow": Call(df.MaskedAffineFlow, {}),
-        "SplineFlow": Call(df.SplineFlow, {}),
         "aircraft": Call(df.aircraft, {"typecode": TYPE}),
         "diagnose": Call(df.diagnose, {"real": good / "warm.parquet", "simulator": TYPE}),
         "evaluate": Call(df.evaluate, {"model": density, "real": descents, "n": 20, "n_splits": 2}),

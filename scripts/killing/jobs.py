@@ -50,12 +50,10 @@ def jobs(inputs: Path) -> dict[str, Job]:
             ("gaussian", "1", _without_figures("gaussian")),
             ("gmm", "20", _without_figures("gmm")),
             ("flow", "4", _without_figures("flow")),
-            ("spline", "3", _without_figures("spline")),
         )
     }
     resumed = {
-        f"{name}, resumed": Job(fits[name].words, fits[name].products, resume)
-        for name in ("fit gmm", "fit flow", "fit spline")
+        f"{name}, resumed": Job(fits[name].words, fits[name].products, resume) for name in ("fit gmm", "fit flow")
     }
     exports = {
         f"export {target}": Job(

@@ -26,7 +26,6 @@ pytestmark = pytest.mark.usefixtures("components_once", "plain_figures")
         ("flow", 3, "MaskedAffineFlow"),
         ("gmm_paper", 5, "GaussianMixture"),
         ("flow_paper", 2, "MaskedAffineFlow"),
-        ("spline", 2, "SplineFlow"),
     ],
 )
 def test_each_shipped_model_fits_and_its_checkpoint_samples(
@@ -181,7 +180,7 @@ def test_resuming_executes_nothing_of_what_a_checkpoint_holds(
 @pytest.mark.parametrize(
     ("asked", "words"),
     [
-        (["--model", "SplineFlow"], "a checkpoint of a Gaussian, where the options ask for a SplineFlow"),
+        (["--model", "MaskedAffineFlow"], "a checkpoint of a Gaussian, where the options ask for a MaskedAffineFlow"),
         (["--config", "gmm"], "a checkpoint of a Gaussian, where the options ask for a GaussianMixture"),
         (["--config", "gaussian", "--model.jitter", "0.5"], r"jitter 1e-06 \(the options: 0.5\)"),
     ],

@@ -17,7 +17,7 @@ from descentflow.representation.read_checkpoint import read_checkpoint
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.fit import fit
-from descentflow.training.models import Gaussian, GaussianMixture, SplineFlow
+from descentflow.training.models import Gaussian, GaussianMixture, MaskedAffineFlow
 from descentflow.training.training_settings import settings_of, training_settings
 
 pytestmark = pytest.mark.usefixtures("components_once", "plain_figures")
@@ -129,8 +129,8 @@ def test_a_model_says_what_it_is(descents: Path) -> None:
 
 
 def test_an_instance_is_trained_with_the_settings_of_its_class() -> None:
-    assert training_settings("SplineFlow") == training_settings("spline")
-    assert settings_of(SplineFlow(n_flows=2)).checkpoint["monitor"] == "val/bound"
+    assert training_settings("MaskedAffineFlow") == training_settings("flow")
+    assert settings_of(MaskedAffineFlow(n_flows=2)).checkpoint["monitor"] == "val/bound"
 
     class Own(Gaussian):
         """A model of the user's."""
@@ -140,13 +140,13 @@ def test_an_instance_is_trained_with_the_settings_of_its_class() -> None:
 
 
 def test_what_cannot_be_fitted_is_refused(descents: Path, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="gaussian, mixture, flow, spline"):
+    with pytest.raises(ConfigError, match="gaussian, mixture, flow"):
         fit(descents, "transformer")
     with pytest.raises(ConfigError, match=r"an option epochs of fit; .*did you mean max_epochs\?"):
         fit(descents, "gaussian", epochs=3)
     with pytest.raises(ConfigError, match=r"an option n_clusters of fit; .*as Gaussian\(ridge=2\)"):
         fit(descents, "mixture", n_clusters=3)
-    with pytest.raises(ConfigError, match="gaussian, mixture, flow, spline"):
+    with pytest.raises(ConfigError, match="gaussian, mixture, flow"):
         fit(descents, "x" * 300)
     with pytest.raises(ConfigError, match="seed = -1; expected a whole number, from 0"):
         fit(descents, "gaussian", seed=-1)

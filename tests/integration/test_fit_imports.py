@@ -34,7 +34,6 @@ def descents(tmp_path_factory: pytest.TempPathFactory) -> Path:
     [
         pytest.param("gaussian", set(), marks=pytest.mark.slow),
         ("flow", {"normflows"}),
-        pytest.param("spline", {"normflows"}, marks=pytest.mark.slow),
         ("gmm", {"sklearn", "pyro"}),
         pytest.param("gmm_svi", {"sklearn", "pyro"}, marks=pytest.mark.slow),
     ],

@@ -52,7 +52,6 @@ def interrupted_at(epoch: int, name: str, monkeypatch: pytest.MonkeyPatch) -> No
     ("model", "epochs", "broken_at"),
     [
         ("flow", 3, 1),
-        pytest.param("spline", 3, 2, marks=pytest.mark.slow),
         pytest.param("gmm_svi", 3, 2, marks=pytest.mark.slow),
         pytest.param("gmm", 30, None, marks=pytest.mark.slow),
     ],

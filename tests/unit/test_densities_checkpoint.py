@@ -12,14 +12,10 @@ import toys
 from lightning.pytorch import Trainer
 
 from descentflow.core.errors import CheckpointError, ConfigError
-from descentflow.densities import (
-    GaussianDensity,
-    MaskedAffineFlowDensity,
-    SplineFlowDensity,
-)
+from descentflow.densities import GaussianDensity, MaskedAffineFlowDensity
 from descentflow.densities.checkpoint import as_density, content_of, load_model
 from descentflow.generation.rejection import sample_descents
-from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow, SplineFlow
+from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
 
 DIMENSION = 4
 MODELS = {
@@ -27,7 +23,6 @@ MODELS = {
     "mixture": (GaussianMixture, {"n_clusters": 3}, 3),
     "svi": (GaussianMixture, {"n_clusters": 2, "training": "svi"}, 2),
     "flow": (MaskedAffineFlow, {"n_flows": 2}, 2),
-    "spline": (SplineFlow, {"n_flows": 2}, 2),
 }
 
 
@@ -62,19 +57,18 @@ def test_a_checkpoint_alone_samples_as_its_model_did(name: str, tmp_path: Path) 
     assert len(samples.trajectories) == 5
 
 
-def unfitted(name: str, folder: Path) -> Path:
+def unfitted(folder: Path) -> Path:
     """A checkpoint of a density with the parameters that it starts with."""
     with torch.random.fork_rng():
         torch.manual_seed(0)
-        density = {"flow": MaskedAffineFlowDensity, "spline": SplineFlowDensity}[name](DIMENSION, n_flows=1)
+        density = MaskedAffineFlowDensity(DIMENSION, n_flows=1)
     density.attach(toys.representation_of(DIMENSION))
     torch.save(content_of(density), folder / "model.ckpt")
     return folder / "model.ckpt"
 
 
-@pytest.mark.parametrize("name", ["flow", "spline"])
-def test_draws_are_the_same_under_another_default_precision(name: str, tmp_path: Path) -> None:
-    path = unfitted(name, tmp_path)
+def test_draws_are_the_same_under_another_default_precision(tmp_path: Path) -> None:
+    path = unfitted(tmp_path)
     single = load_model(path).sample(50, seed=1)
     torch.set_default_dtype(torch.float64)
     try:

@@ -6,7 +6,8 @@ from graph_toys import PARTS, density, table_of, weights_of
 from scipy.stats import chisquare
 
 from descentflow.core.errors import ConfigError
-from descentflow.densities.flow import MaskedAffineFlowDensity, SplineFlowDensity
+from descentflow.densities.density import Density
+from descentflow.densities.flow import MaskedAffineFlowDensity
 from descentflow.densities.weight_draws import MixtureDraw
 from descentflow.exports.descent_graph import OFF_GRID, DescentGraph, SamplerGraph
 from descentflow.exports.graph_description import describe
@@ -86,10 +87,14 @@ def test_levels_between_and_beyond_the_grid() -> None:
 
 
 def test_what_cannot_be_a_graph_is_refused() -> None:
-    spline = SplineFlowDensity(D, n_flows=1)
-    spline.attach(PARTS)
-    with pytest.raises(ConfigError, match="a SplineFlowDensity, whose draws cannot be written as a graph"):
-        SamplerGraph(spline)
+    class OpaqueDensity(MaskedAffineFlowDensity):
+        weight_draw = Density.weight_draw
+
+    opaque = OpaqueDensity(D, n_flows=1)
+    Density.kinds.pop("OpaqueDensity")
+    opaque.attach(PARTS)
+    with pytest.raises(ConfigError, match="a OpaqueDensity, whose draws cannot be written as a graph"):
+        SamplerGraph(opaque)
     corrected = Representation.from_state(PARTS.to_state())
     corrected.correction = Correction({"temperature": [10.0]}, 64_000.0)
     with pytest.raises(ConfigError, match="a corrected model"):

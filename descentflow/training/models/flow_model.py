@@ -1,9 +1,8 @@
-"""Training of the flows by maximum likelihood (paper, section 2.3 and appendix C)."""
+"""Training of a flow by maximum likelihood (paper, section 2.3 and appendix C)."""
 
 import warnings
-from abc import ABC
 from dataclasses import asdict
-from typing import Any, TypeVar
+from typing import Any
 
 import torch
 from jsonargparse.typing import PositiveFloat, PositiveInt
@@ -12,14 +11,13 @@ from torch import Tensor
 
 from descentflow.core.arguments import checked_arguments
 from descentflow.core.errors import ConfigError, DescentflowWarning
-from descentflow.densities.flow import FlowDensity, MaskedAffineFlowDensity, SplineFlowDensity
+from descentflow.densities.flow import MaskedAffineFlowDensity
 from descentflow.densities.importance import estimate, propose, widened
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.one_gaussian import one_gaussian
 from descentflow.training.models.latent_model import Batch, LatentModel, training_flights
-from descentflow.training.models.optimizers import FlowSteps, SplineSteps, adam_with_cosine
+from descentflow.training.models.optimizers import FlowSteps, adam_with_cosine
 
-F = TypeVar("F", bound=FlowDensity)
 BEST = "best_epoch"
 """Key of a checkpoint under which a flow's best epoch is kept beside the last one."""
 FEWEST_FLIGHTS = 2
@@ -29,21 +27,55 @@ VALIDATION_DRAWS = 32
 """Of each validation flight's weights after an epoch: the same ones every time, so that epochs compare."""
 
 
-class _Flow(LatentModel[F], ABC):
-    """Training that all flows share.
+class MaskedAffineFlow(LatentModel[MaskedAffineFlowDensity]):
+    """Trains masked affine flows; see :class:`MaskedAffineFlowDensity`.
 
     A whitened flow is its Gaussian in the first epoch, which trains nothing, so that the best epoch may be that one.
     The best epoch is chosen by ``val/bound``: the NLL of the validation flights plus ``caution`` standard
     errors of its difference from the Gaussian's. With few flights a gain must be larger to be believed.
+
+    Example:
+        >>> from descentflow.training.fit import fit
+        >>> fit("descents.parquet", MaskedAffineFlow(n_flows=2), max_epochs=2).density.settings()["n_flows"]
+        2
     """
 
-    def __init__(self, steps: FlowSteps) -> None:
+    @checked_arguments
+    def __init__(
+        self,
+        n_flows: PositiveInt = 5,
+        hidden_per_weight: PositiveInt = 2,
+        learning_rate: PositiveFloat = 3e-3,
+        whitened: bool = True,
+        linear: bool = True,
+        turned_round: bool = True,
+        steps: FlowSteps = FlowSteps(),
+    ) -> None:
+        """Set the hyperparameters.
+
+        Args:
+            n_flows: Number of masked affine flows.
+            hidden_per_weight: Hidden units of each flow, as a multiple of the number of weights.
+            learning_rate: Of Adam, annealed to zero by a cosine that ends with the last epoch.
+            whitened: Start from the Gaussian of the training flights.
+            linear: LU-decomposed maps between the flows.
+            turned_round: One pass of the networks for a density, not one a weight; see the density.
+            steps: Of training.
+        """
         super().__init__()
+        self.save_hyperparameters(ignore="steps")
+        self.hparams["steps"] = asdict(steps)
         self.steps = steps
         self._restored = False
         self._by_flight: list[Tensor] = []
         self._wide: Mixture | None = None
         self._best: tuple[float, dict[str, Tensor]] | None = None
+
+    def make(self, dimension: int, n_context: int = 0) -> MaskedAffineFlowDensity:
+        """Flows that start at the identity or its neighbourhood."""
+        options = {name: self.hparams[name] for name in ("whitened", "linear", "turned_round")}
+        sizes = int(self.hparams["n_flows"]), int(self.hparams["hidden_per_weight"])
+        return MaskedAffineFlowDensity(dimension, *sizes, n_context, **options)
 
     def training_step(self, batch: Batch, batch_index: int) -> Tensor:
         """Negative log-likelihood of what was observed of a batch.
@@ -157,84 +189,3 @@ class _Flow(LatentModel[F], ABC):
         self._restored = True
         if BEST in checkpoint:
             self._best = float(checkpoint[BEST]["bound"]), dict(checkpoint[BEST]["state_dict"])
-
-
-class MaskedAffineFlow(_Flow[MaskedAffineFlowDensity]):
-    """Trains masked affine flows; see :class:`MaskedAffineFlowDensity`.
-
-    Example:
-        >>> from descentflow.training.fit import fit
-        >>> fit("descents.parquet", MaskedAffineFlow(n_flows=2), max_epochs=2).density.settings()["n_flows"]
-        2
-    """
-
-    @checked_arguments
-    def __init__(
-        self,
-        n_flows: PositiveInt = 5,
-        hidden_per_weight: PositiveInt = 2,
-        learning_rate: PositiveFloat = 3e-3,
-        whitened: bool = True,
-        linear: bool = True,
-        turned_round: bool = True,
-        steps: FlowSteps = FlowSteps(),
-    ) -> None:
-        """Set the hyperparameters.
-
-        Args:
-            n_flows: Number of masked affine flows.
-            hidden_per_weight: Hidden units of each flow, as a multiple of the number of weights.
-            learning_rate: Of Adam, annealed to zero by a cosine that ends with the last epoch.
-            whitened: Start from the Gaussian of the training flights.
-            linear: LU-decomposed maps between the flows.
-            turned_round: One pass of the networks for a density, not one a weight; see the density.
-            steps: Of training.
-        """
-        super().__init__(steps)
-        self.save_hyperparameters(ignore="steps")
-        self.hparams["steps"] = asdict(steps)
-
-    def make(self, dimension: int, n_context: int = 0) -> MaskedAffineFlowDensity:
-        """Flows that start at the identity or its neighbourhood."""
-        options = {name: self.hparams[name] for name in ("whitened", "linear", "turned_round")}
-        sizes = int(self.hparams["n_flows"]), int(self.hparams["hidden_per_weight"])
-        return MaskedAffineFlowDensity(dimension, *sizes, n_context, **options)
-
-
-class SplineFlow(_Flow[SplineFlowDensity]):
-    """Trains autoregressive rational-quadratic splines; see :class:`SplineFlowDensity`.
-
-    Example:
-        >>> from descentflow.training.fit import fit
-        >>> fit("descents.parquet", SplineFlow(n_flows=2), max_epochs=2).density.settings()["n_flows"]
-        2
-    """
-
-    @checked_arguments
-    def __init__(
-        self,
-        n_flows: PositiveInt = 3,
-        hidden: PositiveInt = 32,
-        n_bins: PositiveInt = 8,
-        learning_rate: PositiveFloat = 3e-3,
-        whitened: bool = True,
-        steps: SplineSteps = SplineSteps(),
-    ) -> None:
-        """Set the hyperparameters.
-
-        Args:
-            n_flows: Number of spline flows.
-            hidden: Units behind each flow's knots.
-            n_bins: Pieces of each spline.
-            learning_rate: Of Adam, annealed to zero by a cosine that ends with the last epoch.
-            whitened: Start from the Gaussian of the training flights.
-            steps: Of training.
-        """
-        super().__init__(steps)
-        self.save_hyperparameters(ignore="steps")
-        self.hparams["steps"] = asdict(steps)
-
-    def make(self, dimension: int, n_context: int = 0) -> SplineFlowDensity:
-        """Flows that start at the identity."""
-        n_flows, hidden, n_bins = (int(self.hparams[name]) for name in ("n_flows", "hidden", "n_bins"))
-        return SplineFlowDensity(dimension, n_flows, hidden, n_bins, n_context, whitened=self.hparams["whitened"])

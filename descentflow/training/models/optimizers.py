@@ -42,20 +42,6 @@ class FlowSteps:
     max_steps: PositiveInt | None = 3000
 
 
-@checked_settings
-@dataclass(frozen=True)
-class SplineSteps(FlowSteps):
-    """Training of a spline flow, which has more parameters.
-
-    Example:
-        >>> SplineSteps(caution=0.5).max_steps
-        2000
-    """
-
-    shrinkage: NonNegativeFloat = 600.0
-    max_steps: PositiveInt | None = 2000
-
-
 class ClosedForm(torch.optim.Optimizer):
     """Runs the closure that sets the parameters, and nothing else.
 

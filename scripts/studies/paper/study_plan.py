@@ -32,7 +32,6 @@ MODELS = {
     "gaussian": "Gaussian",
     "gmm": "Gaussian mixture",
     "flow": "Masked affine flow",
-    "spline": "Neural spline flow",
 }
 """Settings file of `configs/model/` -> name in tables."""
 PAPER_STATISTICS = {name: STATISTICS[name] for name in ("ks", "wasserstein", "mae")}

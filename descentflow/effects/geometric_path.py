@@ -88,10 +88,12 @@ class GeometricPath(DiffersByFlight):
 
 
 def _smooth(state: FlightState, own: Tensor) -> Tensor:
-    """Values (n, K) smoothed over altitude: the lowest of a flight's own noise is no idle path."""
+    """Values (n, K) whose departures from their mean are smooth: the lowest of a flight's own noise is no idle path."""
     apart = (state.altitude_m[:, None] - state.altitude_m) / SMOOTH_M
     weight, seen = torch.exp(-0.5 * apart**2), state.mask.double()
-    return (torch.where(state.mask, own, 0.0) @ weight) / (seen @ weight).clamp(min=1e-9)
+    common = torch.where(state.mask, own, 0.0).sum(0) / seen.sum(0).clamp(min=1.0)
+    departure = torch.where(state.mask, own - common, 0.0)
+    return common + (departure @ weight) / (seen @ weight).clamp(min=1e-9)
 
 
 def _to_the_shallowest(state: FlightState, idle: Tensor | float, beyond: Tensor | float) -> Tensor:

@@ -15,7 +15,7 @@ class VerticalSpeedMode(Effect):
 
     Example:
         >>> from descentflow.effects.example_flights import example_flights
-        >>> shift = VerticalSpeedMode().shift(example_flights(), torch.tensor([0.2, 5.0, 0.4, 0.1]))
+        >>> shift = VerticalSpeedMode().shift(example_flights(), torch.tensor([0.2, 5.0, 0.04]))
         >>> round(float(shift["missing"].mean()), 3)  # share of the levels that cleaning cuts out
         0.2
     """
@@ -34,8 +34,7 @@ class VerticalSpeedMode(Effect):
             symbol="levels cut out",
         ),
         Parameter("slower_in_gaps", -60.0, 600.0, "s per flight", 10.0, label="time lost in gaps"),
-        Parameter("share", 0.0, 1.0, "1", 0.1, label="share of the flights at a held rate", shown_as="flights"),
-        Parameter("shallower", 0.0, 0.6, "1", 0.05, 0.1, label="shallower than the idle path by", shown_as="percent"),
+        Parameter("shallower", 0.0, 0.6, "1", 0.05, label="less rate in the mean of all flights", shown_as="percent"),
     )
 
     def plausible(self, state: FlightState, theta: Tensor) -> bool:
@@ -43,12 +42,6 @@ class VerticalSpeedMode(Effect):
         return float(theta[0]) > LEAST_CUT_OUT
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
-        """Gaps in the levels and time lost in them; where a rate is held, a shallow one in place of the idle rate."""
+        """Gaps in the levels and time lost in them; what cleaning leaves of held rates is slower, at any level."""
         each = torch.ones_like(state.cas_mps[:, 0])
-        idle = state.schedule_log_rate + state.beyond_polar
-        slowest = torch.where(state.mask, idle, torch.inf).amin(1, keepdim=True)
-        return {
-            "missing": theta[0] * each,
-            "slow": theta[1] * each,
-            "rate": theta[2] * (slowest.clamp(max=1e3) - idle - theta[3]),
-        }
+        return {"missing": theta[0] * each, "slow": theta[1] * each, "rate": -theta[2] * torch.ones_like(state.cas_mps)}

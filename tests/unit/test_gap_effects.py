@@ -23,7 +23,7 @@ THETA = {
     "speed_brake": [0.3, 213.0, 268.0, 0.6, 0.1, 8.0, 6.0, 0.1],
     "turn": [0.04],
     "geometric_path": [0.5, 0.08, 0.02],
-    "vertical_speed_mode": [0.2, 5.0, 0.4, 0.1],
+    "vertical_speed_mode": [0.2, 5.0, 0.04],
     "level_off": [20.0, 0.3],
     "speed_schedule": [8.0, 0.01],
     "airspeed_bias": [2.0, 1.0],

@@ -169,7 +169,7 @@ def changes_of(state: FlightState, added: AddedEffects) -> tuple[dict[str, Tenso
         n, draws = len(state.cas_mps), DrawNumbers(added.seed)
         law = isinstance(effect, DiffersByFlight) and effect.is_law(theta)
         # A flight has one effect that flights have each in their own way, or none: one number decides which.
-        number = draws.uniform(n, stream=LAWS if law else place * STREAMS)
+        number = even(draws.uniform(n, stream=LAWS if law else place * STREAMS))
         first = begun if law else 0.0
         begun += share if law else 0.0
         taken = torch.nonzero((number >= first) & (number < first + share))[:, 0]
@@ -192,6 +192,16 @@ def changes_of(state: FlightState, added: AddedEffects) -> tuple[dict[str, Tenso
     # Whatever else would change a rate that is held: it is held.
     flown["rate"] = torch.where(held[:, None], rate_held, flown["rate"])
     return flown, reported
+
+
+def even(number: Tensor) -> Tensor:
+    """Numbers (n,) in the same order, evenly over [0, 1): a share of few flights is that share, and no lot.
+
+    Example:
+        >>> even(torch.tensor([0.2, 0.9, 0.1, 0.3]))
+        tensor([0.3750, 0.8750, 0.1250, 0.6250], dtype=torch.float64)
+    """
+    return (number.argsort().argsort().double() + 0.5) / len(number)
 
 
 def _add(total: dict[str, Tensor], shift: Shift, rows: Tensor, n: int) -> None:

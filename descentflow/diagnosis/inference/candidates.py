@@ -33,7 +33,7 @@ class MeanEffect:
         self._free = [i for i, parameter in enumerate(effect.parameters) if not parameter.from_heterogeneity]
         free = [effect.parameters[i] for i in self._free]
         self.start = self.prior_mean = np.array([parameter.start for parameter in free])
-        self.prior_sd = np.array([assumed.prior_scales * parameter.scale for parameter in free])
+        self.prior_sd = self.free_sd = np.array([assumed.prior_scales * parameter.scale for parameter in free])
 
     def theta(self, sizes: Array) -> Tensor:
         """All parameters of the effect."""
@@ -96,6 +96,11 @@ class FlightsEffect:
         return np.ones(self.parts.shape[1])
 
     @property
+    def free_sd(self) -> Array:
+        """Of the factors where the sizes of flights are to make the means: it is the sizes that are free."""
+        return np.eye(self.parts.shape[1])[0]
+
+    @property
     def start(self) -> Array:
         """One."""
         return self.prior_mean
@@ -144,7 +149,7 @@ class Linearised:
             sizes: (k,) about which.
         """
         self.name, self.log_gain, self.start = candidate.name, candidate.log_gain, sizes
-        self.prior_mean, self.prior_sd = candidate.prior_mean, candidate.prior_sd
+        self.prior_mean, self.prior_sd, self.free_sd = candidate.prior_mean, candidate.prior_sd, candidate.free_sd
         self.clamp, self.plausible = candidate.clamp, candidate.plausible
         self.theta, self.theta_errors = candidate.theta, candidate.theta_errors
         self._about = candidate.at(sizes)

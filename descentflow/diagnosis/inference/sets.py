@@ -197,7 +197,7 @@ class SetFits:
             x = x - found.shift + found.jacobian @ size
             columns.append(found.jacobian)
             mean.append(candidate.prior_mean)
-            spread.append(candidate.prior_sd)
+            spread.append(candidate.free_sd if self._at_reference else candidate.prior_sd)
         return posterior(x, noise, np.concatenate(columns, 1), np.concatenate(mean), np.concatenate(spread)), noise
 
     def _split(self, names: Names, values: Array) -> list[Array]:

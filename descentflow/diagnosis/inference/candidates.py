@@ -98,7 +98,8 @@ class FlightsEffect:
     @property
     def free_sd(self) -> Array:
         """Of the factors where the sizes of flights are to make the means: it is the sizes that are free."""
-        return np.eye(self.parts.shape[1])[0]
+        found: Array = np.eye(self.parts.shape[1])[0]
+        return found
 
     @property
     def start(self) -> Array:

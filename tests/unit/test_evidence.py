@@ -133,6 +133,16 @@ def test_sizes_settle_where_the_misfit_grows_with_them() -> None:
     assert again.sizes["e"][0] == pytest.approx(found.sizes["e"][0], rel=0.01)
 
 
+def test_sizes_that_are_put_into_flights_make_the_means_whatever_shapes_expect() -> None:
+    """Only the sizes of a law are put into flights: what goes with the share alone has a factor of one."""
+    sized, of_share = -0.1 * np.ones(11), -np.linspace(0.0, 0.3, 11)
+    parts = np.stack([sized, of_share], 1)
+    cause = FlightsEffect("e", LAW, parts, 0.0, 0.1 * np.eye(11), np.array([0.1, 0.2]))
+    known = toy(2.5 * sized + of_share, sd=0.001)
+    found = SetFits(known, [cause], Assumptions(), at_reference=True).fit(("e",))
+    assert found.sizes["e"] == pytest.approx([2.5, 1.0], rel=0.001)  # drawn to one by (0.001 / 0.1)^2 / 11
+
+
 def test_shrinking_keeps_variances_and_makes_few_rows_invertible() -> None:
     rows = np.random.default_rng(2).normal(size=(10, 40))
     found = shrunk(rows)

@@ -11,6 +11,7 @@ from descentflow.effects import EFFECTS
 from descentflow.effects.flight_state import log_rate
 from descentflow.effects.windowed_effect import WindowedEffect
 from descentflow.measurements.quantity_registry import QUANTITIES
+from descentflow.physics.airspeed import cas_to_tas_mps
 
 pytestmark = pytest.mark.usefixtures("worlds_once")
 
@@ -100,3 +101,16 @@ def test_the_noise_of_a_flight_makes_no_steeper_path() -> None:
         flown.append(own + path.own_change(at, theta, uniform).flown["rate"])
     # The mean noise of a flight of 11 bands is its own: 0.05 over the root of 11 and of 200 flights, four times.
     assert abs(float((flown[1] - flown[0]).mean())) < 4 * 0.05 / (11 * 200) ** 0.5
+
+
+def test_a_held_path_is_below_the_lowest_of_an_idle_path_that_bends() -> None:
+    """What all flights of a simulator fly beyond the polar is no noise."""
+    path, state = EFFECTS["geometric_path"], gap_toys.state(20, affected=False)
+    bend = torch.zeros_like(state.cas_mps)
+    bend[:, -1] = -0.3
+    at = replace(state, beyond_polar=bend)
+    theta, uniform = torch.tensor([1.0, 0.1, 0.0]).double(), torch.full((20, 1), 0.5).double()
+    ground = cas_to_tas_mps(state.cas_mps, state.altitude_m) + state.tailwind_mps
+    idle = state.schedule_log_rate - ground.log() + bend
+    flown = idle + path.own_change(at, theta, uniform).flown["rate"]
+    torch.testing.assert_close(flown, (idle.amin(1, keepdim=True) - 0.1).expand_as(flown))

@@ -99,15 +99,11 @@ def write_page(folder: Path, dropped_rows: pl.DataFrame, report: DropReport, slo
         picture = folder / f"flights-{number:02d}.png"
         with whole_file(picture) as temporary:
             temporary.write_bytes(png(cleaning_figure(some, slowest_fpm), DPI))
-        shown.append((picture.name, [[_name(flight), _counts(flight)] for flight in some]))
+        shown.append((picture.name, [[str(flight["flight_id"][0]), _counts(flight)] for flight in some]))
     with whole_file(folder / "index.html") as temporary:
         text = rendered("surveillance/cleaning_page.html.j2", flights=shown, report=str(report))
         temporary.write_text(text, encoding="utf-8")
     return len(flights)
-
-
-def _name(flight: pl.DataFrame) -> str:
-    return str(flight["flight_id"][0])
 
 
 def _counts(flight: pl.DataFrame) -> str:

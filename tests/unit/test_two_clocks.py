@@ -45,3 +45,10 @@ def test_alike_flights_of_an_aircraft_an_hour_apart_are_all_kept(recwarn: pytest
     found = prepare(pl.concat([flight(), other]))
     assert found.flights == {"A320": 2}
     assert not recwarn.list
+
+
+def test_flights_at_other_speeds_on_the_hour_are_all_kept(recwarn: pytest.WarningsRecorder) -> None:
+    """They pass the same levels at the same times past the hour, as flights of a simulated day may."""
+    faster = flight(start_s=3600.0).with_columns(pl.col("IAS") + 6.0)
+    assert prepare(pl.concat([flight(), faster])).flights == {"A320": 2}
+    assert not recwarn.list

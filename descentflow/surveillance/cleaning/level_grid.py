@@ -9,8 +9,8 @@ from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import CHANNELS
 
-CIRCULAR = ("track", "heading", "wind_direction")
-"""Angles, interpolated along the shorter arc."""
+CIRCULAR = {"track": 0.0, "heading": 0.0, "wind_direction": 0.0, "longitude": -180.0}
+"""Angles, interpolated along the shorter arc, and the least that each has."""
 
 
 def to_levels(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.DataFrame:
@@ -70,33 +70,20 @@ def to_levels(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.Dat
     for name in CHANNELS:
         if name in rows.columns:
             values = rows[name].to_numpy()
-            if name == "longitude":
-                columns[name] = _longitude(values, upper, share)
-            else:
-                columns[name] = _interpolated(values, upper, share, circular=name in CIRCULAR)
+            columns[name] = _interpolated(values, upper, share, CIRCULAR.get(name))
     return _timed(pl.DataFrame(columns))
 
 
-def _interpolated(values: np.ndarray, upper: np.ndarray, share: np.ndarray, *, circular: bool) -> pl.Series:
+def _interpolated(values: np.ndarray, upper: np.ndarray, share: np.ndarray, least: float | None) -> pl.Series:
     above, below = values[upper], values[upper + 1]
     step = below - above
-    if circular:
+    if least is not None:
         step = (step + 180.0) % 360.0 - 180.0
     # The level of a row itself has that row's value, even if its neighbour lacks one.
     found = above + share * step
     if np.isnan(found).any():
         found = np.where(share == 0.0, above, np.where(share == 1.0, below, found))
-    return pl.Series(found % 360.0 if circular else found).fill_nan(None)
-
-
-def _longitude(values: np.ndarray, upper: np.ndarray, share: np.ndarray) -> pl.Series:
-    """Between -180 and 180, across the date line too."""
-    found = _interpolated(values, upper, share, circular=False)
-    across = np.abs(values[upper + 1] - values[upper]) > 180.0
-    if not across.any():
-        return found
-    around = _interpolated(values, upper, share, circular=True).to_numpy()
-    return pl.Series(np.where(across, (around + 180.0) % 360.0 - 180.0, found.to_numpy())).fill_nan(None)
+    return pl.Series(found if least is None else (found - least) % 360.0 + least).fill_nan(None)
 
 
 def _timed(levels: pl.DataFrame) -> pl.DataFrame:

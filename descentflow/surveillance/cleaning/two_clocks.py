@@ -8,8 +8,9 @@ from descentflow.surveillance.rows.times import FIRST_TIME_S
 
 STEP_S, MAX_STEPS = 1800.0, 28
 """Clocks of time zones differ by multiples of half an hour, up to 14 h."""
-WITHIN_S, WITHIN_FT = 5.0, 100.0
-"""Largest difference in time of a row from its repetition, and height of the levels that they share."""
+WITHIN_S, WITHIN_FT, WITHIN_KT = 5.0, 100.0, 2.0
+"""Largest difference in time of a row from its repetition, height of the levels that they share, and difference of IAS:
+other flights of an aircraft may pass its levels on the hour, but hardly at the same speeds."""
 FALLING_FPM = -800.0
 """Rows that descend faster are compared: level flight comes again at any time."""
 MIN_ROWS, MIN_SHARE_AGAIN = 20, 0.9
@@ -67,7 +68,7 @@ def without_other_clocks(rows: pl.DataFrame, gap_s: float, report: DropReport) -
         found = own.filter(later & pl.col("aircraft").is_in(sure["aircraft"].unique().implode()))["row"]
         report.note(ROWS_OF_OTHER_CLOCK.format(hours=steps * STEP_S / 3600), len(found))
         is_copy = is_copy.scatter(found, True)
-    return report.count(OTHER_CLOCK, rows, rows.filter(~is_copy)) if is_copy.any() else rows
+    return report.count(OTHER_CLOCK, rows, rows.filter(~is_copy) if is_copy.any() else rows)
 
 
 def _clock(rows: pl.DataFrame, gap_s: float) -> pl.DataFrame:
@@ -76,11 +77,12 @@ def _clock(rows: pl.DataFrame, gap_s: float) -> pl.DataFrame:
     other = (pl.col("icao24") != pl.col("icao24").shift()).fill_null(True)
     change = pl.when(~other & (seconds > 0) & (seconds <= 60)).then(pl.col("altitude").diff() / seconds * 60)
     reported = [pl.col("vertical_rate")] if "vertical_rate" in rows.columns else []
-    clock = rows.select("icao24", "altitude", *reported, (pl.col("timestamp").dt.epoch("us") / 1e6).alias("s"))
+    clock = rows.select("icao24", "altitude", "IAS", *reported, (pl.col("timestamp").dt.epoch("us") / 1e6).alias("s"))
     return clock.with_row_index("row").select(
         "row",
         "s",
         "altitude",
+        "IAS",
         other.cum_sum().alias("aircraft"),
         (other | (seconds > gap_s)).cum_sum().alias("stretch"),
         (pl.coalesce(*reported, change) <= FALLING_FPM).fill_null(False).alias("falling"),
@@ -104,11 +106,11 @@ def _possible(clock: pl.DataFrame) -> pl.DataFrame:
 
 
 def _is_near(rows: pl.DataFrame, shift_s: float) -> pl.Series:
-    """Mask of rows whose aircraft has a row at their time and a shift, of the same or the next hundred feet."""
+    """Mask of rows whose aircraft has a row at their time and a shift, of the same or the next hundred feet and IAS."""
     level = (pl.col("altitude") // WITHIN_FT).cast(pl.Int64).alias("level")
-    own = rows.select("aircraft", "s", level)
+    own = rows.select("aircraft", "s", "IAS", level)
     # Nearest in time of those alone: rows of both clocks lie in each other where a flight is longer than the shift.
-    there = rows.select("aircraft", pl.col("s") - shift_s, level, found=True)
+    there = rows.select("aircraft", pl.col("s") - shift_s, level, other="IAS")
     other = pl.concat([there.with_columns(pl.col("level") + beside) for beside in (-1, 0, 1)]).sort("s")
     at = (
         own.with_row_index("row")
@@ -117,4 +119,4 @@ def _is_near(rows: pl.DataFrame, shift_s: float) -> pl.Series:
             other, on="s", by=["aircraft", "level"], strategy="nearest", tolerance=WITHIN_S, check_sortedness=False
         )
     )
-    return at.sort("row").select(pl.col("found").fill_null(False)).to_series()
+    return at.sort("row").select(((pl.col("IAS") - pl.col("other")).abs() <= WITHIN_KT).fill_null(False)).to_series()

@@ -4,7 +4,7 @@ import itertools
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import polars as pl
 
@@ -24,63 +24,28 @@ class Format:
 
     Attributes:
         name: As `--format` takes it.
+        kind: What it is recognised by: first bytes, first bytes of a text without byte order mark and blanks before
+            it, or the first document of JSON.
+        recognise: Whether a file that begins so is of the format.
+        read: Tables of about so many rows from a stream, or from the documents of a file with that label; what cannot
+            be read is counted in the report.
         any_columns: Whether anybody may have made such tables, so that the names and units of every file have to be
             checked. Other formats have fixed columns, and their small files are put together.
         join: Makes one table of several parts, where :func:`polars.concat` does not.
 
     Example:
-        >>> Format("my-format").any_columns
-        False
-    """
-
-    name: str
-    any_columns: bool = False
-    join: Callable[[Sequence[Columns], DropReport], pl.DataFrame] | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class FileFormat(Format):
-    """A format that is recognised by its first bytes.
-
-    Attributes:
-        recognise: Whether a file that begins with these bytes is of the format.
-        read: Tables of about so many rows from a stream; what cannot be read is counted in the report.
-
-    Example:
         >>> FORMATS["parquet"].recognise(b"PAR1"), FORMATS["parquet"].recognise(b"timestamp,icao24")
         (True, False)
-    """
-
-    recognise: Callable[[bytes], bool]
-    read: Callable[[Input, DropReport, int], Iterator[Columns]]
-
-
-@dataclass(frozen=True, kw_only=True)
-class TextFormat(FileFormat):
-    """A format of text that is no JSON; it is recognised without byte order mark and blanks before it.
-
-    Example:
-        >>> lines = FORMATS["modes-hex"]
-        >>> isinstance(lines, TextFormat), lines.recognise(b"1700000000.5 a00004128f39f91a7e27c46adc21")
-        (True, True)
-    """
-
-
-@dataclass(frozen=True, kw_only=True)
-class JsonFormat(Format):
-    """A format of JSON documents, recognised by the first of them.
-
-    Attributes:
-        recognise: Whether a file whose first document is this one is of the format.
-        read: Tables of about so many rows from the documents of a file with that label.
-
-    Example:
         >>> FORMATS["aircraft-json"].recognise({"now": 1.7e9, "aircraft": []})
         True
     """
 
-    recognise: Callable[[object], bool]
-    read: Callable[[Iterator[object], str, DropReport, int], Iterator[Columns]]
+    name: str
+    kind: Literal["bytes", "text", "JSON"]
+    recognise: Callable[[Any], bool]
+    read: Callable[..., Iterator[Columns]]
+    any_columns: bool = False
+    join: Callable[[Sequence[Columns], DropReport], pl.DataFrame] | None = None
 
 
 @dataclass(frozen=True)
@@ -105,22 +70,22 @@ MAX_HELD_POINTS = 50_000
 MAX_JOINED_TABLES = 2000
 """Tables that are put together at once."""
 KNOWN_FORMATS = (
-    FileFormat("parquet", any_columns=True, recognise=tables.is_parquet, read=tables.parquet),
-    FileFormat("feather", any_columns=True, recognise=tables.is_feather, read=tables.feather),
-    TextFormat("csv", any_columns=True, recognise=bool, read=tables.csv),
-    JsonFormat("json-rows", any_columns=True, recognise=json_rows.is_rows, read=json_rows.rows),
-    JsonFormat("readsb-trace", join=readsb_trace.joined, recognise=readsb_trace.is_trace, read=readsb_trace.rows),
-    JsonFormat("aircraft-json", recognise=aircraft_json.is_snapshot, read=aircraft_json.rows),
-    JsonFormat("jet1090", recognise=mode_s.is_message, read=mode_s.jet1090),
-    TextFormat("modes-hex", recognise=mode_s.begins_with_frames, read=mode_s.lines),
-    JsonFormat("scat", recognise=scat.is_flight, read=scat.rows),
-    FileFormat("asterix", recognise=asterix.is_asterix, read=asterix.rows),
+    Format("parquet", "bytes", tables.is_parquet, tables.parquet, any_columns=True),
+    Format("feather", "bytes", tables.is_feather, tables.feather, any_columns=True),
+    Format("csv", "text", bool, tables.csv, any_columns=True),
+    Format("json-rows", "JSON", json_rows.is_rows, json_rows.rows, any_columns=True),
+    Format("readsb-trace", "JSON", readsb_trace.is_trace, readsb_trace.rows, join=readsb_trace.joined),
+    Format("aircraft-json", "JSON", aircraft_json.is_snapshot, aircraft_json.rows),
+    Format("jet1090", "JSON", mode_s.is_message, mode_s.jet1090),
+    Format("modes-hex", "text", mode_s.begins_with_frames, mode_s.lines),
+    Format("scat", "JSON", scat.is_flight, scat.rows),
+    Format("asterix", "bytes", asterix.is_asterix, asterix.rows),
 )
 """The formats. They are tried in this order, but those of any columns after all others: what they recognise is least
 specific."""
 FORMATS = {one.name: one for one in KNOWN_FORMATS}
 """Name -> format; each is also read from gzip and tar archives."""
-HELD_TABLE = Format("table", any_columns=True)
+HELD_TABLE = Format("table", "bytes", bool, tables.held, any_columns=True)
 """Rows that are no file."""
 ACCEPTED = f"one of {', '.join(FORMATS)} (docs: Sources of rows)"
 """List of accepted files, for messages."""
@@ -141,8 +106,8 @@ def put_together(parts: Iterator[Part], report: DropReport, block_rows: int) -> 
     waiting: list[Part] = []
     for part in parts:
         if waiting and (part.format.any_columns or not _belongs(part, waiting, block_rows)):
-            table, waiting = _joined(waiting, report), []
-            yield table
+            yield _joined(waiting, report)
+            waiting = []
         if part.format.any_columns:
             yield part
         else:
@@ -154,7 +119,7 @@ def put_together(parts: Iterator[Part], report: DropReport, block_rows: int) -> 
 def _joined(parts: Sequence[Part], report: DropReport) -> Part:
     rows: list[Columns] = [part.rows for part in parts]
     join = parts[0].format.join
-    return replace(parts[0], rows=join(rows, report) if join else pl.concat(rows), first=True)
+    return replace(parts[0], rows=join(rows, report) if join else pl.concat(rows))
 
 
 def _belongs(part: Part, waiting: Sequence[Part], block_rows: int) -> bool:
@@ -240,7 +205,7 @@ def recognised(
         mend = "check how it was written or copied, or take it out of what is read"
         raise DataError(f"{source.label} is empty", expected=ACCEPTED, mend=mend)
     found = FORMATS[name] if name else format_of_bytes(head, source.label)
-    if isinstance(found, FileFormat):
+    if found and found.kind != "JSON":
         return _table_or_frames(found, found.read(source, report, block_rows), report)
     each = documents(source, report)
     begin: list[object] = []
@@ -270,16 +235,16 @@ def held_parts(
     return _table_or_frames(HELD_TABLE, tables.held(table, label, report, block_rows, columns), report)
 
 
-def format_of_bytes(head: bytes, label: str) -> FileFormat | None:
+def format_of_bytes(head: bytes, label: str) -> Format | None:
     """Format of a file that begins with these bytes; None if it is JSON, whose first document has to be read."""
     refuse_known(head, REFUSED_BINARY, label)
     for one in TRIED:
-        if isinstance(one, FileFormat) and not isinstance(one, TextFormat) and one.recognise(head):
+        if one.kind == "bytes" and one.recognise(head):
             return one
     text = _text(head, label)
     if text[:1] in (b"{", b"["):
         return None
-    return next(one for one in TRIED if isinstance(one, TextFormat) and one.recognise(text))
+    return next(one for one in TRIED if one.kind == "text" and one.recognise(text))
 
 
 def _text(head: bytes, label: str) -> bytes:
@@ -296,10 +261,10 @@ def _text(head: bytes, label: str) -> bytes:
     return text
 
 
-def format_of_document(document: object, label: str) -> JsonFormat:
+def format_of_document(document: object, label: str) -> Format:
     """Format of a file whose first JSON document is this one."""
     for one in TRIED:
-        if isinstance(one, JsonFormat) and one.recognise(document):
+        if one.kind == "JSON" and one.recognise(document):
             return one
     names = list(document) if isinstance(document, dict) else []
     if "hex" in names:

@@ -15,9 +15,8 @@ import polars as pl
 
 from descentflow.core.errors import DataError
 from descentflow.surveillance.formats.json_rows import Kinds, is_number, numbers, table, texts
-from descentflow.surveillance.rows.air_data import mach_of_cas
+from descentflow.surveillance.rows.air_data import MACH_COMPUTED, with_mach
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.rows.schema import POSSIBLE
 
 STALE, NEW_LEG, GEOMETRIC_RATE, GEOMETRIC_ALTITUDE = 1, 2, 4, 8
 """Bits of a point's flags."""
@@ -39,6 +38,10 @@ DETAILS = {
 }
 """Row column -> field of a point's details."""
 DETAIL_KINDS: Kinds = {"flight": pl.String(), **dict.fromkeys(DETAILS.values(), pl.Float64())}
+
+
+MACH_OF_POINTS = "trace points whose Mach was computed from IAS and altitude"
+"""Note in the report: details, which report Mach, stand with every fourth point."""
 
 
 @dataclass(frozen=True)
@@ -94,8 +97,7 @@ def joined(traces: Sequence[Trace], report: DropReport) -> pl.DataFrame:
     )
     fresh = _by_leg(frame).filter(~_has(STALE))
     report.note("trace points with a stale position, left out", len(frame) - len(fresh))
-    beside = [name for name in fresh.columns if name.startswith("_")]
-    return _with_mach(fresh, report).drop("begins", "flags", "leg", *beside)
+    return with_mach(fresh, report, MACH_OF_POINTS if fresh["Mach"].count() else MACH_COMPUTED)
 
 
 def _columns(traces: Sequence[Trace]) -> pl.DataFrame:
@@ -165,22 +167,3 @@ def _by_leg(frame: pl.DataFrame) -> pl.DataFrame:
         flight_id=(pl.col("icao24") + "_" + first).over("leg"),
         callsign=pl.col("callsign").forward_fill().over("leg"),
     )
-
-
-def _with_mach(frame: pl.DataFrame, report: DropReport) -> pl.DataFrame:
-    """Fill in Mach where a point has IAS and pressure altitude, of which it is a function, but no details.
-
-    Only in legs whose details report Mach: there the aircraft is known to answer with both.
-    """
-    reported = pl.col("Mach").is_not_null().any().over("leg")
-    possible = [pl.col(name).is_between(*POSSIBLE[name]) for name in ("IAS", "altitude")]
-    fillable = frame.select(
-        (reported & pl.col("Mach").is_null() & pl.all_horizontal(possible)).fill_null(False)
-    ).to_series()
-    count = int(fillable.sum())
-    if not count:
-        return frame
-    report.note("trace points whose Mach was computed from IAS and altitude", count)
-    chosen = frame.filter(fillable)
-    mach = mach_of_cas(chosen["IAS"].to_numpy(), chosen["altitude"].to_numpy())
-    return frame.with_columns(frame["Mach"].scatter(np.flatnonzero(fillable.to_numpy()), mach))

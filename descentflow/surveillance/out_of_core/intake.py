@@ -1,5 +1,6 @@
 """The first pass: read rows block by block, drop unusable ones, and hold the rest or spread it over buckets on disk."""
 
+import itertools
 import json
 import shutil
 import tempfile
@@ -72,15 +73,9 @@ def groups_of(files: Sequence[Path]) -> list[tuple[Path, ...]]:
         >>> [len(group) for group in groups_of([Path("rows.parquet"), Path("descents.parquet")])]
         [2]
     """
-    groups: list[list[Path]] = [[]]
-    total = 0
-    for path in files:
-        size = path.stat().st_size
-        if groups[-1] and total + size > GROUP_BYTES:
-            groups.append([])
-            total = 0
-        groups[-1].append(path)
-        total += size
+    ends = itertools.accumulate(path.stat().st_size for path in files)
+    numbered = itertools.groupby(zip(ends, files, strict=True), key=lambda one: one[0] // GROUP_BYTES)
+    groups = [[path for _, path in some] for _, some in numbered]
     together: list[list[Path]] = []
     for group in groups:
         if together and len(group) == 1 and group[0].stat().st_size < GROUP_BYTES // 2:

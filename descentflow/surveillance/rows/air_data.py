@@ -93,7 +93,7 @@ def mach_reported(rows: pl.DataFrame) -> float:
     return usable["Mach"].count() / len(usable) if len(usable) else 1.0
 
 
-def with_mach(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
+def with_mach(rows: pl.DataFrame, report: DropReport, note: str = MACH_COMPUTED) -> pl.DataFrame:
     """Rows with Mach computed from IAS and pressure altitude, where they have none.
 
     Instrument and position errors are neglected (IAS is CAS, as everywhere); the relation is that of
@@ -102,7 +102,7 @@ def with_mach(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
     mach = _made(rows, "IAS", mach_of_cas)
     given = rows["Mach"] if "Mach" in rows.columns else pl.repeat(None, len(rows), dtype=pl.Float64, eager=True)
     rows = rows.with_columns(Mach=given.fill_null(mach))
-    report.note(MACH_COMPUTED, rows["Mach"].count() - given.count())
+    report.note(note, rows["Mach"].count() - given.count())
     return rows.select(name for name in COLUMNS if name in rows.columns)
 
 

@@ -31,7 +31,7 @@ _EQUAL_MPS = 1e-6
 class GlobalParameters:
     """Parameters of section 5 of the manual for a descent; the defaults are the manual's for civil flights.
 
-    A directory's own BADA.GPF is read by :func:`descentflow.aircraft_types.bada3.bada_directory.read_gpf`.
+    A directory's own BADA.GPF is read by :func:`descentflow.aircraft_types.bada3.gpf_file.read_gpf`.
 
     Example:
         >>> GlobalParameters().approach_ceiling_ft
@@ -113,6 +113,10 @@ class StandardDescent(ABC):
             f"{self.wake_category}, {mass} kg ({least} to {most}), up to {_shown(self.altitude_maximum_ft)} ft\n"
             f"standard descent: Mach {mach}, {high} kt, {low} kt below 10,000 ft\ncoefficients: {self.source}"
         )
+
+    def mass_or_reference_kg(self, mass_kg: Number | None) -> Number:
+        """A mass, the reference mass where none is given."""
+        return self.mass_reference_kg if mass_kg is None else mass_kg
 
     @property
     def approach_angle_rad(self) -> float:

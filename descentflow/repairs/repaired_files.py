@@ -8,7 +8,7 @@ from typing import Any
 
 from descentflow.aircraft_types.bada3.apf_file import Apf, Company, apf_of, read_apf, write_apf
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
-from descentflow.aircraft_types.bada3.bada_directory import synonym_of
+from descentflow.aircraft_types.bada3.bada_directory import file_of
 from descentflow.aircraft_types.bada3.opf_file import Opf, opf_of, read_opf, write_opf
 from descentflow.aircraft_types.bada4.acm_writer import changed_acm
 from descentflow.aircraft_types.bada4.bada4_directory import GLOBAL_PARAMETERS
@@ -104,7 +104,7 @@ def _of_file(found: Repair, after: Bada3Aircraft) -> tuple[Opf, Apf]:
     day = found.last_day
     opf, apf = replace(opf_of(after), created=day), replace(apf_of(after), created=day)
     if found.bada_dir is not None:
-        name = synonym_of(after.typecode, found.bada_dir).file
+        name = file_of(after.typecode, found.bada_dir)
         own = read_opf(Path(found.bada_dir) / f"{name}.OPF")
         numbers = {**own.numbers, **{key: opf.numbers[key] for key in COEFFICIENTS}}
         opf = replace(own, typecode=after.typecode, numbers=numbers)

@@ -3,12 +3,13 @@
 import csv
 import dataclasses
 from pathlib import Path
+from typing import get_args
 
 import pytest
 import torch
 
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
-from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_type, open_typecodes
+from descentflow.aircraft_types.open_types.open_aircraft import Confidence, open_aircraft, open_type, open_typecodes
 from descentflow.aircraft_types.standard_descent import STANDARD
 from descentflow.core.errors import AircraftError
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
@@ -105,6 +106,9 @@ def test_what_flights_say_is_stated_and_fitted_numbers_have_an_interval(typecode
         "by " in read.judged_by and "not changed" not in read.judged_by and "judge" not in read.judged_by
     )
     assert read.judged_by in open_aircraft(typecode).source
+    for entry in (*read.coefficients, *read.facts, *read.published):
+        assert entry.confidence in get_args(Confidence)
+        assert (entry.interval is not None) == (entry.confidence == "fitted")
     for entry in fitted.values():
         low, high = entry.interval or (1.0, 0.0)
         assert low < float(entry.value) < high  # type: ignore[arg-type]  # a number, of a coefficient

@@ -1,6 +1,7 @@
 """Forces and fuel of BADA 3 (user manual, sections 3.6.1, 3.7 and 3.9), and with them the whole model of a type."""
 
 from dataclasses import dataclass
+from functools import reduce
 
 import torch
 from torch import Tensor
@@ -74,10 +75,9 @@ class Bada3Aircraft(Speeds):
             True
         """
         tas, altitude, deviation = as_tensors(tas_mps, altitude_m, deviation_k)
-        mass = self.mass_reference_kg if mass_kg is None else mass_kg
         pressed_area = 0.5 * density_kg_m3(altitude, deviation) * tas * tas * self.wing_area_m2
         cd0, cd2 = self.polar(configuration, pressed_area)
-        lift_coefficient = load_factor * mass * G0_MPS2 / pressed_area
+        lift_coefficient = load_factor * self.mass_or_reference_kg(mass_kg) * G0_MPS2 / pressed_area
         drag = pressed_area * (cd0 * parasitic + cd2 * induced * lift_coefficient * lift_coefficient)
         return drag * self.limits.expedited_drag_factor if expedited else drag
 
@@ -92,16 +92,9 @@ class Bada3Aircraft(Speeds):
         if isinstance(configuration, str) and configuration == "CR":
             _, cd0, cd2 = as_tensors(like, self.cd0_cr, self.cd2_cr)
             return cd0, cd2
-        _, zero_cr, two_cr, zero_ap, two_ap, zero_ld, two_ld, gear = as_tensors(
-            like,
-            self.cd0_cr,
-            self.cd2_cr,
-            self.cd0_ap,
-            self.cd2_ap,
-            self.cd0_ld,
-            self.cd2_ld,
-            self.cd0_gear,
-        )
+        clean, approach, landing = (self.cd0_cr, self.cd2_cr), (self.cd0_ap, self.cd2_ap), (self.cd0_ld, self.cd2_ld)
+        _, gear, *known = as_tensors(like, self.cd0_gear, *clean, *approach, *landing)
+        zero_cr, two_cr, zero_ap, two_ap, zero_ld, two_ld = known
         no_ap = (zero_ap == 0) & (two_ap == 0)
         no_ld = (zero_ld == 0) & (two_ld == 0)
         cd0 = by_configuration(
@@ -120,14 +113,8 @@ class Bada3Aircraft(Speeds):
             >>> open_aircraft("A320").has_full_polar().dtype
             torch.bool
         """
-        printed = self.cd0_ap, self.cd2_ap, self.cd0_ld, self.cd2_ld, self.cd0_gear
-        if not any(isinstance(value, Tensor) for value in printed):
-            return torch.tensor(all(value != 0 for value in printed))
-        given = as_tensors(*printed)
-        full = torch.ones((), dtype=torch.bool, device=given[0].device)
-        for value in given:
-            full = full & (value != 0)
-        return full
+        given = as_tensors(self.cd0_ap, self.cd2_ap, self.cd0_ld, self.cd2_ld, self.cd0_gear)
+        return reduce(torch.logical_and, (value != 0 for value in given))
 
     def climb_thrust_n(self, altitude_m: Number, tas_mps: Number, deviation_k: Number = 0.0) -> Tensor:
         """Maximum climb thrust of the whole aircraft (manual 3.7-1 to 3.7-7).

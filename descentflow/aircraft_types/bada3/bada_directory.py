@@ -3,27 +3,13 @@
 from difflib import get_close_matches
 from pathlib import Path
 
-from descentflow.aircraft_types.bada3.apf_file import Apf, apf_of, read_apf, write_apf
+from descentflow.aircraft_types.bada3.apf_file import Apf, read_apf
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
 from descentflow.aircraft_types.bada3.gpf_file import read_gpf
-from descentflow.aircraft_types.bada3.opf_file import Opf, opf_of, read_opf, write_opf
-from descentflow.aircraft_types.bada3.synonym_file import Synonym, read_synonym
+from descentflow.aircraft_types.bada3.opf_file import Opf, read_opf
+from descentflow.aircraft_types.bada3.synonym_file import read_synonym
 from descentflow.aircraft_types.standard_descent import STANDARD, GlobalParameters
 from descentflow.core.errors import AircraftError, UnknownTypeError
-
-__all__ = [
-    "apf_of",
-    "load_aircraft",
-    "load_directory",
-    "opf_of",
-    "read_apf",
-    "read_gpf",
-    "read_opf",
-    "read_synonym",
-    "to_aircraft",
-    "write_apf",
-    "write_opf",
-]
 
 _DESCENT_SPEEDS = ("des_cas_low_kt", "des_cas_high_kt", "des_mach")
 
@@ -94,11 +80,11 @@ def load_aircraft(typecode: str, bada_dir: str | Path) -> Bada3Aircraft:
         122.4
     """
     folder, wanted = Path(bada_dir), typecode.strip().upper()
-    return _load(folder, synonym_of(wanted, folder).file, wanted, _limits(folder))
+    return _load(folder, file_of(wanted, folder), wanted, _limits(folder))
 
 
-def synonym_of(typecode: str, bada_dir: str | Path) -> Synonym:
-    """The line of SYNONYM.NEW that names the files of a type, see :func:`load_aircraft`.
+def file_of(typecode: str, bada_dir: str | Path) -> str:
+    """Name of the files of a type without the suffix, see :func:`load_aircraft`.
 
     Raises:
         AircraftError: If the directory is missing, or the type is not in it.
@@ -106,7 +92,7 @@ def synonym_of(typecode: str, bada_dir: str | Path) -> Synonym:
     Example:
         >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
         >>> write_opf(opf_of(open_aircraft("A320")), "A320__.OPF")
-        >>> synonym_of("A320", ".").file
+        >>> file_of("A320", ".")
         'A320__'
     """
     folder = _folder(bada_dir)
@@ -143,7 +129,7 @@ def load_directory(bada_dir: str | Path) -> dict[str, Bada3Aircraft]:
     """
     folder = _folder(bada_dir)
     limits = _limits(folder)
-    return {code: _load(folder, synonym.file, code, limits) for code, synonym in _synonyms(folder).items()}
+    return {code: _load(folder, file, code, limits) for code, file in _synonyms(folder).items()}
 
 
 def _folder(bada_dir: str | Path) -> Path:
@@ -157,8 +143,8 @@ def _folder(bada_dir: str | Path) -> Path:
     return folder
 
 
-def _synonyms(folder: Path) -> dict[str, Synonym]:
-    """Types of the directory: those of SYNONYM.NEW, or each OPF file for itself where that list is absent."""
+def _synonyms(folder: Path) -> dict[str, str]:
+    """Types and the names of their files: those of SYNONYM.NEW, or each OPF file for itself without that list."""
     listed = folder / "SYNONYM.NEW"
     if listed.is_file():
         return read_synonym(listed)
@@ -169,7 +155,7 @@ def _synonyms(folder: Path) -> dict[str, Synonym]:
             expected="a release of BADA 3, or of BADA 4",
             mend="unpack the release there and keep the names of its files",
         )
-    return {name.rstrip("_"): Synonym(name.rstrip("_"), "", "", name, True, True) for name in names}
+    return {name.rstrip("_"): name for name in names}
 
 
 def _limits(folder: Path) -> GlobalParameters:

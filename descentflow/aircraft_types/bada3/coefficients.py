@@ -1,28 +1,18 @@
 """The coefficients of one aircraft type in BADA 3 form (user manual, section 3)."""
 
-from dataclasses import asdict, dataclass, fields, replace
-from math import inf, isfinite
-from typing import Any, Self, get_args
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any, ClassVar, Self, get_args
 
-from torch import Tensor
-
+from descentflow.aircraft_types.part import Part
 from descentflow.aircraft_types.standard_descent import STANDARD, Engine, GlobalParameters
 from descentflow.core.arguments import checked_arguments
 from descentflow.core.errors import AircraftError
 from descentflow.core.tensors import Number
 
-OF_ANY_AIRCRAFT = {
-    "altitude_des_ft": (0.0, 1e5),
-    "des_cas_low_kt": (0.0, 1e3),
-    "des_cas_high_kt": (0.0, 1e3),
-    "des_mach": (0.0, 1.0),
-    "ct2": (-1e8, 1e8),
-}
-"""Ranges far wider than any aircraft's of coefficients that shift bounds and still let a descent fly."""
-
 
 @dataclass(frozen=True)
-class Coefficients:
+class Coefficients(Part):
     """Coefficients of one type, named and scaled as in the BADA 3 user manual (section 3, OPF and APF files).
 
     Numeric fields may be replaced by tensors (``dataclasses.replace(aircraft, cd0_cr=tensor)``) that
@@ -36,6 +26,15 @@ class Coefficients:
         >>> open_aircraft("A320").wing_area_m2
         122.4
     """
+
+    RANGES: ClassVar[Mapping[str, tuple[float, float]]] = {
+        "altitude_des_ft": (0.0, 1e5),
+        "des_cas_low_kt": (0.0, 1e3),
+        "des_cas_high_kt": (0.0, 1e3),
+        "des_mach": (0.0, 1.0),
+        "ct2": (-1e8, 1e8),
+    }
+    """Far wider than any aircraft's, of coefficients that shift bounds and still let a descent fly."""
 
     typecode: str
     engine: Engine
@@ -147,10 +146,9 @@ class Coefficients:
 
         Global parameters are in it where they are not the manual's.
         """
-        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        values = self.plain()
         limits = values.pop("limits")
-        own = {} if limits == STANDARD else {"limits": asdict(limits)}
-        return {k: v.item() if isinstance(v, Tensor) else v for k, v in values.items()} | own
+        return values | ({} if limits == STANDARD else {"limits": asdict(limits)})
 
     @classmethod
     def from_state(cls, state: dict[str, Any]) -> Self:
@@ -159,23 +157,5 @@ class Coefficients:
         Raises:
             AircraftError: If a coefficient is missing, one is not known, is no finite number or is no aircraft's.
         """
-        state, limits = dict(state), state.get("limits")
-        state.pop("limits", None)
-        names = {f.name for f in fields(cls)} - {"limits"}
-        if set(state) != names:
-            raise AircraftError(
-                f"coefficients that differ by {sorted(names ^ set(state))}",
-                expected="exactly the coefficients of BADA 3",
-                mend="write the checkpoint again with this version of descentflow",
-            )
-        for name, value in state.items():
-            is_text = name in ("typecode", "engine", "wake_category", "source")
-            low, high = OF_ANY_AIRCRAFT.get(name, (-inf, inf))
-            is_number = isinstance(value, int | float) and isfinite(value) and low <= value <= high
-            if not (isinstance(value, str) if is_text else is_number):
-                raise AircraftError(
-                    f"coefficient {name} = {str(value)[:60]!r}",
-                    expected="text" if is_text else f"a finite number from {low:g} to {high:g}",
-                    mend="take the file as it was written",
-                )
-        return cls(**state) if limits is None else cls(**state, limits=GlobalParameters.from_state(limits))
+        limits = {"limits": GlobalParameters.from_state(state["limits"])} if "limits" in state else {}
+        return cls.of({**state, **limits})

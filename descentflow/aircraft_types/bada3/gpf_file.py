@@ -1,7 +1,6 @@
 """GPF, the global parameters file (BADA 3 user manual, section 6.8)."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 from descentflow.aircraft_types.bada3.fixed_columns import Line, data_lines, read_lines
@@ -11,23 +10,8 @@ _TURBINE = {"jet", "turbo", "tbp"}
 _PISTON = {"piston", "pst"}
 
 
-@dataclass(frozen=True)
-class GlobalRow:
-    """One parameter and the flights, engines and phases it holds for."""
-
-    name: str
-    flights: frozenset[str]
-    engines: frozenset[str]
-    phases: frozenset[str]
-    value: float
-
-
-def read_gpf_rows(path: str | Path) -> tuple[GlobalRow, ...]:
-    """Read every parameter of a GPF file."""
-    return tuple(_row(line) for line in data_lines(read_lines(Path(path))))
-
-
-def _row(line: Line) -> GlobalRow:
+def _row(line: Line) -> tuple[str, set[str], set[str], set[str], float]:
+    """A parameter's name, the flights, engines and phases that it holds for, and its value."""
     words = line.text[2:].rstrip("/ ").split()
     # The columns differ between releases, but no field of this file may hold a blank.
     if len(words) != 5:
@@ -36,8 +20,8 @@ def _row(line: Line) -> GlobalRow:
         value = float(words[4])
     except ValueError:
         line.fail(f"value {words[4]!r}", "a number such as .13000E+01")
-    flights, engines, phases = (frozenset(word.lower().split(",")) for word in words[1:4])
-    return GlobalRow(words[0], flights, engines, phases, value)
+    flights, engines, phases = (set(word.lower().split(",")) for word in words[1:4])
+    return words[0], flights, engines, phases, value
 
 
 def read_gpf(path: str | Path) -> GlobalParameters:
@@ -60,14 +44,14 @@ def read_gpf(path: str | Path) -> GlobalParameters:
         >>> read_gpf("BADA.GPF").min_speed_factor
         1.3
     """
-    rows = read_gpf_rows(path)
-    first = data_lines(read_lines(Path(path)))[0]
+    lines = data_lines(read_lines(Path(path)))
+    rows = list(map(_row, lines))
 
     def find(name: str, phase: str, engines: set[str]) -> float:
-        for row in rows:
-            if row.name == name and "civ" in row.flights and phase in row.phases and row.engines & engines:
-                return row.value
-        first.fail(f"no parameter {name} for civil flights in phase {phase} in the file", f"a line for {name}")
+        for known, flights, kinds, phases, value in rows:
+            if known == name and "civ" in flights and phase in phases and kinds & engines:
+                return value
+        lines[0].fail(f"no parameter {name} for civil flights in phase {phase} in the file", f"a line for {name}")
 
     def increments(numbers: range, engines: set[str]) -> Iterator[float]:
         return (find(f"V_des_{number}", "des", engines) for number in numbers)

@@ -40,7 +40,7 @@ class Speeds(Coefficients, StandardDescent):
             True
         """
         mass, clean, approach, landing, reference = as_tensors(
-            self.mass_reference_kg if mass_kg is None else mass_kg,
+            self.mass_or_reference_kg(mass_kg),
             self.vstall_cr_kt,
             self.vstall_ap_kt,
             self.vstall_ld_kt,
@@ -78,8 +78,13 @@ class Speeds(Coefficients, StandardDescent):
             True
         """
         altitude, clbo, k = as_tensors(altitude_m, self.buffet_clbo, self.buffet_k)
-        mass = self.mass_reference_kg if mass_kg is None else mass_kg
-        load = mass * G0_MPS2 / self.wing_area_m2 / (KAPPA / 2 / BUFFET_LOAD_FACTOR) / pressure_pa(altitude)
+        load = (
+            self.mass_or_reference_kg(mass_kg)
+            * G0_MPS2
+            / self.wing_area_m2
+            / (KAPPA / 2 / BUFFET_LOAD_FACTOR)
+            / pressure_pa(altitude)
+        )
         flat = safe_sqrt(load / torch.where(clbo > 0, clbo, torch.inf))
         curved = k > 0
         safe_k = torch.where(curved, k, 1.0)
@@ -101,7 +106,6 @@ class Speeds(Coefficients, StandardDescent):
             >>> bool(open_aircraft("A320").maximum_altitude_m() > 10000)
             True
         """
-        mass = self.mass_reference_kg if mass_kg is None else mass_kg
         ceiling, at_mtow, heaviest, deviation, gw, gt, ct4 = as_tensors(
             self.altitude_maximum_ft,
             self.altitude_mtow_ft,
@@ -112,5 +116,5 @@ class Speeds(Coefficients, StandardDescent):
             self.ct4,
         )
         heat = gt.clamp(max=0.0) * (deviation - ct4).clamp(min=0.0)
-        able = at_mtow + heat + gw.clamp(min=0.0) * (heaviest - mass)
+        able = at_mtow + heat + gw.clamp(min=0.0) * (heaviest - self.mass_or_reference_kg(mass_kg))
         return torch.where(at_mtow == 0, ceiling + 0.0 * able, torch.minimum(ceiling, able)) * FT_M

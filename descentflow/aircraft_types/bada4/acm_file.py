@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from descentflow.aircraft_types.bada4.bada4_aircraft import ENGINES, Bada4Aircraft
-from descentflow.aircraft_types.bada4.part import Part
 from descentflow.aircraft_types.bada4.wing import Wing
+from descentflow.aircraft_types.part import Part
 from descentflow.aircraft_types.standard_descent import GlobalParameters
 from descentflow.core.errors import AircraftError
 from descentflow.core.tabular import optional_library

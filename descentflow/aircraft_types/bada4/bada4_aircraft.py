@@ -9,8 +9,8 @@ import torch
 from torch import Tensor
 
 from descentflow.aircraft_types.bada4.engines import Air, Engines, Jet, Piston, Turboprop
-from descentflow.aircraft_types.bada4.part import Numbers, Part, Places
 from descentflow.aircraft_types.bada4.wing import Wing
+from descentflow.aircraft_types.part import Numbers, Part, Places
 from descentflow.aircraft_types.standard_descent import STANDARD, Engine, GlobalParameters, StandardDescent
 from descentflow.core.arguments import checked_arguments
 from descentflow.core.constants import G0_MPS2, KAPPA, P0_PA
@@ -111,10 +111,9 @@ class Bada4Aircraft(Part, StandardDescent):
             Drag in newtons, broadcast shape.
         """
         tas, altitude, deviation = as_tensors(tas_mps, altitude_m, deviation_k)
-        mass = self.mass_reference_kg if mass_kg is None else mass_kg
         mach = tas_to_mach(tas, altitude, deviation)
         pressed_area = pressure_pa(altitude) * (KAPPA / 2) * mach * mach * self.wing.area_m2
-        lift = load_factor * mass * G0_MPS2 / pressed_area
+        lift = load_factor * self.mass_or_reference_kg(mass_kg) * G0_MPS2 / pressed_area
         found = self.wing.drag_coefficient(mach, lift, configuration, parasitic, induced)
         return pressed_area * (found + EXPEDITED_DRAG if expedited else found)
 
@@ -155,8 +154,8 @@ class Bada4Aircraft(Part, StandardDescent):
 
     def _needed_lift(self, altitude_m: Number, mass_kg: Number | None, load_factor: float) -> Tensor:
         """Lift coefficient times the square of the Mach number that carries the weight."""
-        mass = self.mass_reference_kg if mass_kg is None else mass_kg
-        return 2 * load_factor * mass * G0_MPS2 / (pressure_pa(altitude_m) * KAPPA * self.wing.area_m2)
+        weight_n = self.mass_or_reference_kg(mass_kg) * G0_MPS2
+        return 2 * load_factor * weight_n / (pressure_pa(altitude_m) * KAPPA * self.wing.area_m2)
 
     def minimum_cas_mps(
         self, altitude_m: Number, mass_kg: Number | None = None, configuration: Configuration = "CR"

@@ -13,7 +13,8 @@ from typing import ClassVar, NamedTuple
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types.bada4.part import Numbers, Part, Places, polynomial, surface
+from descentflow.aircraft_types.bada4.wing import polynomial
+from descentflow.aircraft_types.part import Numbers, Part, Places
 from descentflow.core.constants import A0_MPS, G0_MPS2, KAPPA, P0_PA, R_AIR, T0_K
 from descentflow.core.tensors import Number, as_tensors
 from descentflow.core.units import FT_M
@@ -323,3 +324,9 @@ def efficiency(diameter_m: Number, best: Number, power_w: Tensor, density_kg_m3:
     safe = torch.where(scale > 0, scale, 1.0)
     root = 2 / safe * torch.sinh(torch.asinh(1.5 * best * safe) / 3)
     return torch.where(scale > 0, root, best)
+
+
+def surface(coefficients: Numbers, of_x: int, x: Tensor, y: Tensor) -> Tensor:
+    """Polynomial in y whose coefficients are polynomials of ``of_x`` terms in x, in the order of the files."""
+    rows = range(0, len(coefficients), of_x)
+    return polynomial([polynomial(coefficients[at : at + of_x], x) for at in rows], y)

@@ -1,13 +1,13 @@
 """Aerodynamics of BADA 4 (model AFCM): the drag polars and the greatest lift of a wing."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types.bada4.part import Numbers, Part, Places, polynomial
+from descentflow.aircraft_types.part import Numbers, Part, Places
 from descentflow.core.tensors import Number, as_tensors
 from descentflow.physics.performance_model import Configuration, by_configuration
 
@@ -131,3 +131,16 @@ class Wing(Part):
             torch.where(mach < low, at_rest + mach * below, lift + (mach - inside) * slope),
             torch.where(mach < low, below, slope),
         )
+
+
+def polynomial(coefficients: Sequence[Any], x: Tensor) -> Tensor:
+    """Sum of coefficients by powers of x, which begin with 0.
+
+    Example:
+        >>> polynomial([1.0, 0.0, 3.0], torch.tensor(2.0))
+        tensor(13.)
+    """
+    total = torch.zeros_like(x)
+    for one in reversed(coefficients):
+        total = total * x + one
+    return total

@@ -1,11 +1,10 @@
-"""Parts of an aircraft of BADA 4: their coefficients, where its file has them, and the check of their values."""
+"""Coefficients of a performance model as fields: where a file has them, their primitives and the check of these."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass, fields
-from math import isfinite
+from math import inf, isfinite
 from typing import Any, ClassVar, Self
 
-import torch
 from torch import Tensor
 
 from descentflow.core.errors import AircraftError
@@ -18,7 +17,7 @@ Places = Mapping[str, tuple[tuple[str, int], ...]]
 
 @dataclass(frozen=True)
 class Part:
-    """Coefficients of one model of BADA 4; a subclass names them as fields.
+    """Coefficients of a model, or of a part of one; a subclass names them as fields.
 
     Numbers may be replaced by tensors that broadcast against the batch, to differentiate by them.
 
@@ -33,6 +32,8 @@ class Part:
     """Of fields without a place, how many numbers they may have."""
     POSITIVE: ClassVar[frozenset[str]] = frozenset()
     """Fields that are above zero."""
+    RANGES: ClassVar[Mapping[str, tuple[float, float]]] = {}
+    """Least and greatest value of fields."""
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Self:
@@ -45,7 +46,7 @@ class Part:
         needed = {name for name, one in known.items() if one.default is MISSING}
         wrong = (needed - set(values)) | (set(values) - set(known))
         if wrong:
-            raise _refused(f"coefficients that differ by {sorted(wrong)}", "exactly those of BADA 4")
+            raise _refused(f"coefficients that differ by {sorted(wrong)}", "exactly those of the performance model")
         for name, value in values.items():
             cls._check(known[name], value)
         return cls(**values)
@@ -56,6 +57,9 @@ class Part:
             whole = one.type is int
             right = isinstance(value, int) and not isinstance(value, bool) if whole else _is_number(value)
             wanted = "a whole number" if whole else "a finite number"
+            low, high = cls.RANGES.get(one.name, (-inf, inf))
+            if right and not low <= value <= high:
+                right, wanted = False, f"a number from {low:g} to {high:g}"
             if one.name in cls.POSITIVE:
                 right, wanted = right and value > 0, f"{wanted} above zero"
         elif one.type == Numbers:
@@ -75,7 +79,7 @@ class Part:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, float) and isfinite(value)
+    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
 
 
 def _plain(value: Any) -> Any:
@@ -88,22 +92,3 @@ def _plain(value: Any) -> Any:
 
 def _refused(got: str, expected: str) -> AircraftError:
     return AircraftError(got, expected=expected, mend="take the file as it was written")
-
-
-def polynomial(coefficients: Sequence[Any], x: Tensor) -> Tensor:
-    """Sum of coefficients by powers of x, which begin with 0.
-
-    Example:
-        >>> polynomial([1.0, 0.0, 3.0], torch.tensor(2.0))
-        tensor(13.)
-    """
-    total = torch.zeros_like(x)
-    for one in reversed(coefficients):
-        total = total * x + one
-    return total
-
-
-def surface(coefficients: Numbers, of_x: int, x: Tensor, y: Tensor) -> Tensor:
-    """Polynomial in y whose coefficients are polynomials of ``of_x`` terms in x, in the order of the files."""
-    rows = range(0, len(coefficients), of_x)
-    return polynomial([polynomial(coefficients[at : at + of_x], x) for at in rows], y)

@@ -30,6 +30,8 @@ def to_aircraft(opf: Opf, apf: Apf, typecode: str | None = None, limits: GlobalP
         AircraftError: If the two files belong to different types.
 
     Example:
+        >>> from descentflow.aircraft_types.bada3.apf_file import apf_of
+        >>> from descentflow.aircraft_types.bada3.opf_file import opf_of
         >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
         >>> a320 = open_aircraft("A320")
         >>> to_aircraft(opf_of(a320), apf_of(a320)).ct1 == a320.ct1
@@ -73,6 +75,8 @@ def load_aircraft(typecode: str, bada_dir: str | Path) -> Bada3Aircraft:
             near names.
 
     Example:
+        >>> from descentflow.aircraft_types.bada3.apf_file import apf_of, write_apf
+        >>> from descentflow.aircraft_types.bada3.opf_file import opf_of, write_opf
         >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
         >>> write_opf(opf_of(open_aircraft("A320")), "A320__.OPF")  # a licence holder has these files
         >>> write_apf(apf_of(open_aircraft("A320")), "A320__.APF")
@@ -90,6 +94,7 @@ def file_of(typecode: str, bada_dir: str | Path) -> str:
         AircraftError: If the directory is missing, or the type is not in it.
 
     Example:
+        >>> from descentflow.aircraft_types.bada3.opf_file import opf_of, write_opf
         >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
         >>> write_opf(opf_of(open_aircraft("A320")), "A320__.OPF")
         >>> file_of("A320", ".")
@@ -121,6 +126,8 @@ def load_directory(bada_dir: str | Path) -> dict[str, Bada3Aircraft]:
         AircraftError: As :func:`load_aircraft`, for the first file that fails.
 
     Example:
+        >>> from descentflow.aircraft_types.bada3.apf_file import apf_of, write_apf
+        >>> from descentflow.aircraft_types.bada3.opf_file import opf_of, write_opf
         >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
         >>> write_opf(opf_of(open_aircraft("A320")), "A320__.OPF")  # a licence holder has these files
         >>> write_apf(apf_of(open_aircraft("A320")), "A320__.APF")

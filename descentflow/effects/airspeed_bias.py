@@ -20,7 +20,7 @@ class AirspeedBias(Effect):
     """
 
     name = "airspeed_bias"
-    says = "biased airspeed reports"
+    description = "biased airspeed reports"
     directions = ("airspeeds that read too high", "airspeeds that read too low")
     against = (
         "airspeeds that read higher than those of the simulator's flights",

@@ -19,7 +19,7 @@ class DragPolar(Effect):
 
     name = "drag_polar"
     of_coefficients = True
-    says = "more or less drag of the airframe"
+    description = "more or less drag of the airframe"
     directions = ("more drag of the airframe", "less drag of the airframe")
     scale_group = THRUST_DRAG_WEIGHT
     parameters = (

@@ -126,7 +126,7 @@ class Effect(ABC):
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
         >>> class Ice(Effect):
-        ...     name, says = "ice", "more or less drag by ice"
+        ...     name, description = "ice", "more or less drag by ice"
         ...     directions = ("drag by ice", "less drag by ice")
         ...     parameters = (Parameter("drag", -0.2, 0.5, "1", 0.05, label="relative change of the rate by ice"),)
         ...     def shift(self, state, theta):
@@ -143,7 +143,7 @@ class Effect(ABC):
     """Its numbers; the first one is its size."""
     label: ClassVar[str] = ""
     """Name for readers; the name with spaces if empty."""
-    says: ClassVar[str] = ""
+    description: ClassVar[str] = ""
     """Description for readers who are no specialists: 'air warmer or colder than the standard atmosphere'."""
     directions: ClassVar[tuple[str, str] | None] = None
     """Meanings of a positive and a negative first parameter, where these have a name."""
@@ -195,14 +195,14 @@ class Effect(ABC):
         """
         words = (self.against if has_some else None) or self.directions
         if words is None or size is None:
-            return self.says or self.text
+            return self.description or self.text
         return words[0 if size > 0 else 1]
 
-    def recipe(self, told: Mapping[str, str]) -> str:
+    def recipe(self, sizes: Mapping[str, str]) -> str:
         """Settings that give a simulator the effect; levels and the share of the flights come after them.
 
         Args:
-            told: By parameter, the report of its size in the flights that have the effect.
+            sizes: By parameter, the report of its size in the flights that have the effect.
 
         Example:
             >>> from descentflow.effects import EFFECTS
@@ -211,7 +211,7 @@ class Effect(ABC):
             >>> EFFECTS["vertical_rate_lag"].recipe({"lag_s": "lag 8 s (7 to 9)"})
             'in what is reported: lag 8 s (7 to 9)'
         """
-        text = "; ".join(told.values())
+        text = "; ".join(sizes.values())
         return f"in what is reported: {text}" if self.sensor and text else text
 
     @abstractmethod

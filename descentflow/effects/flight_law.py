@@ -1,6 +1,6 @@
 r"""Law of an effect that flights have each to an own degree: window hypotheses of one shape, and their law.
 
-A flight that has the effect in way w shows
+A flight that has the effect in window w shows
 
 .. math:: o_i + a_i\,(c_{u(w)} - c_{l(w)}) \circ s_i, \qquad a_i \sim N(\bar a, \sigma^2),
 
@@ -51,7 +51,7 @@ def positive_size(uniform: Tensor, mean: Tensor, spread: Tensor) -> Tensor:
 
 
 @dataclass(frozen=True)
-class Ways:
+class Windows:
     """W windows in which n flights may have an effect, over S slots.
 
     Attributes:
@@ -60,15 +60,15 @@ class Ways:
         offset: (n, S) what it shows beside that.
         table: (E, S) weights of the shape.
         lower: (W,) row that is taken off...
-        upper: (W,) ...the row of each way.
+        upper: (W,) ...the row of each window.
 
     Example:
         >>> from descentflow.effects import EFFECTS
         >>> from descentflow.effects.example_flights import example_flights
         >>> brakes, state = EFFECTS["speed_brake"], example_flights()
         >>> theta = torch.tensor([0.3, 200.0, 240.0, 0.5, 0.0, 10.0, 5.0, 0.1]).double()
-        >>> ways = brakes.ways(state, theta, torch.zeros_like(state.cas_mps))
-        >>> ways.slots[0], ways.shape.shape, len(ways.lower) == len(brakes.log_prior(state, theta))
+        >>> windows = brakes.windows(state, theta, torch.zeros_like(state.cas_mps))
+        >>> windows.slots[0], windows.shape.shape, len(windows.lower) == len(brakes.log_prior(state, theta))
         (('rate', 0), torch.Size([6, 12]), True)
     """
 
@@ -98,7 +98,7 @@ class Learnt:
 
     @property
     def share(self) -> float:
-        """Share of the flights that have the effect in some way."""
+        """Share of the flights that have the effect in some window."""
         return float(self.taken.sum()) / self.flights
 
     def mean_and_spread(self) -> tuple[float, float]:
@@ -109,7 +109,7 @@ class Learnt:
 
 
 class DiffersByFlight(Effect):
-    """An effect that some flights have, each in its own way and size, and others have not.
+    """An effect that some flights have, each in its own window and size, and others have not.
 
     Its parameters say the law: the share of the flights, the mean size and its spread, and how windows are spread.
 
@@ -120,7 +120,7 @@ class DiffersByFlight(Effect):
     """
 
     own_draws: ClassVar[int]
-    """Random numbers by which a flight of a corrected simulator gets its own way and size."""
+    """Random numbers by which a flight of a corrected simulator gets its own window and size."""
     holds_rate: ClassVar[bool] = False
     """True if flights that have it fly a rate that thrust, drag and mass do not move."""
 
@@ -129,7 +129,7 @@ class DiffersByFlight(Effect):
         """Parameters (k,) of laws from which to start, given those of the fit in which all flights have the mean."""
 
     @abstractmethod
-    def ways(self, state: FlightState, theta: Tensor, beyond: Tensor) -> Ways:
+    def windows(self, state: FlightState, theta: Tensor, beyond: Tensor) -> Windows:
         """The windows in which flights may have it.
 
         Args:
@@ -144,7 +144,7 @@ class DiffersByFlight(Effect):
 
     @abstractmethod
     def log_prior(self, state: FlightState, theta: Tensor) -> Tensor:
-        """Logarithm (W,) of how often those that have it have it in each way."""
+        """Logarithm (W,) of how often those that have it have it in each window."""
 
     @abstractmethod
     def size(self, theta: Tensor) -> tuple[float, float, float]:

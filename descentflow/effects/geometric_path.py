@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 from descentflow.effects.effect import FlightChange, Parameter, Shift
-from descentflow.effects.flight_law import MOST_SPREAD, DiffersByFlight, Learnt, Ways, positive_size, spread_of
+from descentflow.effects.flight_law import MOST_SPREAD, DiffersByFlight, Learnt, Windows, positive_size, spread_of
 from descentflow.effects.flight_state import FlightState
 from descentflow.physics.airspeed import cas_to_tas_mps
 
@@ -31,7 +31,7 @@ class GeometricPath(DiffersByFlight):
     """
 
     name = "geometric_path"
-    says = "a fixed path over the ground instead of an idle descent"
+    description = "a fixed path over the ground instead of an idle descent"
     parameters = (
         Parameter("share", 0.0, 1.0, "1", 0.1, label="share of the flights on a path", shown_as="flights"),
         Parameter("shallower", 0.0, 0.6, "1", 0.05, 0.1, label="shallower than the idle path by", shown_as="percent"),
@@ -57,16 +57,16 @@ class GeometricPath(DiffersByFlight):
         """Some flights on paths of their own; a law goes on as it is."""
         return [theta if float(theta[2]) > 0.0 else torch.tensor(FIRST_LAW, dtype=torch.float64)]
 
-    def ways(self, state: FlightState, theta: Tensor, beyond: Tensor) -> Ways:
-        """One way, to hold an angle; which one is its size."""
+    def windows(self, state: FlightState, theta: Tensor, beyond: Tensor) -> Windows:
+        """One window, the whole flight; which angle it holds is its size."""
         flat = _to_the_shallowest(state, state.beyond_polar, beyond)
         bands = range(flat.shape[1])
         table = torch.stack([torch.zeros(len(bands)), torch.ones(len(bands))]).double()
         one = torch.tensor([1])
-        return Ways(tuple(("rate", band) for band in bands), -torch.ones_like(flat), flat, table, one - 1, one)
+        return Windows(tuple(("rate", band) for band in bands), -torch.ones_like(flat), flat, table, one - 1, one)
 
     def log_prior(self, state: FlightState, theta: Tensor) -> Tensor:
-        """There is one way."""
+        """There is one window."""
         return torch.zeros(1, dtype=torch.float64)
 
     def size(self, theta: Tensor) -> tuple[float, float, float]:

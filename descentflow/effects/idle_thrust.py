@@ -23,7 +23,7 @@ class IdleThrust(Effect):
 
     name = "idle_thrust"
     of_coefficients = True
-    says = "more or less thrust at idle"
+    description = "more or less thrust at idle"
     directions = ("more thrust at idle", "less thrust at idle")
     scale_group = THRUST_DRAG_WEIGHT
     parameters = (

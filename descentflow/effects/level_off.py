@@ -18,7 +18,7 @@ class LevelOff(Effect):
     """
 
     name = "level_off"
-    says = "more level-offs or longer ones"
+    description = "more level-offs or longer ones"
     directions = ("more time in level-offs", "less time in level-offs")
     parameters = (
         Parameter("time_level_s", -120.0, 600.0, "s per flight", 10.0, label="time in level-offs"),

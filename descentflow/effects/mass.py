@@ -19,7 +19,7 @@ class Mass(Effect):
 
     name = "mass"
     of_coefficients = True
-    says = "heavier or lighter aircraft"
+    description = "heavier or lighter aircraft"
     directions = ("heavier aircraft", "lighter aircraft")
     scale_group = THRUST_DRAG_WEIGHT
     parameters = (

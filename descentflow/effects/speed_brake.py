@@ -8,7 +8,7 @@ from torch import Tensor
 
 from descentflow.core.units import FL_M
 from descentflow.effects.effect import AT_BOUND, FlightChange, Parameter, Shift
-from descentflow.effects.flight_law import MOST_SPREAD, DiffersByFlight, Learnt, Ways, positive_size, spread_of
+from descentflow.effects.flight_law import MOST_SPREAD, DiffersByFlight, Learnt, Windows, positive_size, spread_of
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.effects.turn import AS_MEASURED
 from descentflow.effects.windowed_effect import WindowedEffect
@@ -56,7 +56,7 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
     """
 
     name = "speed_brake"
-    says = "speed brakes, or as much drag, within a band of altitude"
+    description = "speed brakes, or as much drag, within a band of altitude"
     inherited_from = 0.1
     ends = (1, 2)
     inset_fl = RUN_OUT_M / FL_M
@@ -172,7 +172,7 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
         own = [size * share, low, high, share, 0.0, middle, height, spread * size]
         return [torch.tensor(law, dtype=torch.float64) for law in (alike, own)]
 
-    def ways(self, state: FlightState, theta: Tensor, beyond: Tensor) -> Ways:
+    def windows(self, state: FlightState, theta: Tensor, beyond: Tensor) -> Windows:
         """The law's window, or all windows of the grid where each flight has its own."""
         size, _, _ = self.size(theta)
         shape = self.whole_change(state, torch.tensor(size, dtype=torch.float64)) / size
@@ -186,7 +186,7 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
         rows = [torch.cat(list(part.values()), 1) for part in (first, second)]
         table = torch.cat([torch.nn.functional.pad(row, (0, 1), value=k) for k, row in enumerate(rows)])
         names = (*slots, ("noise_rate", -1))
-        return Ways(names, shape, torch.zeros_like(shape), table, lower, upper + len(ends))
+        return Windows(names, shape, torch.zeros_like(shape), table, lower, upper + len(ends))
 
     def _is_one_window(self, theta: Tensor) -> bool:
         return float(theta[5]) == 0.0 and float(theta[6]) == 0.0

@@ -18,7 +18,7 @@ class SpeedSchedule(Effect):
     """
 
     name = "speed_schedule"
-    says = "other descent speeds"
+    description = "other descent speeds"
     directions = ("faster descents", "slower descents")
     parameters = (
         Parameter("cas_kt", -120.0, 120.0, "kt", 5.0, label="CAS"),

@@ -20,7 +20,7 @@ class Temperature(Effect):
     """
 
     name = "temperature"
-    says = "air warmer or colder than the standard atmosphere"
+    description = "air warmer or colder than the standard atmosphere"
     directions = ("air warmer than the standard atmosphere", "air colder than the standard atmosphere")
     against = ("air warmer than that of the simulator's flights", "air colder than that of the simulator's flights")
     inherited_from = 2.0

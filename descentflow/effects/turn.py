@@ -34,7 +34,7 @@ class Turn(Effect):
     """
 
     name = "turn"
-    says = "turns, in which a bank takes more lift and so more drag"
+    description = "turns, in which a bank takes more lift and so more drag"
     directions = ("more turns, which add induced drag", "fewer turns, which add induced drag")
     needs = ("heading",)
     splits = ("heading", "track")
@@ -51,9 +51,9 @@ class Turn(Effect):
         ),
     )
 
-    def recipe(self, told: Mapping[str, str]) -> str:
+    def recipe(self, sizes: Mapping[str, str]) -> str:
         """To fly the turns is better than to add their mean."""
-        return f"the turns of the flights, or their mean: {super().recipe(told)}"
+        return f"the turns of the flights, or their mean: {super().recipe(sizes)}"
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Rate by the energy equation, with the induced drag of the bank."""

@@ -28,12 +28,12 @@ def effects_of_file(path: str | Path, taken: frozenset[str] = frozenset()) -> di
         >>> _ = Path("own_effects.py").write_text('''
         ... from descentflow.effects import Effect, Parameter
         ... class Ice(Effect):
-        ...     name, says = "ice", "more or less drag by ice"
+        ...     name, description = "ice", "more or less drag by ice"
         ...     parameters = (Parameter("drag", -0.2, 0.5, "1", 0.05),)
         ...     def shift(self, state, theta):
         ...         return {"rate": theta[0] * (state.altitude_m < 6000).expand_as(state.cas_mps)}
         ... ''')
-        >>> effects_of_file("own_effects.py")["ice"].says
+        >>> effects_of_file("own_effects.py")["ice"].description
         'more or less drag by ice'
         >>> effects_of_file("own_effects.py", frozenset({"ice"}))
         Traceback (most recent call last):

@@ -30,7 +30,7 @@ class VerticalRateLag(Effect):
     """
 
     name = "vertical_rate_lag"
-    says = "vertical rates reported late"
+    description = "vertical rates reported late"
     directions = ("vertical rates reported late", "vertical rates reported early")
     against = (
         "vertical rates reported later than in the simulator's flights",

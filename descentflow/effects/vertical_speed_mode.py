@@ -21,7 +21,7 @@ class VerticalSpeedMode(Effect):
     """
 
     name = "vertical_speed_mode"
-    says = "a selected vertical rate instead of an idle descent"
+    description = "a selected vertical rate instead of an idle descent"
     parameters = (
         Parameter(
             "levels_cut_out",

@@ -18,7 +18,7 @@ class WindGradient(Effect):
     """
 
     name = "wind_gradient"
-    says = "an along-track wind that changes with altitude"
+    description = "an along-track wind that changes with altitude"
     directions = ("a tailwind that grows with altitude", "a tailwind that falls with altitude")
     against = (
         "a tailwind that grows more with altitude than in the simulator's flights",

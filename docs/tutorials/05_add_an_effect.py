@@ -41,7 +41,7 @@ class Compressibility(Effect):
 
     name = "compressibility"
     label = "drag of compressibility"
-    says = "drag that grows with the Mach number"
+    description = "drag that grows with the Mach number"
     directions = ("more drag at high Mach numbers", "less drag at high Mach numbers")
     parameters = (
         Parameter(

@@ -135,7 +135,7 @@ def test_a_channel_that_one_side_lacks_is_left_out_and_named(real: Descents, sim
     lacking = with_frame(simulator, simulator.frame.drop("TAS").with_columns(geoaltitude=pl.lit(None, pl.Float64)))
     report = diagnose(real, lacking, catalogue=SMALL)
     assert {c.channel: c.lacking for c in report.left_out_channels} == {"TAS": "simulator", "geoaltitude": "simulator"}
-    assert "temperature" in report.left_out_channels[0].would_have_told_apart
+    assert "temperature" in report.left_out_channels[0].would_separate
     assert not {"tas", "wind", "height"} & set(report.details.quantities)
     assert "TAS is left out: the simulator's flights lack it." in str(report)
     assert "TAS would separate temperature" in str(report)

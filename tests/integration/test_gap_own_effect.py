@@ -25,7 +25,7 @@ class StretchedHeight(Effect):
 
     name = "stretched_height"
     label = "stretched height"
-    says = "geometric altitudes of a wrong scale"
+    description = "geometric altitudes of a wrong scale"
     directions = ("geometric altitudes that grow too fast", "geometric altitudes that grow too slowly")
     parameters = (Parameter("stretch", -0.2, 0.2, "1", 0.01, label="stretch of the height"),)
     sensor = True

@@ -40,8 +40,8 @@ def test_the_search_sees_a_name(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", EFFECTS)
 def test_every_effect_has_words_and_labels(name: str) -> None:
     effect = EFFECTS[name]
-    assert effect.says
-    assert effect.in_words(None) == effect.says
+    assert effect.description
+    assert effect.in_words(None) == effect.description
     assert all(parameter.label for parameter in effect.parameters)
     if effect.directions is not None:
         assert (effect.in_words(1.0), effect.in_words(-1.0)) == effect.directions

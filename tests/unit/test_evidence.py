@@ -18,10 +18,10 @@ from descentflow.diagnosis.inference.assumptions import Assumptions
 from descentflow.diagnosis.inference.candidates import FlightsEffect, Linearised
 from descentflow.diagnosis.inference.explain import Explainer, detection_limits, explain
 from descentflow.diagnosis.inference.flight_mixture import (
+    FlightWindows,
     LearntLaw,
-    WaysOfFlights,
     fit_mixture,
-    ways_of_flights,
+    flight_windows,
 )
 from descentflow.diagnosis.inference.linear_gaussian import Precisions, posterior, shrunk
 from descentflow.diagnosis.inference.moments import Moments, moments, sums_by_clusters, sums_over
@@ -237,29 +237,29 @@ def test_precisions_of_partly_seen_flights_are_those_of_what_is_seen() -> None:
 
 def brakes_in(
     n: int, share: float, drag: float, window_fl: tuple[float, float] = (210.0, 260.0)
-) -> tuple[np.ndarray, WaysOfFlights, np.ndarray]:
+) -> tuple[np.ndarray, FlightWindows, np.ndarray]:
     """Flights, of which a share has brakes out between two levels of its own."""
     state = example_flights(n)
     effect = EFFECTS["speed_brake"]
     seen = np.ones((n, 11), dtype=bool)
-    ways = ways_of_flights(effect, state, np.arange(11), seen)  # type: ignore[arg-type]
+    windows = flight_windows(effect, state, np.arange(11), seen)  # type: ignore[arg-type]
     rng = np.random.default_rng(5)
     has = np.arange(n) < share * n
     window = effect.within(state, *map(torch.tensor, window_fl))["rate"].numpy()  # type: ignore[attr-defined]
-    values = 0.02 * rng.normal(size=(n, 11)) + has[:, None] * drag * window * ways.shape
-    return values - values.mean(0), ways, has
+    values = 0.02 * rng.normal(size=(n, 11)) + has[:, None] * drag * window * windows.shape
+    return values - values.mean(0), windows, has
 
 
 def test_a_mixture_finds_the_share_size_and_window_of_brakes() -> None:
-    values, ways, has = brakes_in(300, 0.4, 0.5)
+    values, windows, has = brakes_in(300, 0.4, 0.5)
     seen = np.ones(values.shape, dtype=bool)
     spread = 4e-4 * np.eye(11)
-    found = fit_mixture(values, seen, spread, [], [ways], 25)
+    found = fit_mixture(values, seen, spread, [], [windows], 25)
     without = fit_mixture(values, seen, spread, [], [], 1)
     assert found.log_likelihood > without.log_likelihood + 500
     assert found.shares["speed_brake"] == pytest.approx(0.4, abs=0.02)
     law = found.laws["speed_brake"]
-    _, mean, _ = ways.effect.size(law.theta)
+    _, mean, _ = windows.effect.size(law.theta)
     assert mean == pytest.approx(0.5, rel=0.1)
     assert np.mean((found.normal < 0.5) == has) > 0.98
     low, high = law.theta[1:3].tolist()
@@ -270,18 +270,18 @@ def test_a_mixture_finds_the_share_size_and_window_of_brakes() -> None:
 
 def test_windows_between_the_steps_of_the_first_grid_are_found() -> None:
     """About a law of one window the grid is finer, so that no step of it decides where brakes run out."""
-    values, ways, _ = brakes_in(300, 0.4, 0.5, window_fl=(214.0, 257.0))
+    values, windows, _ = brakes_in(300, 0.4, 0.5, window_fl=(214.0, 257.0))
     seen, spread = np.ones(values.shape, dtype=bool), 4e-4 * np.eye(11)
-    first = fit_mixture(values, seen, spread, [], [ways], 8).laws["speed_brake"].theta
-    about = ways_of_flights(ways.effect, ways.state, np.arange(11), seen, first)
+    first = fit_mixture(values, seen, spread, [], [windows], 8).laws["speed_brake"].theta
+    about = flight_windows(windows.effect, windows.state, np.arange(11), seen, first)
     law = fit_mixture(values, seen, spread, [], [about], 25).laws["speed_brake"]
     assert law.effect.grid_fl < EFFECTS["speed_brake"].grid_fl  # type: ignore[attr-defined]
     assert law.theta[1:3].tolist() == [pytest.approx(214, abs=2), pytest.approx(257, abs=2)]
 
 
 def test_a_mixture_finds_nothing_in_normal_flights() -> None:
-    values, ways, _ = brakes_in(300, 0.0, 0.5)
-    found = fit_mixture(values, np.ones(values.shape, dtype=bool), 4e-4 * np.eye(11), [], [ways], 25)
+    values, windows, _ = brakes_in(300, 0.0, 0.5)
+    found = fit_mixture(values, np.ones(values.shape, dtype=bool), 4e-4 * np.eye(11), [], [windows], 25)
     assert found.shares["speed_brake"] < 0.02
 
 

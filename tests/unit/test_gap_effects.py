@@ -104,7 +104,7 @@ def test_the_noise_of_a_flight_makes_no_steeper_path() -> None:
 
 
 def test_a_held_path_is_below_the_lowest_of_an_idle_path_that_bends() -> None:
-    """What all flights of a simulator fly beyond the polar is no noise."""
+    """A bend that all flights of a simulator share is no noise of theirs."""
     path, state = EFFECTS["geometric_path"], gap_toys.state(20, affected=False)
     bend = torch.zeros_like(state.cas_mps)
     bend[:, -1] = -0.3

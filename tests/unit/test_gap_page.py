@@ -25,7 +25,7 @@ from descentflow.diagnosis.findings.plain_values import percent
 from descentflow.diagnosis.report.described import recipe_of
 from descentflow.diagnosis.report.figures import cost_figure, level_figure
 from descentflow.diagnosis.report.page import next_command, page, summary
-from descentflow.diagnosis.report.sizes import BothSides, told_of_both
+from descentflow.diagnosis.report.sizes import BothSides, sizes_beside
 from descentflow.effects import EFFECTS
 
 VERDICTS = ("none", "effect", "partial", "unknown")
@@ -229,7 +229,7 @@ def test_a_difference_is_entered_under_a_name() -> None:
 def test_each_of_several_sizes_keeps_its_name_where_the_simulator_s_own_is_not_known() -> None:
     bias = EFFECTS["airspeed_bias"]
     sizes = [TradeSize(p.name, f"{p.label} +1 kt (+0 to +2)", "kt", Measured(1.0, 0.0, 2.0)) for p in bias.parameters]
-    assert told_of_both(bias, sizes, BothSides(True)) == sizes
+    assert sizes_beside(bias, sizes, BothSides(True)) == sizes
 
 
 def test_what_is_left_stands_beside_chance() -> None:

@@ -113,7 +113,7 @@ class LeftOutChannel:
     Attributes:
         channel: Its name.
         lacking: Side that lacks it: ``simulator`` or ``real``.
-        would_have_told_apart: Effects that it would have separated.
+        would_separate: Effects that it would have separated.
 
     Example:
         >>> print(LeftOutChannel("TAS", "simulator", ["temperature", "wind_gradient"]))
@@ -122,7 +122,7 @@ class LeftOutChannel:
 
     channel: str
     lacking: str
-    would_have_told_apart: list[str] = field(default_factory=list)
+    would_separate: list[str] = field(default_factory=list)
 
     def __str__(self) -> str:
         """For readers."""

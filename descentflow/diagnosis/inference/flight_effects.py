@@ -18,7 +18,7 @@ import torch
 
 from descentflow.diagnosis.inference.assumptions import Assumptions
 from descentflow.diagnosis.inference.candidates import FlightsEffect
-from descentflow.diagnosis.inference.flight_mixture import MixtureFit, WaysOfFlights, fit_mixture, ways_of_flights
+from descentflow.diagnosis.inference.flight_mixture import FlightWindows, MixtureFit, fit_mixture, flight_windows
 from descentflow.diagnosis.inference.flight_rates import FlightRates, Spread, flight_rates, spread_of
 from descentflow.diagnosis.inference.linear_gaussian import Array
 from descentflow.diagnosis.inference.moments import Moments
@@ -46,7 +46,7 @@ class Side:
         index: (n,) positions among the compared flights.
         values: (n, m) rates about the mean.
         seen: (n, m).
-        ways: Windows by effect.
+        windows: Windows by effect.
 
     Example:
         >>> Side(np.arange(2), np.zeros((2, 3)), np.ones((2, 3), dtype=bool), {}).values.shape
@@ -56,7 +56,7 @@ class Side:
     index: np.ndarray
     values: Array
     seen: np.ndarray
-    ways: Mapping[str, WaysOfFlights]
+    windows: Mapping[str, FlightWindows]
 
 
 class FlightShapes:
@@ -95,7 +95,7 @@ class FlightShapes:
         while rest := [name for name in self.effects if name not in chosen]:
             best = max(rest, key=lambda name: self._gain((*chosen, name)))
             larger = (*chosen, best)
-            fit, effect, state = self.fit(self.real, larger), self.effects[best], self.real.ways[best].state
+            fit, effect, state = self.fit(self.real, larger), self.effects[best], self.real.windows[best].state
             is_shared = fit.shares[best] - self.fit(self.simulated, larger).shares[best] > self.assumed.least_share
             # A law that the effect can have, and that is none of another effect.
             theta = fit.laws[best].theta
@@ -117,19 +117,19 @@ class FlightShapes:
         fit = self.fit(self.real, tuple(names))
         found = np.zeros_like(self.real.values)
         for name in names:
-            mine, law, effect = self.real.ways[name], fit.laws[name].theta, fit.laws[name].effect
-            ways = effect.ways(mine.state, law, torch.zeros_like(mine.state.cas_mps) + mine.state.beyond_polar)
-            at = [ways.slots.index(("rate", int(band))) for band in self.rates.bands]
-            weights = (ways.table[ways.upper] - ways.table[ways.lower])[:, at].numpy()
-            found += ((fit.taken[name] * fit.sizes[name]) @ weights) * ways.shape[:, at].numpy()
-            found += fit.taken[name].sum(1)[:, None] * ways.offset[:, at].numpy()
+            mine, law, effect = self.real.windows[name], fit.laws[name].theta, fit.laws[name].effect
+            windows = effect.windows(mine.state, law, torch.zeros_like(mine.state.cas_mps) + mine.state.beyond_polar)
+            at = [windows.slots.index(("rate", int(band))) for band in self.rates.bands]
+            weights = (windows.table[windows.upper] - windows.table[windows.lower])[:, at].numpy()
+            found += ((fit.taken[name] * fit.sizes[name]) @ weights) * windows.shape[:, at].numpy()
+            found += fit.taken[name].sum(1)[:, None] * windows.offset[:, at].numpy()
         return found
 
     def _factor_errors(self, name: str, count: int) -> Array:
         """Prior standard deviations of the factors: a size that holds over the whole flight looks like its mass."""
-        ways = self.real.ways[name]
-        _, mean, spread = ways.effect.size(ways.start)
-        whole = bool((np.ptp(ways.weights, axis=1) == 0.0).all())
+        windows = self.real.windows[name]
+        _, mean, spread = windows.effect.size(windows.start)
+        whole = bool((np.ptp(windows.weights, axis=1) == 0.0).all())
         of_size = spread / mean if whole else self.assumed.flight_size_error
         return np.array([of_size, self.assumed.flight_size_error])[:count]
 
@@ -142,7 +142,7 @@ class FlightShapes:
 
     def _fitted(self, side: Side, names: tuple[str, ...]) -> MixtureFit:
         """At the likeliest spread of normal flights, sought from the simulator's, from a narrow and from a wide one."""
-        ways = [side.ways[name] for name in names]
+        windows = [side.windows[name] for name in names]
         none = (0.0,) * len(self.spread.shapes)
         tried: dict[tuple[float, ...], MixtureFit] = {}
         _, white, level, *_ = self.spread.grid
@@ -150,7 +150,7 @@ class FlightShapes:
         for start in (none, (level, white, white, *none[3:]), (level,) * len(none)):
             sizes: tuple[float, ...] = start
             while sizes not in tried:
-                short = self._mixture(side, ways, sizes, SHORT_ROUNDS)
+                short = self._mixture(side, windows, sizes, SHORT_ROUNDS)
                 tried[sizes] = short
                 values = side.values + short.offset * side.seen
                 sizes = tuple(self.spread.likeliest(values, side.seen, short.normal, sizes))
@@ -158,15 +158,17 @@ class FlightShapes:
         about = [self._about(side, name, tried[best].laws[name].theta) for name in names]
         return self._mixture(side, about, best, ROUNDS)
 
-    def _about(self, side: Side, name: str, law: torch.Tensor) -> WaysOfFlights:
+    def _about(self, side: Side, name: str, law: torch.Tensor) -> FlightWindows:
         """Windows about the sizes of a law: a shift is not linear in them."""
-        return ways_of_flights(self.effects[name], side.ways[name].state, self.rates.bands, side.seen, law)
+        return flight_windows(self.effects[name], side.windows[name].state, self.rates.bands, side.seen, law)
 
-    def _mixture(self, side: Side, ways: Sequence[WaysOfFlights], sizes: tuple[float, ...], rounds: int) -> MixtureFit:
+    def _mixture(
+        self, side: Side, windows: Sequence[FlightWindows], sizes: tuple[float, ...], rounds: int
+    ) -> MixtureFit:
         odd = [size**2 * shape for shape in self.spread.shapes[2:] for size in self.assumed.odd]
         spread, law_flights = self.spread.at(sizes), self.assumed.law_flights
         first = self.first_offset if side is self.real else 0.0
-        return fit_mixture(side.values, side.seen, spread, odd, ways, rounds, law_flights, first_offset=first)
+        return fit_mixture(side.values, side.seen, spread, odd, windows, rounds, law_flights, first_offset=first)
 
     def _gain(self, names: tuple[str, ...]) -> float:
         """Nats that the shapes gain by effects."""
@@ -182,16 +184,16 @@ class FlightShapes:
 
     def _mean_shift(self, side: Side, names: tuple[str, ...], name: str) -> Array:
         """Mean shift (p, c) of what is compared, late reports included; c is two where a part has no size."""
-        fit, mine = self.fit(side, names), side.ways[name]
+        fit, mine = self.fit(side, names), side.windows[name]
         effect, law = fit.laws[name].effect, fit.laws[name].theta
         beyond = torch.zeros_like(mine.state.cas_mps) + mine.state.beyond_polar
         state = replace(mine.state, report_delay_s=self.compared.state.report_delay_s)
-        ways = effect.ways(state, law, beyond)
-        weights = (ways.table[ways.upper] - ways.table[ways.lower]).numpy()
+        windows = effect.windows(state, law, beyond)
+        weights = (windows.table[windows.upper] - windows.table[windows.lower]).numpy()
         taken, sized = fit.taken[name], fit.taken[name] * fit.sizes[name]
-        shown = [(sized @ weights) * ways.shape.numpy(), taken.sum(1)[:, None] * ways.offset.numpy()]
-        shown = shown[: 1 + bool(ways.offset.any())]
-        slots = {slot: k for k, slot in enumerate(ways.slots)}
+        shown = [(sized @ weights) * windows.shape.numpy(), taken.sum(1)[:, None] * windows.offset.numpy()]
+        shown = shown[: 1 + bool(windows.offset.any())]
+        slots = {slot: k for k, slot in enumerate(windows.slots)}
         place = {band: k for k, band in enumerate(self.rates.bands)}
         could = fit.shares[name] / max(taken.sum(), 1e-9)
         found = np.zeros((len(self.known.difference), len(shown)))
@@ -208,10 +210,10 @@ class FlightShapes:
         index = np.flatnonzero(chosen)
         # Rates here are by altitude over time: nothing of them is late.
         state = replace(self.compared.state.rows_of_fleet(torch.from_numpy(index)), report_delay_s=0.0)
-        seen, ways = self.rates.seen[index], {}
+        seen, windows = self.rates.seen[index], {}
         for name, effect in self.effects.items():
-            ways[name] = ways_of_flights(effect, state, self.rates.bands, seen)
-        return Side(index, self.rates.values[index], seen, ways)
+            windows[name] = flight_windows(effect, state, self.rates.bands, seen)
+        return Side(index, self.rates.values[index], seen, windows)
 
     def _spread(self) -> Spread:
         rates: FlightRates = self.rates

@@ -23,7 +23,7 @@ from descentflow.effects.flight_state import FlightState
 from descentflow.effects.windowed_effect import WindowedEffect
 
 SHUT = -1e6
-"""Log probability of a way that a flight could not show."""
+"""Log probability of a window that a flight could not show."""
 FIRST_ODD, FIRST_SHARE = 0.05, 0.2
 """Shares of each kind of odd flights, and of the flights with an effect, from which EM starts."""
 STEP = 0.01
@@ -31,7 +31,7 @@ STEP = 0.01
 
 
 @dataclass(frozen=True)
-class WaysOfFlights:
+class FlightWindows:
     """Windows of an effect in n flights of which m rates are seen.
 
     Attributes:
@@ -40,14 +40,14 @@ class WaysOfFlights:
         start: Law (k,) from which EM starts.
         shape: (n, m) shift of a size of one.
         offset: (n, m) shift of a size of zero.
-        weights: (W, m) of the shape in each way.
+        weights: (W, m) of the shape in each window.
         open: (n, W) whether the flight could show it: windows end within what is seen of it.
 
     Example:
         >>> from descentflow.effects import EFFECTS
         >>> from descentflow.effects.example_flights import example_flights
         >>> state = example_flights()
-        >>> found = ways_of_flights(EFFECTS["speed_brake"], state, np.arange(11), np.ones((6, 11), dtype=bool))
+        >>> found = flight_windows(EFFECTS["speed_brake"], state, np.arange(11), np.ones((6, 11), dtype=bool))
         >>> found.shape.shape, found.weights.shape[1], found.open.shape == (6, len(found.weights))
         ((6, 11), 11, True)
     """
@@ -61,13 +61,13 @@ class WaysOfFlights:
     open: np.ndarray
 
 
-def ways_of_flights(
+def flight_windows(
     effect: DiffersByFlight,
     state: FlightState,
     bands: np.ndarray,
     seen: np.ndarray,
     law: torch.Tensor | None = None,
-) -> WaysOfFlights:
+) -> FlightWindows:
     """Take the windows of an effect in the rate by altitude over time.
 
     Args:
@@ -79,20 +79,20 @@ def ways_of_flights(
     """
     start = effect.law_starts(state, _about_the_middle(effect, state))[-1] if law is None else law
     beyond = torch.zeros_like(state.cas_mps) + state.beyond_polar
-    ways = effect.sought_about(start).ways(state, start, beyond)
-    slots = [ways.slots.index(("rate", int(band))) for band in bands]
-    weights = (ways.table[ways.upper] - ways.table[ways.lower])[:, slots].numpy()
+    windows = effect.sought_about(start).windows(state, start, beyond)
+    slots = [windows.slots.index(("rate", int(band))) for band in bands]
+    weights = (windows.table[windows.upper] - windows.table[windows.lower])[:, slots].numpy()
     whole = np.ptp(weights, axis=1) == 0.0
     top = np.where(seen, np.arange(len(bands)), -1).max(1)
     # A window that is open to the top of a flight is how its descent begins, and one open to the bottom how it ends.
     beyond_top = (weights > 0)[None] & (np.arange(len(bands)) >= top[:, None])[:, None]
     within = ~beyond_top.any(2) & (weights[:, 0] == 0.0)
-    return WaysOfFlights(
+    return FlightWindows(
         effect,
         state,
         start,
-        np.where(seen, ways.shape[:, slots].numpy(), 0.0),
-        np.where(seen, ways.offset[:, slots].numpy(), 0.0),
+        np.where(seen, windows.shape[:, slots].numpy(), 0.0),
+        np.where(seen, windows.offset[:, slots].numpy(), 0.0),
         weights,
         within | whole,
     )
@@ -116,7 +116,7 @@ class LearntLaw:
         effect: Whose law it is, with the windows among which it was sought.
         state: The flights.
         theta: Its parameters (k,).
-        learnt: Sums over the flights by way; None before any were seen.
+        learnt: Sums over the flights by window; None before any were seen.
 
     Example:
         >>> from descentflow.effects import EFFECTS
@@ -170,8 +170,8 @@ class MixtureFit:
         log_likelihood: Of all flights.
         laws: By effect.
         shares: By effect: of the flights that could show it.
-        taken: By effect: (n, W) probability that a flight has it in each way.
-        sizes: By effect: (n, W) expected size in each way.
+        taken: By effect: (n, W) probability that a flight has it in each window.
+        sizes: By effect: (n, W) expected size in each window.
         normal: (n,) probability that a flight has no effect.
         offset: (m,) mean shift of the effects, which the mean contains.
 
@@ -194,7 +194,7 @@ def fit_mixture(
     seen: np.ndarray,
     spread: Array,
     odd: Sequence[Array],
-    effects: Sequence[WaysOfFlights],
+    effects: Sequence[FlightWindows],
     rounds: int,
     law_flights: float = ASSUMED.law_flights,
     *,
@@ -220,7 +220,7 @@ def fit_mixture(
     """
     plain = Precisions(spread, seen)
     others = [Precisions(spread + more, seen) for more in odd]
-    models = [_Ways(one, plain, law_flights) for one in effects]
+    models = [_EffectWindows(one, plain, law_flights) for one in effects]
     share = np.array([1.0 - FIRST_ODD * len(odd) - FIRST_SHARE * len(models), *[FIRST_ODD] * len(odd)])
     share = np.concatenate([share, np.full(len(models), FIRST_SHARE)])
     whole, none = np.zeros(len(values)), np.zeros(values.shape[1])
@@ -238,7 +238,7 @@ def fit_mixture(
         offset = sum((model.offset_of_mean for model in models), none)
     return MixtureFit(
         float(whole.sum()),
-        {model.name: LearntLaw(model.coarse, model.ways.state, model.law, model.learnt) for model in models},
+        {model.name: LearntLaw(model.coarse, model.windows.state, model.law, model.learnt) for model in models},
         {model.name: model.share for model in models},
         {model.name: model.taken for model in models},
         {model.name: model.size for model in models},
@@ -247,24 +247,24 @@ def fit_mixture(
     )
 
 
-class _Ways:
+class _EffectWindows:
     """One effect of the mixture: its E-step over windows and sizes, and its M-step."""
 
-    def __init__(self, ways: WaysOfFlights, plain: Precisions, law_flights: float) -> None:
-        self.ways, self.plain, self.law, self.name = ways, plain, ways.start, ways.effect.name
+    def __init__(self, windows: FlightWindows, plain: Precisions, law_flights: float) -> None:
+        self.windows, self.plain, self.law, self.name = windows, plain, windows.start, windows.effect.name
         self._law_flights = law_flights
-        self.coarse = ways.effect.sought_about(ways.start)
+        self.coarse = windows.effect.sought_about(windows.start)
         # (n, W, m) shapes are not kept: only their products with the precision, of which there are W a flight.
-        self._square = np.empty(ways.open.shape)
-        self._with_offset = np.empty(ways.open.shape)
-        for k, weight in enumerate(ways.weights):
-            shape = ways.shape * weight
+        self._square = np.empty(windows.open.shape)
+        self._with_offset = np.empty(windows.open.shape)
+        for k, weight in enumerate(windows.weights):
+            shape = windows.shape * weight
             carried = plain.times(shape)
             self._square[:, k] = (carried * shape).sum(1)
-            self._with_offset[:, k] = (carried * ways.offset).sum(1)
-        self._offset_square = (plain.times(ways.offset) * ways.offset).sum(1)
-        self.taken = self.size = self._variance = np.zeros(ways.open.shape)
-        self.share, self.offset_of_mean = 0.0, np.zeros(ways.weights.shape[1])
+            self._with_offset[:, k] = (carried * windows.offset).sum(1)
+        self._offset_square = (plain.times(windows.offset) * windows.offset).sum(1)
+        self.taken = self.size = self._variance = np.zeros(windows.open.shape)
+        self.share, self.offset_of_mean = 0.0, np.zeros(windows.weights.shape[1])
         self.learnt: Learnt | None = None
 
     def expect(self, x: Array) -> Array:
@@ -272,15 +272,15 @@ class _Ways:
         _, mean, sd = self.coarse.size(self.law)
         carried = self.plain.times(x)
         precision = self._square + sd**-2.0
-        towards = (carried * self.ways.shape) @ self.ways.weights.T - self._with_offset + mean / sd**2
+        towards = (carried * self.windows.shape) @ self.windows.weights.T - self._with_offset + mean / sd**2
         log = (
-            (carried * self.ways.offset).sum(1)[:, None]
+            (carried * self.windows.offset).sum(1)[:, None]
             - 0.5 * self._offset_square[:, None]
             + towards**2 / (2.0 * precision)
             - mean**2 / (2.0 * sd**2)
             - 0.5 * np.log(sd**2 * precision)
-            + np.where(self.ways.open, 0.0, SHUT)
-            + self.coarse.log_prior(self.ways.state, self.law).numpy()
+            + np.where(self.windows.open, 0.0, SHUT)
+            + self.coarse.log_prior(self.windows.state, self.law).numpy()
         )
         # Sizes are positive: the law is cut off at zero, before and after the flight is seen.
         root = np.sqrt(precision)
@@ -295,9 +295,9 @@ class _Ways:
     def maximise(self, mine: Array, seen: np.ndarray) -> None:
         """Learn the law from flights that have the effect with probabilities (n,)."""
         self.taken = self.taken * mine[:, None]
-        often = np.exp(self.coarse.log_prior(self.ways.state, self.law).numpy())
-        could = self.ways.open @ (often / often.sum())
-        _, mean, sd = self.coarse.size(self.ways.start)
+        often = np.exp(self.coarse.log_prior(self.windows.state, self.law).numpy())
+        could = self.windows.open @ (often / often.sum())
+        _, mean, sd = self.coarse.size(self.windows.start)
         before = self._law_flights * often / often.sum()
         self.learnt = Learnt(
             torch.from_numpy(self.taken.sum(0) + before),
@@ -305,8 +305,8 @@ class _Ways:
             torch.from_numpy((self.taken * (self.size**2 + self._variance)).sum(0) + before * (mean**2 + sd**2)),
             max(round(float(could.sum() + self._law_flights)), 1),
         )
-        self.law = self.coarse.learn(self.ways.state, self.law, self.learnt)
+        self.law = self.coarse.learn(self.windows.state, self.law, self.learnt)
         self.share = float(self.taken.sum() / max(could.sum(), 1.0))
-        shown = ((self.taken * self.size) @ self.ways.weights) * self.ways.shape
-        shown = shown + self.taken.sum(1)[:, None] * self.ways.offset
+        shown = ((self.taken * self.size) @ self.windows.weights) * self.windows.shape
+        shown = shown + self.taken.sum(1)[:, None] * self.windows.offset
         self.offset_of_mean = shown.sum(0) / np.maximum(could @ seen, 1.0)

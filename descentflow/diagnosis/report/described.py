@@ -7,7 +7,7 @@ from descentflow.diagnosis.findings.correction_found import RecipeNumber, Recipe
 from descentflow.diagnosis.findings.findings import Discrepancy, SingleEffect, Subset
 from descentflow.diagnosis.inference.explain import Explainer, Explanation
 from descentflow.diagnosis.inference.two_sides import Compared
-from descentflow.diagnosis.report.sizes import on_both_sides, parameters, share_of, sizes_of, told_of_both
+from descentflow.diagnosis.report.sizes import on_both_sides, parameters, share_of, sizes_beside, sizes_of
 from descentflow.effects import UNKNOWN, Effect
 
 SHOWN_SETS = 10
@@ -36,7 +36,7 @@ def cause_of(
         names = tuple(member if one == name else one for one in best.names)
         fit = explainer.search.sized(fits.fit(names, best.unknown, best.sizes))
         known = (other, candidate.theta(fit.sizes[member]), candidate.theta_errors(fit.errors[member]), flights)
-        sizes = told_of_both(other, sizes_of(*known), on_both_sides(compared, other))
+        sizes = sizes_beside(other, sizes_of(*known), on_both_sides(compared, other))
         alternatives.append(Alternative(member, found.named.probability[member], sizes, share_of(*known)))
     sizes_now = parameters(effect, value, error, flights)
     first = next((size.estimate for size in sizes_now.values()), None)
@@ -53,7 +53,7 @@ def cause_of(
         text=effect.in_words(first, has_some=both.has_some),
         inclusion=sum(weight for weight, one in weights if {name, *group} & set(one.names)),
         share_of_flights=share_of(effect, value, error, flights),
-        sizes=told_of_both(effect, sizes_of(effect, value, error, flights), both),
+        sizes=sizes_beside(effect, sizes_of(effect, value, error, flights), both),
         on_both_sides=both.measured,
         takes_away=dict(takes_away),
         alternatives=alternatives,
@@ -121,8 +121,8 @@ def levels_compared(compared: Compared) -> tuple[float, float]:
 def _step(cause: Cause, effect: Effect, levels_fl: tuple[float, float]) -> RecipeStep:
     ends = {size.parameter: size.value.estimate for size in cause.sizes if size.parameter in WINDOW}
     low, high = (ends.get(name, level) for name, level in zip(WINDOW, levels_fl, strict=True))
-    told_only = {p.name for p in effect.parameters if p.by_product}
-    entered = [size for size in cause.sizes if size.parameter not in WINDOW and size.parameter not in told_only]
+    by_products = {p.name for p in effect.parameters if p.by_product}
+    entered = [size for size in cause.sizes if size.parameter not in WINDOW and size.parameter not in by_products]
     numbers = [RecipeNumber(size.parameter, size.unit, size.value, low, high) for size in entered]
     share = 1.0 if cause.share_of_flights is None else cause.share_of_flights.estimate or 1.0
     text = effect.recipe({size.parameter: size.text for size in entered}) or cause.text

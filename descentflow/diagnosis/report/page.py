@@ -127,16 +127,16 @@ def _brief(found: Findings) -> list[tuple[str, str]]:
     """Time, distance and rate of the whole, and what each cause takes away of them."""
     costs = [cost for cost in shown_costs(found) if cost.name in BRIEF]
 
-    def told(sizes: Sequence[float]) -> str:
+    def numbers(sizes: Sequence[float]) -> str:
         pairs = zip(sizes, costs, strict=True)
         return ", ".join(trade_number(size, cost.unit, signed=True) for size, cost in pairs)
 
     if not costs:
         return []
-    rows = [(f"Real flights minus {simulator_name(found)}", told([cost.before.estimate for cost in costs]))]
+    rows = [(f"Real flights minus {simulator_name(found)}", numbers([cost.before.estimate for cost in costs]))]
     for cause in [cause for cause in found.causes if cause.takes_away]:
         text = f"{cause.label or cause.effect} takes away"
-        rows.append((text[:1].upper() + text[1:], told([cause.takes_away.get(cost.name, 0.0) for cost in costs])))
+        rows.append((text[:1].upper() + text[1:], numbers([cause.takes_away.get(cost.name, 0.0) for cost in costs])))
     return rows
 
 
@@ -278,7 +278,7 @@ def _deciding(found: Findings) -> list[tuple[str, str, str]]:
         for row in found.would_split
     ]
     for channel in found.left_out_channels:
-        names = [found.details.label(name) for name in channel.would_have_told_apart]
+        names = [found.details.label(name) for name in channel.would_separate]
         if names:
             rows.append((f"{names[0]} from its likes" if len(names) == 1 else listed(names), [channel.channel], ""))
     return list(dict.fromkeys((names, listed(channels, "or"), why) for names, channels, why in rows))

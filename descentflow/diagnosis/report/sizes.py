@@ -81,8 +81,8 @@ def sizes_of(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> list
     for p, value, sd, known in zip(effect.parameters, whole.tolist(), spread.sqrt().tolist(), error > 0, strict=True):
         if p.shown_as != "flights" and bool(known):
             low, high = max(value - NINETY * sd, p.low), min(value + NINETY * sd, max(p.high, value))
-            told = Measured(p.reported(value), p.reported(low), p.reported(high))
-            found.append(TradeSize(p.name, reported_text(p, told), p.reported_unit, told))
+            reported = Measured(p.reported(value), p.reported(low), p.reported(high))
+            found.append(TradeSize(p.name, reported_text(p, reported), p.reported_unit, reported))
     return found
 
 
@@ -204,7 +204,7 @@ def _of_side(compared: Compared, effect: Effect, side: Tensor) -> list[float]:
     return [] if found is None else found.tolist()
 
 
-def told_of_both(effect: Effect, sizes: Sequence[TradeSize], both: BothSides) -> list[TradeSize]:
+def sizes_beside(effect: Effect, sizes: Sequence[TradeSize], both: BothSides) -> list[TradeSize]:
     """Sizes as differences, beside what either side has, where the simulator's flights have some of the effect.
 
     Args:
@@ -216,22 +216,22 @@ def told_of_both(effect: Effect, sizes: Sequence[TradeSize], both: BothSides) ->
         >>> from descentflow.effects import EFFECTS
         >>> warmer = TradeSize("deviation_k", "", "K", Measured(4.8, 4.4, 5.2))
         >>> both = BothSides(True, [OnBothSides("deviation_k", "K", 9.9, 5.1)])
-        >>> told_of_both(EFFECTS["temperature"], [warmer], both)[0].text
+        >>> sizes_beside(EFFECTS["temperature"], [warmer], both)[0].text
         "+4.8 K (+4.4 to +5.2): ISA +9.9 K against the simulator's ISA +5.1 K"
     """
     if not (both.has_some and effect.against):
         return list(sizes)
     measured = {row.parameter: row for row in both.measured}
     known = {p.name: p for p in effect.parameters}
-    return [_told(size, measured.get(size.parameter), known[size.parameter], len(sizes) > 1) for size in sizes]
+    return [_size_beside(size, measured.get(size.parameter), known[size.parameter], len(sizes) > 1) for size in sizes]
 
 
-def _told(size: TradeSize, row: OnBothSides | None, p: Parameter, several: bool) -> TradeSize:
+def _size_beside(size: TradeSize, row: OnBothSides | None, p: Parameter, several: bool) -> TradeSize:
     bare = reported_text(p, size.value).removeprefix(f"{p.symbol or p.text} ")
     if row is None:
         # One of several needs its name: nothing else says what it is a size of.
         return size if several else replace(size, text=bare)
-    # To a hundredth of a size that matters, so that nearly none is told as none.
+    # To a hundredth of a size that matters, so that nearly none reads as none.
     digits = max(1 - math.floor(math.log10(abs(p.reported(p.scale)))), 0)
     of_flights, of_simulator = (reported_text(p, Measured(round(x, digits))) for x in (row.flights, row.simulator))
     return replace(size, text=f"{bare}: {of_flights} against the simulator's {of_simulator}")

@@ -39,15 +39,15 @@ def in_trade(
         inside = [m for m in profile if low_fl <= m.level_fl <= high_fl]
         if not inside:
             return 100 * math.expm1(value), "%"
-        told = "kt" if quantity == "tas" else "ft/min"
-        mean = sum(m.tas_kt if told == "kt" else m.rate_fpm for m in inside) / len(inside)
-        return mean * math.expm1(value), told
+        shown_unit = "kt" if quantity == "tas" else "ft/min"
+        mean = sum(m.tas_kt if shown_unit == "kt" else m.rate_fpm for m in inside) / len(inside)
+        return mean * math.expm1(value), shown_unit
     if unit == "ln":
         return math.exp(value), "factor"
     if quantity == "missing":
         return 100 * value, "%"
-    factor, told = {"m/s": (1 / KT_MPS, "kt"), "m": (1 / FT_M, "ft")}.get(unit, (1.0, unit))
-    return value * factor, told
+    factor, shown_unit = {"m/s": (1 / KT_MPS, "kt"), "m": (1 / FT_M, "ft")}.get(unit, (1.0, unit))
+    return value * factor, shown_unit
 
 
 def at_level(profile: Sequence[LevelMeans], level_fl: float) -> list[LevelMeans]:

@@ -170,7 +170,7 @@ def left_out_channels(lacked: Mapping[str, str], catalogue: Mapping[str, Effect]
 
     Example:
         >>> from descentflow.effects import EFFECTS
-        >>> left_out_channels({"geoaltitude": "real"}, EFFECTS)[0].would_have_told_apart
+        >>> left_out_channels({"geoaltitude": "real"}, EFFECTS)[0].would_separate
         ['temperature']
     """
     return [

@@ -115,7 +115,7 @@ class StandardDescent(ABC):
         )
 
     def mass_or_reference_kg(self, mass_kg: Number | None) -> Number:
-        """A mass, the reference mass where none is given."""
+        """Mass, the reference mass where none is given (manual 3.4-1)."""
         return self.mass_reference_kg if mass_kg is None else mass_kg
 
     @property

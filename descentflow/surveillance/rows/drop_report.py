@@ -1,6 +1,6 @@
 """The report of what cleaning dropped, by reason: every row is accounted for."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -67,7 +67,7 @@ class DropReport(InNotebook):
         return after
 
     def extend(self, parts: "Sequence[DropReport]") -> None:
-        """Add the reports of parts of the data (rows, or whole flights): notes, and steps if all parts have the same.
+        """Add the reports of parts of the data (rows, or whole flights); a part's missing steps dropped nothing.
 
         Example:
             >>> report, part = DropReport(), DropReport([Step("read", 0, None, 9, None)])
@@ -75,14 +75,24 @@ class DropReport(InNotebook):
             >>> report.steps[0].rows_left
             18
         """
-        if len({tuple(step.step for step in part.steps) for part in parts}) == 1:
-            for same in zip(*(part.steps for part in parts), strict=True):
-                rows = sum(s.rows_dropped for s in same), sum(s.rows_left for s in same)
-                flights = _sum(s.flights_dropped for s in same), _sum(s.flights_left for s in same)
-                self.steps.append(Step(same[0].step, rows[0], flights[0], rows[1], flights[1]))
+        order = _in_order([[step.step for step in part.steps] for part in parts])
+        for same in zip(*(part._through(order) for part in parts), strict=True):
+            rows = sum(s.rows_dropped for s in same), sum(s.rows_left for s in same)
+            flights = _sum(s.flights_dropped for s in same), _sum(s.flights_left for s in same)
+            self.steps.append(Step(same[0].step, rows[0], flights[0], rows[1], flights[1]))
         for part in parts:
             for what, number in part.notes.items():
                 self.note(what, number)
+
+    def _through(self, order: Sequence[str]) -> Iterator[Step]:
+        """The steps in this order, with those in between that are not the report's own, which left what was there."""
+        own = {step.step: step for step in self.steps}
+        rows = self.steps[0].rows_left + self.steps[0].rows_dropped if self.steps else 0
+        flights: int | None = None
+        for name in order:
+            step = own.get(name, Step(name, 0, None if flights is None else 0, rows, flights))
+            rows, flights = step.rows_left, step.flights_left
+            yield step
 
     def note(self, what: str, number: int) -> None:
         """Add to a count of something that was changed."""
@@ -147,6 +157,18 @@ class DropReport(InNotebook):
             return None
         name = frame["flight_id"]
         return int((name != name.shift()).fill_null(True).sum())
+
+
+def _in_order(parts: Sequence[Sequence[str]]) -> list[str]:
+    """All names of several sequences, each behind the one that it follows in the first sequence that has it."""
+    order: list[str] = []
+    for names in parts:
+        place = 0
+        for name in names:
+            if name not in order:
+                order.insert(place, name)
+            place = order.index(name) + 1
+    return order
 
 
 def _sum(numbers: Iterable[int | None]) -> int | None:

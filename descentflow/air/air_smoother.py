@@ -89,8 +89,8 @@ class AirSmoother:
         Raises:
             DataError: If no flight shows enough bands.
         """
-        told = reports.seen.sum(1) >= MIN_BANDS
-        if not bool(told.any()):
+        enough = reports.seen.sum(1) >= MIN_BANDS
+        if not bool(enough.any()):
             raise DataError(
                 "no flight that reports its air",
                 expected=f"true airspeed and what goes with it over {MIN_BANDS * 500:,} ft or more",
@@ -105,11 +105,11 @@ class AirSmoother:
             reports: Observations of the flights.
             altitude_m: (L,) pressure altitudes.
         """
-        told = torch.nonzero(reports.seen.sum(1) >= MIN_BANDS)[:, 0]
-        parts = [self._smoothed(_rows(reports, block), altitude_m) for block in torch.split(told, SMOOTHED_FLIGHTS)]
+        enough = torch.nonzero(reports.seen.sum(1) >= MIN_BANDS)[:, 0]
+        parts = [self._smoothed(_rows(reports, block), altitude_m) for block in torch.split(enough, SMOOTHED_FLIGHTS)]
         empty = torch.zeros(0, len(altitude_m), dtype=torch.float64)
         columns = [torch.cat(column) for column in zip(*parts, strict=True)] if parts else [empty] * 3
-        return Smoothed(told, *columns)
+        return Smoothed(enough, *columns)
 
     def _smoothed(self, reports: AirReports, altitude_m: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         factor = torch.linalg.cholesky(self._covariance(reports))
@@ -123,11 +123,11 @@ class AirSmoother:
         seen = reports.seen[:, None, :]
         values = ((cross * seen) @ solved)[:, :, 0]
         known = torch.linalg.solve_triangular(factor, (cross * seen).transpose(1, 2), upper=False).square().sum(1)
-        told = torch.linalg.solve_triangular(factor, (rise * seen).transpose(1, 2), upper=False).square().sum(1)
+        explained = torch.linalg.solve_triangular(factor, (rise * seen).transpose(1, 2), upper=False).square().sum(1)
         own = torch.diagonal(self._kernel(altitude_m, altitude_m))
         # The variance of the slope of a trend, and of a Matern 5/2 departure: s^2 5 / (3 l^2).
         slope = (DIFFUSE / TREND_M) ** 2 + 5 / 3 * (self.departure / LENGTH_M) ** 2
-        return values, (own - known).clamp(min=0).sqrt(), (slope - told).clamp(min=0).sqrt()
+        return values, (own - known).clamp(min=0).sqrt(), (slope - explained).clamp(min=0).sqrt()
 
     def _kernel(self, first: Tensor, second: Tensor) -> Tensor:
         """Covariance of the quantity at altitudes (A,) and (B,): level, trend and departure."""

@@ -102,12 +102,12 @@ def field_airs(
             field.check(points.rows(paths.known))
             raise nowhere
     known = torch.from_numpy(inside) & torch.from_numpy(paths.known) & grid.mask
-    told = torch.nonzero(known.any(1))[:, 0]
-    reached = torch.from_numpy(inside)[told]
-    air = LevelAir(*(held(torch.from_numpy(values)[told].nan_to_num(), reached) for values in (deviation, tailwind)))
-    untold = torch.full_like(air.deviation_k, torch.nan)
-    ids = tuple(grid.flight_ids[i] for i in told.tolist())
-    return FlightAirs(ids, air, known[told], untold, untold, untold, len(grid.flight_ids) - len(told), windy)
+    covered = torch.nonzero(known.any(1))[:, 0]
+    reached = torch.from_numpy(inside)[covered]
+    air = LevelAir(*(held(torch.from_numpy(values)[covered].nan_to_num(), reached) for values in (deviation, tailwind)))
+    absent = torch.full_like(air.deviation_k, torch.nan)
+    ids = tuple(grid.flight_ids[i] for i in covered.tolist())
+    return FlightAirs(ids, air, known[covered], absent, absent, absent, len(grid.flight_ids) - len(covered), windy)
 
 
 def paths_of_flights(grid: LevelGrid, unix_s: Array) -> FlightPaths:

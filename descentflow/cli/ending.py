@@ -53,7 +53,7 @@ def ended_in_order(name: str) -> Iterator[None]:
     """
     usual = threading.excepthook
     threading.excepthook = lambda of_a_thread: _say_of_a_thread(name, of_a_thread, usual)
-    with _signals() as told:
+    with _signals() as received:
         try:
             yield
         except KeyboardInterrupt:
@@ -67,9 +67,9 @@ def ended_in_order(name: str) -> Iterator[None]:
         except BaseException as error:
             # Libraries written in C or Rust take the interruption for a failure of theirs, and raise an error in its
             # place; a panic of Rust is no Exception.
-            if signal.SIGINT in told:
+            if signal.SIGINT in received:
                 _end_interrupted(name)
-            if signal.SIGTERM in told:
+            if signal.SIGTERM in received:
                 raise SystemExit(TERMINATED) from None
             if isinstance(error, OSError):
                 raise _refused(error) from error
@@ -81,25 +81,25 @@ def ended_in_order(name: str) -> Iterator[None]:
 @contextmanager
 def _signals() -> Iterator[list[int]]:
     """Raise an exception at Ctrl-C and SIGTERM, so that what is half written is removed; gives those that came."""
-    told: list[int] = []
+    received: list[int] = []
     waiting: list[threading.Timer] = []
     main = threading.main_thread()
     if threading.current_thread() is not main:
-        yield told
+        yield received
         return
 
     def interrupt(number: int, frame: FrameType | None) -> None:
-        told.append(number)
+        received.append(number)
         raise KeyboardInterrupt
 
     def terminate(number: int, frame: FrameType | None) -> None:
-        told.append(number)
+        received.append(number)
         raise SystemExit(TERMINATED)
 
     def unraisable(unraised: "sys.UnraisableHookArgs") -> None:
         # It fell into a finalizer, where Python ignores it: the same signal comes once more, after this.
-        if sys.platform != "win32" and told and isinstance(unraised.exc_value, KeyboardInterrupt | SystemExit):
-            again = threading.Timer(AGAIN_S, signal.pthread_kill, [main.ident, told[-1]])
+        if sys.platform != "win32" and received and isinstance(unraised.exc_value, KeyboardInterrupt | SystemExit):
+            again = threading.Timer(AGAIN_S, signal.pthread_kill, [main.ident, received[-1]])
             waiting.append(again)
             again.start()
         else:
@@ -111,7 +111,7 @@ def _signals() -> Iterator[list[int]]:
         wanted[signal.SIGINT] = interrupt
     before = {number: signal.signal(number, handler) for number, handler in wanted.items()}
     try:
-        yield told
+        yield received
     finally:
         for again in waiting:
             again.cancel()

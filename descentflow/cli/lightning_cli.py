@@ -19,7 +19,7 @@ from lightning.pytorch.loggers import CSVLogger
 from descentflow.cli.options import class_in
 from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import CheckpointError, ConfigError, DescentflowError, nearest
-from descentflow.core.threads import one_thread_unless_told
+from descentflow.core.threads import one_thread_by_default
 from descentflow.core.user_files import read_settings, settings_text
 from descentflow.densities.kinds import KINDS
 from descentflow.representation.read_checkpoint import SECTION, read_checkpoint
@@ -220,7 +220,7 @@ def run(command: str, rest: Sequence[str]) -> None:
     if "--help" not in words:
         words = _with_checkpoint(command, words)
     quiet()
-    one_thread_unless_told()
+    one_thread_by_default()
     # The best checkpoint's own `save_last` writes only in epochs that are the best so far; a killed run resumes here.
     every_epoch = KeptEpochs(filename="last", save_top_k=1, enable_version_counter=False)
     try:

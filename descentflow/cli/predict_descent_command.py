@@ -44,12 +44,12 @@ def run(
     from descentflow.core.files import check_output
     from descentflow.core.progress import stage
     from descentflow.core.tabular import write_table
-    from descentflow.core.threads import one_thread_unless_told
+    from descentflow.core.threads import one_thread_by_default
     from descentflow.generation.prediction.predict import predict
     from descentflow.positions.ground_plan import ground_plan
     from descentflow.reporting.figure_file import check_figure_file, write_figure
 
-    one_thread_unless_told()
+    one_thread_by_default()
     plan = ground_plan(**where)
     tables = [output for output in (out, continuations) if output is not None]
     for output in tables:

@@ -26,7 +26,7 @@ def listing(known: Mapping[str, Plantable]) -> str:
     """
     lines = ["effects that --plant knows, and their values with defaults:"]
     for name, effect in known.items():
-        lines += [f"  {name}: {effect.says}", *(f"    {value.text}" for value in effect.values)]
+        lines += [f"  {name}: {effect.description}", *(f"    {value.text}" for value in effect.values)]
     return "\n".join(lines)
 
 

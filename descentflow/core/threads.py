@@ -12,7 +12,7 @@ SPIN = "torch" in sys.modules and not os.environ.keys() & {"OMP_WAIT_POLICY", "O
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 
-def one_thread_unless_told() -> None:
+def one_thread_by_default() -> None:
     """Let torch use one thread, unless OMP_NUM_THREADS is set.
 
     Arrays of a few hundred flights are too small to share: on two busy cores a training step took nine times longer.

@@ -87,7 +87,7 @@ class Evaluation(InNotebook):
         The classifier is left out where there are too few flights to judge, level flight where it was not counted.
         """
         decoder = self.representation.decoder
-        told = {"classifier": classifier_figure(self.classifier)} if self.classifier.importance else {}
+        of_classifier = {"classifier": classifier_figure(self.classifier)} if self.classifier.importance else {}
         return {
             "profiles": self.notebook_figure(),
             "cuts": cuts_figure(self.real, {self.name: self.samples}, self.nominal, self._cut_fl()),
@@ -96,7 +96,7 @@ class Evaluation(InNotebook):
             "components": components_figure(
                 decoder.drag_basis, decoder.cas_basis, decoder.levels_fl, decoder.drag_scale
             ),
-            **told,
+            **of_classifier,
             **({} if self.level_flight.is_empty() else {"level_flight": level_flight_figure(self.level_flight)}),
         }
 

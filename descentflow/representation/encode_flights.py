@@ -206,10 +206,10 @@ def tell_other_types(descents: pl.DataFrame, representation: Representation) -> 
         >>> import warnings
         >>> from descentflow.representation.read_checkpoint import load_representation
         >>> others = pl.read_parquet("descents.parquet").with_columns(typecode=pl.lit("B738"))
-        >>> with warnings.catch_warnings(record=True) as told:
+        >>> with warnings.catch_warnings(record=True) as caught:
         ...     warnings.simplefilter("always")
         ...     tell_other_types(others, load_representation("best.ckpt"))
-        >>> print(told[0].message)
+        >>> print(caught[0].message)
         120 flights of B738, and the model was trained on A320: what differs may be the type; leave them out unless...
     """
     known = representation.provenance.get("typecodes") or [representation.decoder.aircraft.typecode]

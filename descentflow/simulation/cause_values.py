@@ -23,7 +23,7 @@ class CauseValue:
     """``1`` for a plain number."""
     default: float
     """Value if left out; spreads are 0 and all flights are alike by default."""
-    says: str
+    description: str
     low: float = -math.inf
     high: float = math.inf
     """Least and largest that can be flown."""
@@ -32,7 +32,7 @@ class CauseValue:
     def text(self) -> str:
         """A line of help."""
         unit = "" if self.unit == "1" else f" [{self.unit}]"
-        return f"{self.name}={self.default:g}{unit} {self.says}"
+        return f"{self.name}={self.default:g}{unit} {self.description}"
 
 
 def _none(values: Values) -> None:
@@ -45,11 +45,11 @@ class Plantable:
 
     Example:
         >>> from descentflow.simulation.plantable import PLANTABLE
-        >>> PLANTABLE["mass"].says, PLANTABLE["mass"].units
+        >>> PLANTABLE["mass"].description, PLANTABLE["mass"].units
         ('flights heavier or lighter', {'factor': '1', 'spread': '1', 'share': '1'})
     """
 
-    says: str
+    description: str
     values: tuple[CauseValue, ...]
     impossible: Callable[[Values], str | None] = _none
     """Possible values instead, for values that are each possible and not together; None if they are."""

@@ -130,7 +130,7 @@ def at_mass(aircraft: PerformanceModel, mass_kg: float | None) -> PerformanceMod
     return aircraft.at_mass(mass_kg)
 
 
-def cleaning_told(source: Descents) -> Cleaning | None:
+def known_cleaning(source: Descents) -> Cleaning | None:
     """Thresholds with which descents were cleaned; None, with a warning, if they do not say.
 
     Warns:
@@ -138,7 +138,7 @@ def cleaning_told(source: Descents) -> Cleaning | None:
 
     Example:
         >>> from descentflow.surveillance.descents.prepared_descents import read_descents
-        >>> cleaning_told(read_descents("descents.parquet")).bottom_fl
+        >>> known_cleaning(read_descents("descents.parquet")).bottom_fl
         150
     """
     if source.cleaning is None:

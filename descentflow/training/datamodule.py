@@ -41,7 +41,7 @@ from descentflow.representation.representation import Representation, Split
 from descentflow.representation.seen_flights import SeenFlights
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.open_descents import FlightSource
-from descentflow.training.chosen_descents import aircraft_of, at_mass, bottom_of, cleaning_told, name_of, of_typecodes
+from descentflow.training.chosen_descents import aircraft_of, at_mass, bottom_of, known_cleaning, name_of, of_typecodes
 from descentflow.training.data_settings import BatchSettings, ContextSettings
 from descentflow.training.flight_batches import flight_batches
 from descentflow.training.splitting import SplitSettings, split_flights
@@ -222,7 +222,7 @@ class DescentDataModule(LightningDataModule):
                 "typecodes": sorted(frame["typecode"].unique()),
                 "period": Descents(frame, source.metadata).period,
             },
-            "cleaning": cleaning_told(source),
+            "cleaning": known_cleaning(source),
         }
         # Nothing asks any more for these texts of every row, which are a quarter of what is held.
         frame = frame.drop("typecode", "callsign", strict=False)

@@ -30,7 +30,7 @@ def test_dropped_rows_account_for_every_row_and_do_not_depend_on_partitions(path
     assert whole.dropped_rows is not None
     assert whole.dropped_rows.columns == [*SHOWN, "reason"]
     counts = dict(whole.dropped_rows["reason"].value_counts().iter_rows())
-    after = whole.report.steps[[step.step for step in whole.report.steps].index("flights_told_apart") :]
+    after = whole.report.steps[[step.step for step in whole.report.steps].index("flights_separated") :]
     assert {step.step: step.rows_dropped for step in after if step.rows_dropped} == {
         k: v for k, v in counts.items() if k
     }

@@ -14,7 +14,7 @@ from descentflow.surveillance.cleaning.flights import (
     name_flights,
     names_given,
     names_shared,
-    told_apart,
+    separated,
 )
 from descentflow.surveillance.prepare import prepare
 from descentflow.surveillance.rows.drop_report import DropReport
@@ -46,7 +46,7 @@ def test_names_of_parts_are_made_of_name_address_and_time_and_are_shared_with_no
     assert names_shared(names_given(elsewhere)).to_list() == [part], (
         "another aircraft's flight may be called so already"
     )
-    assert PART_OF not in told_apart(rows, 1e9).columns
+    assert PART_OF not in separated(rows, 1e9).columns
 
 
 def test_a_flight_with_a_long_gap_before_its_descent_keeps_its_name() -> None:
@@ -59,8 +59,8 @@ def test_a_flight_with_a_long_gap_before_its_descent_keeps_its_name() -> None:
 def test_flights_of_other_names_in_between_are_no_silence() -> None:
     names = ["AB1", "AB2", "AB1", "AB2"]
     rows = rows_at([0.0, 500.0, 1000.0, 1500.0], altitude=[4.0, 3.0, 2.0, 1.0]).with_columns(flight_id=pl.Series(names))
-    assert told_apart(rows, 1000.0)["flight_id"].to_list() == names
-    assert told_apart(rows, 999.0)["flight_id"].n_unique() == 4
+    assert separated(rows, 1000.0)["flight_id"].to_list() == names
+    assert separated(rows, 999.0)["flight_id"].n_unique() == 4
 
 
 def test_a_flight_over_midnight_is_one_in_the_traces_of_two_days(tmp_path: Path) -> None:
@@ -88,5 +88,5 @@ def test_legs_of_one_day_and_after_silence_stay_apart() -> None:
     ]
     legs = ["4ca001_20240301T235500", "4ca001_20240301T235640", "4ca001_20240302T001140", "4ca001_20240302T001320"]
     rows = rows_at(times, altitude=[4.0, 3.0, 2.0, 1.0]).with_columns(flight_id=pl.Series(legs))
-    assert told_apart(rows, 900.0, report)["flight_id"].to_list() == legs
+    assert separated(rows, 900.0, report)["flight_id"].to_list() == legs
     assert report.notes == {}

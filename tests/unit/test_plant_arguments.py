@@ -36,7 +36,7 @@ def test_help_lists_every_effect_with_its_values_units_and_defaults(capsys: pyte
         main(["simulate", "--help"])
     text = capsys.readouterr().out
     for name, effect in PLANTABLE.items():
-        assert f"  {name}: {effect.says}\n" in text
+        assert f"  {name}: {effect.description}\n" in text
         assert all(value.text in text for value in effect.values)
     assert "deviation_k=10 [K] mean deviation" in text
 

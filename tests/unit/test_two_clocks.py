@@ -28,7 +28,7 @@ def test_each_flight_is_kept_once_and_the_shift_is_named(hours: float, rates: bo
         assert both.frame["time_s"].to_list() == once.frame["time_s"].to_list()
 
 
-def test_flights_longer_than_the_shift_are_told_apart_row_by_row() -> None:
+def test_flights_longer_than_the_shift_are_separated_row_by_row() -> None:
     """Both clocks' rows of one flight lie in each other: half an hour of level flight before the descent."""
     ahead = flight().head(1)
     level = [ahead.with_columns(pl.col("timestamp") - pl.duration(seconds=5 * k)) for k in range(600, 0, -1)]

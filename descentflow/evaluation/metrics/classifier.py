@@ -90,9 +90,9 @@ class Detection:
     def __str__(self) -> str:
         """AUC, interval, and what the classifier looks at."""
         low, high = self.interval
-        told = f"classifier: AUC {self.auc:.2f} [{low:.2f}, {high:.2f}]"
+        line = f"classifier: AUC {self.auc:.2f} [{low:.2f}, {high:.2f}]"
         looked = "; ".join(map(str, self.most_looked_at()))
-        return f"{told}; exchanged between flights and samples, the AUC loses {looked}" if looked else told
+        return f"{line}; exchanged between flights and samples, the AUC loses {looked}" if looked else line
 
     def most_looked_at(self) -> list[Importance]:
         """The three bands that matter most, largest first."""
@@ -154,8 +154,8 @@ def detect(samples: DescentSet, real: DescentSet, seed: int = 0, *, explain: boo
         by_flight[judged[torch.from_numpy(test)]] = torch.from_numpy(inside)
         exchanged = _exchanged(model, flights[test], fakes[test], [one[1] for one in columns], seed + fold)
         losses += np.fromiter((auc - one for one in exchanged), float, len(columns)) * test.mean()
-    told = (Importance(*about, loss) for (about, _), loss in zip(columns, losses.tolist(), strict=True))
-    return Detection(by_flight, tuple(told))
+    importances = (Importance(*about, loss) for (about, _), loss in zip(columns, losses.tolist(), strict=True))
+    return Detection(by_flight, tuple(importances))
 
 
 def pairs_by_entry(

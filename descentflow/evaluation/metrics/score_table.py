@@ -158,10 +158,10 @@ class ScoreTable:
             mark = f" [{notes.setdefault(row.note, len(notes) + 1)}]" if row.note else ""
             lines.append(_line((row.quantity, row.statistic, row.unit, *numbers)) + mark)
         sizes = "; ".join(f"{n} in {', '.join(names)}" for n, names in self.sizes().items())
-        told = (
+        sentence = (
             f"score: all samples against all flights; matched size and noise floor, flights on each side: {sizes or 0}"
         )
-        lines += wrap(told, len(heading), subsequent_indent="  ")
+        lines += wrap(sentence, len(heading), subsequent_indent="  ")
         lines.append("ratio: matched size over noise floor; excess: above the noise floor, in spreads of the flights")
         lines += [f"[{number}] {note}" for note, number in notes.items()]
         for note, names in without.items():

@@ -65,12 +65,12 @@ def implausible(
             constraint=name,
             nearest=nearest,
         )
-    told = min(max(nearest, ceil(least / step) * step), floor(most / step) * step)
+    suggested = min(max(nearest, ceil(least / step) * step), floor(most / step) * step)
     ends = f"{least:.{digits}f} to {most:.{digits}f}"
     return ImplausibleError(
         found,
         expected=f"{ends}, as {LOOKED_AT:,} plausible draws have (rarer ones lie beyond)",
-        mend=f"ask for the nearest of theirs, {name} {told:.{digits}f}, or for a band that holds it",
+        mend=f"ask for the nearest of theirs, {name} {suggested:.{digits}f}, or for a band that holds it",
         constraint=name,
         nearest=nearest,
     )

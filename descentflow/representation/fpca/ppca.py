@@ -259,8 +259,8 @@ def noise_given_loadings(centred: Tensor, mask: Tensor, loadings: Tensor, noise:
     eye = torch.eye(loadings.shape[1], dtype=grams.dtype, device=grams.device)
     for _ in range(NOISE_STEPS):
         gain = torch.cholesky_inverse(torch.linalg.cholesky(grams + noise * eye))  # means are projections times it
-        told = gain @ found
-        missing = energy + ((grams @ told) * gain).sum() - 2 * told.diagonal(dim1=-2, dim2=-1).sum()
+        explained = gain @ found
+        missing = energy + ((grams @ explained) * gain).sum() - 2 * explained.diagonal(dim1=-2, dim2=-1).sum()
         spread = noise * (groups.counts @ (grams * gain).sum((1, 2)))
         noise = ((missing + spread) / n_observed).clamp(min=float(LEAST_NOISE * energy / n_observed))
     return noise

@@ -105,7 +105,7 @@ def clean(
     silences = rows.select("flight_id", PART_OF).drop_nulls().unique() if PART_OF in rows.columns else None
     rows = rows.drop(PART_OF, strict=False)
     report.by_flight = True
-    report.count("flights_told_apart", rows, rows)
+    report.count("flights_separated", rows, rows)
     typed = with_types(rows, work.types, report)
     rows = of_types(typed, work.typecodes, report)
     present = dict(typed["typecode"].drop_nulls().value_counts().iter_rows()) if work.typecodes else {}

@@ -104,7 +104,7 @@ def name_flights(
         named = named.with_columns(
             pl.when(pl.col("flight_id").is_in(shared.implode())).then(own).otherwise("flight_id").alias("flight_id")
         )
-    named = told_apart(named, gap_s, report)
+    named = separated(named, gap_s, report)
     if "flight_id" not in named.columns or named["flight_id"].null_count():
         silent = pl.col("timestamp").diff().dt.total_microseconds() / 1e6 > gap_s
         begins = ((pl.col("icao24") != pl.col("icao24").shift()) | silent).fill_null(True)
@@ -126,7 +126,7 @@ OVER_MIDNIGHT = "legs of traces that go on in the next day's trace, joined over 
 """Notes in the report."""
 
 
-def told_apart(rows: pl.DataFrame, gap_s: float, report: DropReport | None = None) -> pl.DataFrame:
+def separated(rows: pl.DataFrame, gap_s: float, report: DropReport | None = None) -> pl.DataFrame:
     """Rows in which a name stands for one flight: it ends with silence, as an address without a name does.
 
     A `flight_id` that comes again (a flight number that is flown every day, a number that begins anew in each file)

@@ -116,7 +116,7 @@ def _alone(folder: Path, out: Path) -> Iterator[None]:
 def _remove(folder: Path) -> None:
     """Rename the folder, then remove its files: half of them would pass for work that a rerun can go on with."""
     retired = folder.with_name(f"{_retired(folder)}{secrets.token_hex(4)}")
-    with suppress(OSError):  # a full disk may not take another name: what ended the run is told, and not this
+    with suppress(OSError):  # a full disk may not take another name: what ended the run is reported, and not this
         folder = folder.replace(retired)
     shutil.rmtree(folder, ignore_errors=True)
 

@@ -127,8 +127,8 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
     def _say(self, values: dict[int, float], chosen: int, cap_binds: bool) -> None:
         limit = "largest number tried" if self.extend else f"cap of {FLIGHTS_PER_PARAMETER} flights per parameter"
         cap = f" (the {limit} decides: more components might fit better)"
-        told = f"{self.criterion.upper()} chooses {chosen} of 1..{max(values)} mixture components"
-        self.print(f"{told}{cap if cap_binds else ''}")
+        line = f"{self.criterion.upper()} chooses {chosen} of 1..{max(values)} mixture components"
+        self.print(f"{line}{cap if cap_binds else ''}")
 
     def training_step(self, batch: Batch, batch_index: int) -> Tensor | None:
         """One EM step over all training flights in the epoch's last step, or the enumerated ELBO of a batch."""

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import polars as pl
 import torch
-from lightning.pytorch import Callback, LightningDataModule, LightningModule, Trainer
+from lightning.pytorch import LightningDataModule, Trainer
 from torch import Tensor
 from torch.utils.data import DataLoader
 
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
+from descentflow.densities.density import Density
 from descentflow.physics.airspeed import cas_to_mach, mach_to_cas_mps
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.drag_scale import DragScale
@@ -138,6 +139,15 @@ def fit(model: LatentModel, data: LightningDataModule, max_epochs: int, **settin
     return model.eval()
 
 
+def assert_equal(first: Density, second: Density) -> None:
+    """The same parameters, buffers and representation, to the bit."""
+    assert type(first) is type(second)
+    ours, theirs = ({**one.state_dict(), **dict(one.representation.named_buffers())} for one in (first, second))
+    assert [name for name in ours.keys() | theirs.keys() if not torch.equal(ours[name], theirs[name])] == []
+    assert first.representation.split == second.representation.split
+    assert first.representation.cleaning == second.representation.cleaning
+
+
 def mean_nll(log_prob: Callable[[Tensor], Tensor], weights: Tensor) -> float:
     """Mean negative log-likelihood (nats a flight)."""
     with torch.no_grad():
@@ -166,11 +176,3 @@ def write_descents_file(path: Path, n: int = 300, seed: int = 0, typecode: str =
     metadata["settings"] = asdict(Cleaning(bottom_fl=bottom))
     write_descents(Descents(frame.sort("flight_id", -pl.col("level_fl")), metadata), path)
     return path
-
-
-class StopAfterThree(Callback):
-    """End a fit after three epochs, as a kill would, without telling the schedule."""
-
-    def on_train_epoch_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        if trainer.current_epoch == 3:
-            raise KeyboardInterrupt

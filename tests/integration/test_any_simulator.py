@@ -78,12 +78,6 @@ def test_flights_give_the_verdict_that_the_checkpoint_gives(folder: Path, by_fli
     assert by_flights.details.normal_from == "simulator flights"
 
 
-def test_flights_of_the_same_world_are_no_gap(folder: Path, simulator: Descents) -> None:
-    report = diagnose(folder / "same.parquet", simulator, catalogue=SMALL)
-    assert report.verdict == "none"
-    assert report.p_value > 0.03
-
-
 def test_what_both_sides_have_alike_is_no_gap(real: Descents) -> None:
     """Warm air in both: against physics it would be named, but this simulator has it."""
     frame = real.frame

@@ -1,8 +1,7 @@
-"""A diagnosis in the programs of others: beside their signals, in their pools, without a process of its own."""
+"""A diagnosis in the programs of others has no process of its own: signals and pools of theirs are no matter."""
 
 import multiprocessing
 import os
-import signal
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -23,12 +22,6 @@ def two_threads() -> Iterator[None]:
     torch.set_num_threads(before)
 
 
-def verdict_of(descents: str) -> str:
-    torch.set_num_threads(2)
-    few = {name: EFFECTS[name] for name in ("mass", "temperature")}
-    return str(df.diagnose(real=descents, simulator="A320", catalogue=few).verdict)
-
-
 def test_a_diagnosis_begins_no_process(descents: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refused(*_: object, **__: object) -> None:
         raise AssertionError("a process was begun")
@@ -38,19 +31,3 @@ def test_a_diagnosis_begins_no_process(descents: Path, tmp_path: Path, monkeypat
     few = {name: EFFECTS[name] for name in ("mass", "temperature")}
     df.diagnose(real=descents, simulator="A320", catalogue=few, out=tmp_path / "gap")
     assert (tmp_path / "gap" / "gap.html").is_file()
-
-
-def test_a_diagnosis_returns_where_sigterm_is_handled(descents: Path) -> None:
-    before = signal.signal(signal.SIGTERM, lambda *_: None)
-    try:
-        assert verdict_of(str(descents)) in ("none", "effect", "partial", "unknown")
-    finally:
-        signal.signal(signal.SIGTERM, before)
-
-
-@pytest.mark.parametrize("method", ["spawn", "forkserver"])
-def test_a_diagnosis_runs_in_a_pool(descents: Path, method: str) -> None:
-    # Workers of a pool are daemonic: they may have no processes of their own.
-    with multiprocessing.get_context(method).Pool(1) as pool:
-        found = pool.apply_async(verdict_of, (str(descents),)).get(timeout=300)
-    assert found == verdict_of(str(descents))

@@ -5,23 +5,17 @@ from pathlib import Path
 import polars as pl
 import pytest
 import torch
-import toys
 from command_line_toys import fit as fit_by_command
+from toys import assert_equal
 
 import descentflow as df
 from descentflow.cli.entry import main
 from descentflow.core.errors import ConfigError
 from descentflow.densities.checkpoint import load_model
-from descentflow.densities.density import Density
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
 from descentflow.training.models import GaussianMixture
 
 pytestmark = pytest.mark.usefixtures("components_once", "plain_figures")
-
-
-@pytest.fixture(scope="module")
-def descents(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return toys.write_descents_file(tmp_path_factory.mktemp("data") / "a320.parquet", 300)
 
 
 @pytest.fixture(scope="module")
@@ -36,12 +30,6 @@ def others(descents: Path) -> Descents:
     known = read_descents(descents)
     later = known.frame.with_columns(pl.col("timestamp").dt.offset_by("30d"), flight_id="later-" + pl.col("flight_id"))
     return Descents(later, known.metadata)
-
-
-def assert_equal(first: Density, second: Density) -> None:
-    ours, theirs = ({**one.state_dict(), **dict(one.representation.named_buffers())} for one in (first, second))
-    assert all(torch.equal(ours[name], theirs[name]) for name in ours.keys() | theirs.keys())
-    assert first.representation.split == second.representation.split
 
 
 @pytest.mark.parametrize(("model", "config"), [("gaussian", "gaussian"), ("mixture", "gmm"), ("flow", "flow")])

@@ -7,12 +7,12 @@ from pathlib import Path
 import polars as pl
 import pytest
 import torch
-import toys
+from command_line_toys import QUICK
+from toys import assert_equal
 
 from descentflow.cli.entry import main
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.densities.checkpoint import load_model
-from descentflow.densities.density import Density
 from descentflow.representation.read_checkpoint import read_checkpoint
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
 from descentflow.training.datamodule import DescentDataModule
@@ -21,35 +21,6 @@ from descentflow.training.models import Gaussian, GaussianMixture, MaskedAffineF
 from descentflow.training.training_settings import settings_of, training_settings
 
 pytestmark = pytest.mark.usefixtures("components_once", "plain_figures")
-QUICK = ["--trainer.enable_progress_bar=false", "--trainer.enable_model_summary=false", "--scores.n_samples=200"]
-
-
-@pytest.fixture(scope="module")
-def descents(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return toys.write_descents_file(tmp_path_factory.mktemp("data") / "a320.parquet", 300)
-
-
-def by_command(folder: Path, descents: Path, config: str, epochs: int, seed: int) -> Density:
-    """Model that the command line trains."""
-    words = ["fit", "--config", config, "--data.descents", str(descents), "--seed_everything", str(seed)]
-    logger = ["--trainer.logger.init_args.save_dir", str(folder), "--trainer.max_epochs", str(epochs)]
-    assert main([*words, *logger, *QUICK]) == 0
-    (checkpoint,) = folder.rglob("best.ckpt")
-    return load_model(checkpoint)
-
-
-def assert_equal(first: Density, second: Density) -> None:
-    """The same parameters, buffers and representation, to the bit."""
-    assert type(first) is type(second)
-    ours, theirs = first.state_dict(), second.state_dict()
-    assert ours.keys() == theirs.keys()
-    for name, tensor in ours.items():
-        assert torch.equal(tensor, theirs[name]), name
-    ours, theirs = (dict(one.representation.named_buffers()) for one in (first, second))
-    for name, tensor in ours.items():
-        assert torch.equal(tensor, theirs[name]), name
-    assert first.representation.split == second.representation.split
-    assert first.representation.cleaning == second.representation.cleaning
 
 
 def test_a_settings_file_of_ones_own(tmp_path: Path, descents: Path) -> None:
@@ -60,7 +31,9 @@ def test_a_settings_file_of_ones_own(tmp_path: Path, descents: Path) -> None:
     )
     found = fit(descents, str(own))
     assert found.hparams["jitter"] == 1e-4
-    assert_equal(found.density, by_command(tmp_path, descents, str(own), 1, 0))
+    where = ["--trainer.logger.init_args.save_dir", str(tmp_path)]
+    assert main(["fit", "--config", str(own), "--data.descents", str(descents), *where, *QUICK]) == 0
+    assert_equal(found.density, load_model(next(tmp_path.rglob("best.ckpt"))))
     other = fit(descents, str(own), explained_variance=0.999)
     assert other.representation.decoder.dimension > found.representation.decoder.dimension
 

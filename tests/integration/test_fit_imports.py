@@ -5,7 +5,6 @@ import sys
 from pathlib import Path
 
 import pytest
-from toys import write_descents_file
 
 OPTIONAL = ("sklearn", "pyro", "normflows")
 """Large packages that only some of the models need."""
@@ -22,11 +21,6 @@ class FirstStep(Callback):
         os._exit(0)
 """
 """A callback that lists what is loaded, and ends the process: scores and figures come later."""
-
-
-@pytest.fixture(scope="module")
-def descents(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_descents_file(tmp_path_factory.mktemp("imports") / "descents.parquet")
 
 
 @pytest.mark.parametrize(

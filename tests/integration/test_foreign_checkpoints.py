@@ -32,12 +32,6 @@ def marker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return found
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_a_checkpoint_of_df_fit_is_scored_by_the_commands(checkpoint: Path, descents: Path, command: str) -> None:
-    words = [command, "--ckpt_path", str(checkpoint), "--data.descents", str(descents), *FEW.get(command, [])]
-    assert main(words) == 0
-
-
 def test_a_checkpoint_without_a_run_asks_for_descents(checkpoint: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["validate", "--ckpt_path", str(checkpoint)]) == 2
     assert "--data.descents FILE" in capsys.readouterr().err

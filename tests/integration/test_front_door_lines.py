@@ -52,12 +52,6 @@ def test_the_lines_of_the_readme(folder: Path, monkeypatch: pytest.MonkeyPatch) 
     assert found["report"].causes[0].closure.marginal.estimate > 0.8
 
 
-def test_a_type_designator_stands_for_its_nominal_descent(folder: Path) -> None:
-    nominal = df.diagnose(folder / "other.parquet", "A320")
-    says_something(nominal)
-    assert nominal.causes[0].closure.marginal.estimate > 0.5
-
-
 @pytest.mark.filterwarnings("ignore:.*and are no test of it:descentflow.core.errors.DescentflowWarning")
 def test_each_takes_what_the_last_returns_or_a_path_of_it(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)

@@ -31,12 +31,6 @@ def test_nothing_else_names_an_effect() -> None:
     assert strays == []
 
 
-def test_the_search_sees_a_name(tmp_path: Path) -> None:
-    path = tmp_path / "module.py"
-    path.write_text('if effect == "drag_polar": pass')
-    assert set(strings(path)) & set(EFFECTS) == {"drag_polar"}
-
-
 @pytest.mark.parametrize("name", EFFECTS)
 def test_every_effect_has_words_and_labels(name: str) -> None:
     effect = EFFECTS[name]

@@ -46,19 +46,6 @@ def test_a_path_a_density_and_a_fitted_model_give_the_same_samples(model: Gaussi
     assert all(table.equals(tables[0]) for table in tables)
 
 
-def test_samples_convert_alike(model: Gaussian, tmp_path: Path) -> None:
-    samples = sample(model, 30, seed=1)
-    table, dataset = samples.to_polars(), samples.to_xarray()
-    assert len(samples.to_pandas()) == len(table)
-    one = table.filter(sample_id=4).sort("level_fl")
-    assert dataset["CAS"].attrs["units"] == "kt"
-    assert dataset["CAS"].sel(sample=4).dropna("level").values.tolist() == one["CAS"].to_list()
-    samples.write(tmp_path / "s.parquet")
-    assert pl.read_parquet(tmp_path / "s.parquet").equals(table)
-    assert str(samples).startswith("30 samples from")
-    assert repr(samples) == str(samples)
-
-
 def test_entry_levels_are_those_asked_for(model: Gaussian) -> None:
     flown = sample(model, 40, entry_fl=[250, 300]).trajectories
     assert set(flown.levels_fl[flown.entry].tolist()) == {250.0, 300.0}
@@ -86,11 +73,6 @@ def test_contexts_are_values_a_table_or_a_path(conditional: Gaussian, tmp_path: 
             sample(conditional, 5, context=wrong)
     with pytest.raises(ConfigError, match="beside a context that holds entry_fl"):
         sample(conditional, 5, context=rows, entry_fl=300)
-
-
-def test_a_model_without_context_refuses_one(model: Gaussian) -> None:
-    with pytest.raises(ConfigError, match="knows no context"):
-        sample(model, 5, context={"hour": 3})
 
 
 def test_evaluation_leaves_out_what_the_model_has_seen(model: Gaussian, descents: Path, tmp_path: Path) -> None:

@@ -89,14 +89,6 @@ def test_cruise_below_the_highest_altitude_begins_the_descent_later() -> None:
             assert (begin - rows["timestamp"][0]).total_seconds() == 100 + held_s
 
 
-def test_planned_level_offs_are_found_at_their_levels(world) -> None:
-    planned = world.flights.filter(pl.col("level_off_s") >= 40).drop_nulls("level_off_fl")
-    found = stretches(world.rows).filter(kind="level").join(planned, on="flight_id")
-    near = found.filter((pl.col("altitude_ft") / 100 - pl.col("level_off_fl")).abs() < 2)
-    above = planned.filter(pl.col("level_off_fl") < pl.col("top_fl") - 5)
-    assert near["flight_id"].n_unique() >= 0.9 * len(above) > 0
-
-
 def test_the_distance_is_over_the_ground_or_else_through_the_air(world) -> None:
     rows = world.rows
 
@@ -184,17 +176,6 @@ def test_seconds_at_a_held_rate_are_those_that_were_flown_or_missing() -> None:
             # Measured within 11 % on 60 to 100 flights; labels call the first 15 s of each a transient.
             assert held.sum() == pytest.approx(flown, rel=0.15)
             assert RARE not in prepared.report.notes
-
-
-def test_sides_are_beside_each_other_by_altitude(world) -> None:
-    notes = prepare(world.rows, typecode="A320").report.notes
-    free = {FLIGHTS: 10, CONTINUOUS: 10}
-    found = side_by_side({"flights": notes, "samples": free, "others": {}})
-    assert found["side"].unique().sort().to_list() == ["flights", "samples"]
-    mine = found.filter(side="flights")
-    whole = by_flight(prepare(world.rows, typecode="A320").level_flight)
-    assert mine["level_s"].sum() == pytest.approx(whole["level_s"].mean(), abs=0.1)
-    assert found.filter(side="samples").select("continuous", "level_s").unique().rows() == [(1.0, 0.0)]
 
 
 def test_a_climb_is_no_descent_without_level_flight() -> None:

@@ -13,7 +13,7 @@ from descentflow.densities.checkpoint import content_of, load_model
 from descentflow.evaluation.evaluate import evaluate
 from descentflow.generation.prediction.predict import predict
 from descentflow.representation.encode_flights import split_by_model
-from descentflow.representation.seen_flights import SeenFlights, address_number
+from descentflow.representation.seen_flights import SeenFlights
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
 from descentflow.surveillance.prepare import prepare
 from descentflow.training.datamodule import DescentDataModule
@@ -98,12 +98,6 @@ def test_flights_without_an_address_are_not_recognised(descents: Descents) -> No
     assert len(kept) == 0
     assert kept.among(descents.frame) == {}
     assert SeenFlights.of(descents.frame, flights, []).among(nobody) == {}
-
-
-def test_addresses_have_one_number_for_every_spelling() -> None:
-    assert len({address_number(text) for text in ("00801a", "801A", "0x00801a", " 0X801a~")}) == 1
-    assert address_number("16323968") == address_number("f91580")
-    assert address_number("flight one") != address_number("flight two")
 
 
 def test_a_checkpoint_keeps_them(model: Gaussian, descents: Descents, tmp_path: Path) -> None:

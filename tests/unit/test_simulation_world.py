@@ -85,12 +85,6 @@ def test_seed_repeats_and_matters(world: World) -> None:
     assert other.flights["mass_kg"][0] != world.flights["mass_kg"][0]
 
 
-def test_chunks_leave_no_trace(world: World) -> None:
-    pieces = simulate(AIRCRAFT, N, seed=4, chunk=67)
-    for name in ("rows", "flights", "truth"):
-        assert_frame_equal(getattr(world, name), getattr(pieces, name), check_exact=True)
-
-
 def test_labels_say_what_happens(world: World) -> None:
     truth = world.truth.with_columns(pl.col("rate_mps") / FPM_MPS)
 

@@ -112,14 +112,6 @@ def descents() -> Descents:
     return Descents(frame, {"schema_version": 1, "bottom_fl": 100, "top_fl": {"A320": 200}})
 
 
-def test_descents_come_back_as_written(descents: Descents, tmp_path: Path) -> None:
-    write_descents(descents, tmp_path / "d.parquet")
-    found = read_descents(tmp_path / "d.parquet")
-    assert found.frame.equals(descents.frame)
-    assert found.metadata == descents.metadata
-    assert found.bottom_fl == 100
-
-
 def test_what_is_no_table_of_descents_is_refused(descents: Descents, tmp_path: Path) -> None:
     path = tmp_path / "d.parquet"
     with pytest.raises(DataError, match="no file"):

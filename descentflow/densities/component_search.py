@@ -77,7 +77,6 @@ def select_mixture(
     tolerance: float = 1e-6,
     extend: bool = True,
     criterion: Criterion = "bic",
-    only: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Selection:
     """Choose the number of mixture components by an information criterion (paper, appendix C).
@@ -89,7 +88,6 @@ def select_mixture(
         tolerance: As in :func:`~descentflow.densities.em.fit_mixture`.
         extend: Go on beyond 15 flights per parameter, for a criterion has its own price for parameters.
         criterion: ``bic``, as in the paper, or ``aic``.
-        only: Number of components, taken whatever its criterion is.
         progress: Progress callback: called after each number of components with how many will be tried at most.
 
     Returns:
@@ -108,7 +106,7 @@ def select_mixture(
         furthest = max_components(n, dimension, n_context, MIN_FLIGHTS_PER_PARAMETER)
         most = min(furthest, max(most, MOST_COMPONENTS))
     price = log(n) if criterion == "bic" else 2.0
-    numbers = numbers_tried(most) if only is None else [only]
+    numbers = numbers_tried(most)
     tried: dict[int, Mixture] = {}
     values: dict[int, float] = {}
     for k in numbers:

@@ -1,9 +1,11 @@
 """Expectation maximisation for mixtures, with or without a context: starts, restarts and convergence.
 
-The likelihood, and one step towards its maximum, are those of :mod:`descentflow.densities.em_steps`.
+The likelihood, and one step towards its maximum, are those of :mod:`descentflow.densities.em_steps`. Where EM ends is
+decided by :func:`converge` alone.
 """
 
 import warnings
+from collections.abc import Callable
 
 import torch
 from torch import Tensor
@@ -51,24 +53,32 @@ def best_start(steps: Steps, n_components: int, *, seed: int, n_restarts: int) -
     return max(starts, key=lambda mixture: float(steps.expectation(mixture)[1]))
 
 
-def converge(steps: Steps, mixture: Mixture, *, iterations: int, tolerance: float) -> tuple[Mixture, float]:
+def converge(
+    improve: Callable[[Mixture], tuple[Mixture, float]], mixture: Mixture, *, iterations: int, tolerance: float
+) -> tuple[Mixture, float]:
     """EM steps until the mean log-likelihood changes by less than ``tolerance`` (nats), and that log-likelihood.
 
     It grows in every step but where covariances are shrunk, which may cost some of it.
 
+    Args:
+        improve: One EM step: the next mixture, and the mean log-likelihood (nats) of the one before.
+        mixture: Start.
+        iterations: Steps at most.
+        tolerance: In nats per flight.
+
     Example:
         >>> steps = Steps(torch.randn(200, 2))
         >>> first = start(steps, n_components=2, seed=0)
-        >>> converge(steps, first, iterations=50, tolerance=1e-6)[1] > float(steps.expectation(first)[1])
+        >>> converge(steps.improve, first, iterations=50, tolerance=1e-6)[1] > float(steps.expectation(first)[1])
         True
     """
     previous = -float("inf")
     for _ in range(iterations):
-        improved, current = steps.improve(mixture)
+        improved, current = improve(mixture)
         if abs(current - previous) < tolerance:
             return mixture, current
         mixture, previous = improved, current
-    return mixture, float(steps.expectation(mixture)[1])
+    return mixture, improve(mixture)[1]
 
 
 def fit_mixture(
@@ -101,13 +111,13 @@ def fit_mixture(
 
     def best(starts: list[Mixture], most: int) -> list[Mixture]:
         """Starts converged by some flights, the most probable first."""
-        found = [converge(some, one, iterations=most, tolerance=tolerance) for one in starts]
+        found = [converge(some.improve, one, iterations=most, tolerance=tolerance) for one in starts]
         return [mixture for mixture, _ in sorted(found, key=lambda pair: -pair[1])]
 
     starts = [start(some, n_components, seed + i) for i in range(n_restarts if n_components > 1 else 1)]
     finals = best(starts, SCREENING_ITERATIONS)[:FINALISTS]
     finals = best(finals, ITERATIONS if some is steps else STARTING_ITERATIONS)
-    return converge(steps, finals[0], iterations=ITERATIONS, tolerance=tolerance)
+    return converge(steps.improve, finals[0], iterations=ITERATIONS, tolerance=tolerance)
 
 
 def k_means_labels(points: Tensor, n_groups: int, seed: int) -> Tensor:

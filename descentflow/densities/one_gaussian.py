@@ -7,13 +7,14 @@ flights are then spread as widely as those of complete ones.
 import torch
 from torch import Tensor
 
+from descentflow.densities.em import converge
 from descentflow.densities.em_steps import JITTER, RIDGE, cholesky_or_small
 from descentflow.densities.importance import LEAST_VARIANCE
 from descentflow.densities.mixture_parameters import Mixture, posteriors
 from descentflow.representation.evidence import Evidence
 
-MOST_STEPS, TOLERANCE = 1000, 1e-9
-"""EM steps at most, and the gain (nats per flight) at which they end."""
+MOST_STEPS, TOLERANCE = 1000, 1e-8
+"""EM steps at most, and their tolerance (nats per flight)."""
 
 
 @torch.no_grad()
@@ -59,9 +60,9 @@ def one_gaussian(
     if evidence.known:
         return maximise(points, points.new_zeros(d, d))
     flat, eye = points.new_zeros(1, d, given.shape[1]), torch.eye(d, dtype=points.dtype, device=points.device)
-    found, before = Mixture(one, points.new_zeros(1, d), eye[None], flat, gate), -float("inf")
     chunks = list(evidence.chunks())
-    for _ in range(MOST_STEPS):
+
+    def improve(found: Mixture) -> tuple[Mixture, float]:
         means, spread, likelihood = torch.empty_like(points), points.new_zeros(d, d), 0.0
         for index, rows in chunks:
             seen = posteriors(found, rows, given[index])
@@ -69,10 +70,10 @@ def one_gaussian(
             counts = torch.bincount(rows.group, minlength=len(rows.precisions)).to(points)
             spread += (counts[:, None, None] * seen.covariances[:, 0]).sum(0)
             likelihood += float(seen.log_joint.sum())
-        if likelihood / len(points) - before < TOLERANCE:
-            break
-        found, before = maximise(means, spread / len(points)), likelihood / len(points)
-    return found
+        return maximise(means, spread / len(points)), likelihood / len(points)
+
+    start = Mixture(one, points.new_zeros(1, d), eye[None], flat, gate)
+    return converge(improve, start, iterations=MOST_STEPS, tolerance=TOLERANCE)[0]
 
 
 @torch.no_grad()

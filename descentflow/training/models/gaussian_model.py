@@ -44,12 +44,8 @@ class Gaussian(LatentModel[GaussianDensity]):
         return GaussianDensity(dimension, n_context)
 
     def training_step(self, batch: Batch, batch_index: int) -> None:
-        """Set the parameters in the epoch's last step, from all training flights."""
-        # Not in on_train_epoch_end: Lightning validates, and saves the best checkpoint, before that hook.
-        if self.trainer.is_last_batch:
-            self.optimizers().step(closure=self._maximise)  # type: ignore[union-attr]
-            # Another epoch would find the same.
-            self.trainer.should_stop = True
+        """Set the parameters in closed form, or by the EM of one Gaussian."""
+        self.set_in_one_epoch(self._maximise)
 
     @torch.no_grad()
     def _maximise(self) -> None:

@@ -1,7 +1,5 @@
 """Training of the Gaussian mixture by EM or SVI, with as many components as AIC or BIC finds (paper, appendix C)."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from typing import Any, Literal
 
 import torch
@@ -26,11 +24,11 @@ Training = Literal["em", "svi"]
 class GaussianMixture(LatentModel[GaussianMixtureDensity]):
     """Trains a Gaussian mixture, see :class:`GaussianMixtureDensity`.
 
-    Trained by expectation maximisation (``em``, the default: each epoch is one E and M step over the whole training
-    part) or by stochastic variational inference with an enumerated ELBO (``svi``), on weights drawn given what was
-    observed (:mod:`~descentflow.densities.one_gaussian`): once, or anew in each batch. ``train/nll`` is theirs. The
-    number of components is chosen by an information criterion, unless it is set: by Akaike's, which asks what is most
-    probable of flights not seen yet. Of few flights its mixtures are closer to held-out ones than those of the Bayesian
+    Trained by expectation maximisation (``em``, the default: all of it in one epoch) or by stochastic variational
+    inference with an enumerated ELBO (``svi``), on weights drawn given what was observed
+    (:mod:`~descentflow.densities.one_gaussian`): once, or anew in each batch. ``train/nll`` is theirs. The number of
+    components is chosen by an information criterion, unless it is set: by Akaike's, which asks what is most probable
+    of flights not seen yet. Of few flights its mixtures are closer to held-out ones than those of the Bayesian
     criterion, the paper's, where covariances are shrunk towards the one that components share.
 
     Example:
@@ -77,36 +75,15 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         self.learning_rate, self.seed, self.extend = float(learning_rate), seed, extend
         self.criterion, self.prior_flights = criterion, float(prior_flights)
         self._restored = False
-        self._steps: Steps | None = None
         self._gaussian: Mixture | None = None
-        self._chosen: int | None = None
 
     def choose_as(self, fitted: LatentModel[GaussianMixtureDensity]) -> None:
         """Take as many components as the other fit."""
-        self._chosen = fitted.density.mixture.n_components
+        self.n_clusters = fitted.density.mixture.n_components
 
     def make(self, dimension: int, n_context: int = 0) -> GaussianMixtureDensity:
         """A mixture of the number of components that was set, or of one until the criterion has chosen."""
         return GaussianMixtureDensity(dimension, self.n_clusters or 1, n_context)
-
-    def _initialise(self) -> None:
-        """Choose the number of mixture components and the starting point from the training flights."""
-        steps = self._training_steps()
-        starts: dict[str, Any] = {"seed": self.seed, "n_restarts": self.n_restarts}
-        chosen = self._chosen
-        if self.n_clusters is not None:
-            best = fit_mixture(steps, self.n_clusters, **starts)[0]
-        else:
-            with self._progress("number of components") as show:
-                selection = select_mixture(
-                    steps, progress=show, extend=self.extend, criterion=self.criterion, only=chosen, **starts
-                )
-            best = selection.mixture
-            if chosen is None:
-                self._say(selection.values, best.n_components, selection.cap_binds)
-        if self.training_method == "svi":
-            best = best_start(steps, best.n_components, **starts)
-        self.density.mixture = best
 
     def _training_steps(self) -> Steps:
         """The steps of EM for weights of the training flights, drawn given what was observed of each."""
@@ -114,62 +91,62 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         self._gaussian = one_gaussian(evidence, context)
         return Steps(drawn_weights(self._gaussian, evidence, self.seed, context), context, self.prior_flights)
 
-    @contextmanager
-    def _progress(self, what: str) -> Iterator[Callable[[int], None]]:
-        with stage(f"choosing the {what} by {self.criterion.upper()}", unit="numbers") as tried:
+    def _converged(self, steps: Steps) -> Mixture:
+        """The mixture to which EM converges, of as many components as were set or the criterion chooses."""
+        options: dict[str, Any] = {"seed": self.seed, "n_restarts": self.n_restarts, "tolerance": self.tolerance}
+        if self.n_clusters is not None:
+            return fit_mixture(steps, self.n_clusters, **options)[0]
+        name = self.criterion.upper()
+        with stage(f"choosing the number of components by {name}", unit="numbers") as tried:
 
             def show(most: int) -> None:
                 tried.expect(most)
                 tried.advance()
 
-            yield show
-
-    def _say(self, values: dict[int, float], chosen: int, cap_binds: bool) -> None:
+            found = select_mixture(steps, extend=self.extend, criterion=self.criterion, progress=show, **options)
         limit = "largest number tried" if self.extend else f"cap of {FLIGHTS_PER_PARAMETER} flights per parameter"
-        cap = f" (the {limit} decides: more components might fit better)"
-        line = f"{self.criterion.upper()} chooses {chosen} of 1..{max(values)} mixture components"
-        self.print(f"{line}{cap if cap_binds else ''}")
+        cap = f" (the {limit} decides: more components might fit better)" if found.cap_binds else ""
+        chosen = found.mixture.n_components
+        self.print(f"{name} chooses {chosen} of 1..{max(found.values)} mixture components{cap}")
+        return found.mixture
 
     def training_step(self, batch: Batch, batch_index: int) -> Tensor | None:
-        """One EM step over all training flights in the epoch's last step, or the enumerated ELBO of a batch."""
-        if self.training_method == "svi":
-            if self._gaussian is None:
-                self._gaussian = one_gaussian(*training_flights(self))
-            weights = drawn_weights(self._gaussian, batch[0], self.seed_of_batch(batch_index), batch[1])
-            with self.converging():
-                loss = self.density.negative_elbo(weights, batch[1]) / len(weights)
-            self.log("train/nll", loss, on_epoch=True, on_step=False, sync_dist=True, batch_size=len(weights))
-            return loss
-        if self.trainer.is_last_batch:
-            self.optimizers().step(closure=self._em_step)  # type: ignore[union-attr]
-        return None
+        """All of EM in the one epoch that it takes, or the enumerated ELBO of a batch."""
+        if self.training_method == "em":
+            self.set_in_one_epoch(self._set_converged)
+            return None
+        if self._gaussian is None:
+            self._gaussian = one_gaussian(*training_flights(self))
+        weights = drawn_weights(self._gaussian, batch[0], self.seed_of_batch(batch_index), batch[1])
+        with self.converging():
+            loss = self.density.negative_elbo(weights, batch[1]) / len(weights)
+        self.log("train/nll", loss, on_epoch=True, on_step=False, sync_dist=True, batch_size=len(weights))
+        return loss
 
     @torch.no_grad()
-    def _em_step(self) -> None:
-        if self._steps is None:
-            self._steps = self._training_steps()
-        improved, before = self._steps.improve(self.density.mixture)
-        self.density.mixture = improved
-        after = float(self._steps.expectation(self.density.mixture)[1])
-        self.log("train/nll", -before, on_epoch=True, on_step=False, sync_dist=True, batch_size=1)
-        if abs(after - before) < self.tolerance:
-            self.trainer.should_stop = True
+    def _set_converged(self) -> None:
+        steps = self._training_steps()
+        self.density.mixture = self._converged(steps)
+        train = steps.expectation(self.density.mixture)[1]
+        self.log("train/nll", -train, on_epoch=True, on_step=False, sync_dist=True, batch_size=1)
 
     def on_train_end(self) -> None:
-        """Let the training flights go."""
-        self._steps = self._gaussian = None
+        """Let the Gaussian of the training flights go."""
+        self._gaussian = None
 
     def configure_optimizers(self) -> torch.optim.Optimizer | OptimizerLRSchedulerConfig:
-        """Adam for SVI; for EM an optimizer whose step is the M step.
+        """Adam for SVI; for EM an optimizer whose step is the whole fit.
 
-        The parameters have their final shape only once the number of components is known, so it is chosen here,
+        Adam's parameters have their final shape only once the number of components is known, so it is chosen here,
         which Lightning calls after a checkpoint was restored and before the first step.
         """
+        if self.training_method == "em":
+            return ClosedForm(self.parameters())
         if not self._restored:
-            self._initialise()
-        if self.training_method == "svi":
-            return adam_with_cosine(self, self.learning_rate)
-        return ClosedForm(self.parameters())
+            steps = self._training_steps()
+            n_components = self.n_clusters or self._converged(steps).n_components
+            self.density.mixture = best_start(steps, n_components, seed=self.seed, n_restarts=self.n_restarts)
+        return adam_with_cosine(self, self.learning_rate)
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """As every model, and do not look for a number of components again."""

@@ -21,8 +21,8 @@ import numpy as np
 import polars as pl
 
 import descentflow as df
-from descentflow.aircraft_types.bada3.apf_file import apf_of, write_apf
-from descentflow.aircraft_types.bada3.opf_file import opf_of, write_opf
+from descentflow.aircraft_types.bada3.apf_file import write_apf
+from descentflow.aircraft_types.bada3.opf_file import write_opf
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.errors import DescentflowError
 from descentflow.repairs.repair_found import Repair
@@ -147,8 +147,8 @@ def written(true: Any, factors: np.ndarray, folder: Path) -> Path:
     wrong = true.with_factors(parasitic=float(factors[0]), induced=float(factors[1]), idle=float(factors[2]))
     folder.mkdir(parents=True, exist_ok=True)
     name = f"{true.typecode:_<6}"
-    write_opf(opf_of(wrong), folder / f"{name}.OPF")
-    write_apf(apf_of(wrong), folder / f"{name}.APF")
+    write_opf(wrong, folder / f"{name}.OPF")
+    write_apf(wrong, folder / f"{name}.APF")
     return folder
 
 

@@ -2,14 +2,14 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from descentflow.aircraft_types.bada3.apf_file import Apf, Company, apf_of, read_apf, write_apf
+from descentflow.aircraft_types.bada3.apf_file import write_apf
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
 from descentflow.aircraft_types.bada3.bada_directory import file_of
-from descentflow.aircraft_types.bada3.opf_file import Opf, opf_of, read_opf, write_opf
+from descentflow.aircraft_types.bada3.opf_file import write_opf
 from descentflow.aircraft_types.bada4.acm_writer import changed_acm
 from descentflow.aircraft_types.bada4.bada4_directory import GLOBAL_PARAMETERS
 from descentflow.aircraft_types.open_types.open_aircraft import open_type
@@ -17,7 +17,7 @@ from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_output, whole_file
 from descentflow.exports.bluebird_tables import KINDS, tables
 from descentflow.repairs.nominal_fleet import nominal_fleet
-from descentflow.repairs.repair_found import COEFFICIENTS, FACTORS, SPEEDS, Estimate, Repair
+from descentflow.repairs.repair_found import FACTORS, SPEEDS, Estimate, Repair
 from descentflow.repairs.repair_page import page
 
 
@@ -76,9 +76,9 @@ def write_repair(found: Repair, out: Path) -> list[Path]:
     texts["page"] = page(found, paths)
     if isinstance(found.after, Bada3Aircraft):
         texts |= {"toml": toml_text(found, found.after), "openap": openap_text(found.after)}
-        opf, apf = _of_file(found, found.after)
-        write_opf(opf, paths["opf"])
-        write_apf(apf, paths["apf"])
+        own = None if found.bada_dir is None else found.bada_dir / file_of(code, found.bada_dir)
+        for kind, write in (("opf", write_opf), ("apf", write_apf)):
+            write(found.after, paths[kind], own and own.with_name(f"{own.name}.{kind.upper()}"), found.last_day)
     if found.acm is not None:
         _write_bada4(found, found.acm, paths)
     for kind, text in texts.items():
@@ -97,26 +97,6 @@ def _write_bada4(found: Repair, acm: Path, paths: Mapping[str, Path]) -> None:
     for kind, content in made.items():
         with whole_file(paths[kind]) as temporary:
             temporary.write_bytes(content)
-
-
-def _of_file(found: Repair, after: Bada3Aircraft) -> tuple[Opf, Apf]:
-    """The user's own OPF and APF with the repaired numbers alone changed; those of an open type are made new."""
-    day = found.last_day
-    opf, apf = replace(opf_of(after), created=day), replace(apf_of(after), created=day)
-    if found.bada_dir is not None:
-        name = file_of(after.typecode, found.bada_dir)
-        own = read_opf(Path(found.bada_dir) / f"{name}.OPF")
-        numbers = {**own.numbers, **{key: opf.numbers[key] for key in COEFFICIENTS}}
-        opf = replace(own, typecode=after.typecode, numbers=numbers)
-        apf = replace(read_apf(Path(found.bada_dir) / f"{name}.APF"), typecode=after.typecode)
-    held = {key: float(getattr(after, key)) for key in SPEEDS}
-
-    def with_speeds(company: Company) -> Company:
-        masses = {mass: replace(getattr(company, mass), **held) for mass in ("low", "average", "high")}
-        return replace(company, **masses)
-
-    companies = tuple(with_speeds(one) if one == apf.default else one for one in apf.companies)
-    return replace(opf, modified=day), replace(apf, modified=day, companies=companies)
 
 
 def toml_text(found: Repair, after: Bada3Aircraft) -> str:

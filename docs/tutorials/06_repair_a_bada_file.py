@@ -17,8 +17,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import descentflow as df
-from descentflow.aircraft_types.bada3.apf_file import apf_of, write_apf
-from descentflow.aircraft_types.bada3.opf_file import opf_of, read_opf, write_opf
+from descentflow.aircraft_types.bada3.apf_file import write_apf
+from descentflow.aircraft_types.bada3.opf_file import read_opf, write_opf
 
 kept = TemporaryDirectory()
 bada, mended = Path(kept.name, "bada"), Path(kept.name, "mended")
@@ -27,8 +27,8 @@ mended.mkdir()
 
 true = df.aircraft("A320")
 wrong = replace(true, cd0_cr=0.8 * true.cd0_cr, ct_des_low=2 * true.ct_des_low, ct_des_high=2 * true.ct_des_high)
-write_opf(opf_of(wrong), bada / "A320__.OPF")
-write_apf(apf_of(wrong), bada / "A320__.APF")
+write_opf(wrong, bada / "A320__.OPF")
+write_apf(wrong, bada / "A320__.APF")
 
 # %%
 # What the diagnosis finds

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 import torch
 
-from descentflow.aircraft_types.bada3.apf_file import apf_of, read_apf, write_apf
+from descentflow.aircraft_types.bada3.apf_file import read_apf, write_apf
 from descentflow.aircraft_types.bada3.bada_directory import load_aircraft, load_directory, to_aircraft
 from descentflow.aircraft_types.bada3.fixed_columns import e10
 from descentflow.aircraft_types.bada3.gpf_file import read_gpf
-from descentflow.aircraft_types.bada3.opf_file import opf_of, read_opf, write_opf
+from descentflow.aircraft_types.bada3.opf_file import read_opf, write_opf
 from descentflow.aircraft_types.bada3.synonym_file import read_synonym
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_typecodes
 from descentflow.aircraft_types.registry import aircraft, aircraft_from_state
@@ -44,18 +44,47 @@ def edit(path: Path, index: int, change) -> None:
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_opf_and_apf_come_back_byte_for_byte(dummy, tmp_path, name):
-    write_opf(read_opf(dummy / f"{name}.OPF"), tmp_path / f"{name}.OPF")
-    write_apf(read_apf(dummy / f"{name}.APF"), tmp_path / f"{name}.APF")
-    for suffix in ("OPF", "APF"):
+def test_files_of_the_same_aircraft_stay_byte_for_byte(dummy, tmp_path, name):
+    same = to_aircraft(read_opf(dummy / f"{name}.OPF"), read_apf(dummy / f"{name}.APF"))
+    for suffix, write in (("OPF", write_opf), ("APF", write_apf)):
+        write(same, tmp_path / f"{name}.{suffix}", dummy / f"{name}.{suffix}")
         assert (tmp_path / f"{name}.{suffix}").read_bytes() == (dummy / f"{name}.{suffix}").read_bytes()
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_new_files_have_the_layout_of_eurocontrol_s(dummy, tmp_path, name):
+    same = to_aircraft(read_opf(dummy / f"{name}.OPF"), read_apf(dummy / f"{name}.APF"))
+    for suffix, write in (("OPF", write_opf), ("APF", write_apf)):
+        write(same, tmp_path / f"{name}.{suffix}")
+        new, theirs = ((folder / f"{name}.{suffix}").read_text("latin-1").split("\n") for folder in (tmp_path, dummy))
+        kept = [not (line[:2] == "CD" or any(word in line for word in ("_date", "wake", "LO="))) for line in theirs]
+        assert [line for line, one in zip(new, kept, strict=True) if one] == [
+            line for line, one in zip(theirs, kept, strict=True) if one
+        ]
+        assert all(len(a) == len(b) and a[:2] == b[:2] for a, b in zip(new, theirs, strict=True))
+    again = to_aircraft(read_opf(tmp_path / f"{name}.OPF"), read_apf(tmp_path / f"{name}.APF"))
+    assert replace(again, source=same.source) == same
+
+
+def test_a_repaired_file_changes_in_its_own_columns_alone(dummy, tmp_path):
+    file = dummy / "J2M___.OPF"
+    same = to_aircraft(read_opf(file), read_apf(dummy / "J2M___.APF"))
+    write_opf(replace(same, typecode="A320", cd2_cr=0.0385), tmp_path / "A320__.OPF", file, "Mar 01 2024")
+    before, now = (path.read_text("latin-1").split("\n") for path in (file, tmp_path / "A320__.OPF"))
+    changed = [(a, b) for a, b in zip(before, now, strict=True) if a != b]
+    assert all(len(a) == len(b) for a, b in changed)
+    assert [b[:40].strip() for _, b in changed[1:4]] == [
+        "CC      File_name: A320__.OPF",
+        "CC      Modification_date: Mar 01 2024",
+        "CD   A320__         2 engines    Jet",
+    ]
+    assert len(changed) == 5  # the title, these, and the clean polar
 
 
 def test_opf_says_what_the_file_prints(dummy):
     opf = read_opf(dummy / "BZJT__.OPF")
     assert (opf.typecode, opf.n_engines, opf.engine, opf.wake_category) == ("BZJT", 2, "jet", "M")
     assert opf.modified
-    assert opf.configurations == ("Clean", "Flap07", "Flap07", "Flap15", "Flap35")
     assert opf.numbers["mass_reference_kg"] == 6350.0
     assert opf.numbers["ct_des_high"] == -0.1861
     assert opf.numbers["altitude_des_ft"] == 38290.0
@@ -63,14 +92,14 @@ def test_opf_says_what_the_file_prints(dummy):
 
 
 def test_apf_keeps_the_order_mach_high_low(dummy, tmp_path):
-    speeds = read_apf(dummy / "TP2M__.APF").default.average
-    assert (speeds.cruise_cas_low_kt, speeds.cruise_cas_high_kt, speeds.cruise_mach) == (230.0, 220.0, 0.45)
+    speeds = read_apf(dummy / "TP2M__.APF").speeds
+    assert [speeds[f"cruise_{name}"] for name in ("cas_low_kt", "cas_high_kt", "mach")] == [230.0, 220.0, 0.45]
     path = tmp_path / "A320__.APF"
     made = replace(open_aircraft("A320"), des_mach=0.78, des_cas_high_kt=300.0, des_cas_low_kt=250.0)
-    write_apf(apf_of(made), path)
+    write_apf(made, path)
     assert "78 300 250" in path.read_text()
-    found = read_apf(path).default.average
-    assert (found.des_mach, found.des_cas_high_kt, found.des_cas_low_kt) == (0.78, 300.0, 250.0)
+    found = read_apf(path).speeds
+    assert (found["des_mach"], found["des_cas_high_kt"], found["des_cas_low_kt"]) == (0.78, 300.0, 250.0)
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), 1e120])
@@ -102,9 +131,7 @@ def test_synonyms_name_the_files_of_every_type(dummy):
 
 def test_flap_names_may_hold_blanks(release):
     edit(release / "J2M___.OPF", LINES["flaps"], lambda x: x[:10] + "1 + F 20  " + x[20:])
-    opf = read_opf(release / "J2M___.OPF")
-    assert "1 + F 20" in opf.configurations
-    assert opf.numbers["cd0_ap"] == 0.0477
+    assert read_opf(release / "J2M___.OPF").numbers["cd0_ap"] == 0.0477
 
 
 def test_without_synonyms_files_stand_for_themselves(release):
@@ -238,24 +265,20 @@ def test_files_of_two_types_are_not_joined(dummy):
 
 def test_an_apf_refuses_to_round_speeds(tmp_path):
     with pytest.raises(AircraftError, match="des_mach"):
-        write_apf(apf_of(replace(open_aircraft("A320"), des_mach=0.785)), tmp_path / "A320__.APF")
+        write_apf(replace(open_aircraft("A320"), des_mach=0.785), tmp_path / "A320__.APF")
     with pytest.raises(AircraftError, match="des_cas_high_kt"):
-        write_apf(apf_of(replace(open_aircraft("A320"), des_cas_high_kt=287.5)), tmp_path / "A320__.APF")
+        write_apf(replace(open_aircraft("A320"), des_cas_high_kt=287.5), tmp_path / "A320__.APF")
     assert not list(tmp_path.iterdir())
 
 
 def test_an_opf_refuses_what_does_not_fit_and_leaves_nothing_behind(tmp_path):
-    opf = opf_of(open_aircraft("A320"))
-    for spoiled in (
-        replace(opf, typecode="TOOLONG"),
-        replace(opf, configurations=("A flap name too long", "", "", "", "")),
-        replace(opf, numbers={**opf.numbers, "ct1": float("nan")}),
-    ):
+    ours = open_aircraft("A320")
+    for spoiled in (replace(ours, typecode="TOOLONG"), replace(ours, ct1=float("nan"))):
         with pytest.raises(AircraftError):
             write_opf(spoiled, tmp_path / "x.OPF")
     assert not list(tmp_path.iterdir())
     with pytest.raises(DataError, match="folder"):
-        write_opf(opf, tmp_path / "absent" / "x.OPF")
+        write_opf(ours, tmp_path / "absent" / "x.OPF")
 
 
 @pytest.fixture(scope="module")
@@ -263,8 +286,8 @@ def written(tmp_path_factory) -> Path:
     """A BADA directory of the open aircraft, written by the package; no SYNONYM.NEW."""
     folder = tmp_path_factory.mktemp("bada")
     for code in open_typecodes():
-        write_opf(opf_of(open_aircraft(code)), folder / f"{code:_<6}.OPF")
-        write_apf(apf_of(open_aircraft(code)), folder / f"{code:_<6}.APF")
+        write_opf(open_aircraft(code), folder / f"{code:_<6}.OPF")
+        write_apf(open_aircraft(code), folder / f"{code:_<6}.APF")
     return folder
 
 

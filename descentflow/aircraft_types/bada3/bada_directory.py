@@ -3,15 +3,13 @@
 from difflib import get_close_matches
 from pathlib import Path
 
-from descentflow.aircraft_types.bada3.apf_file import Apf, read_apf
+from descentflow.aircraft_types.bada3.apf_file import DESCENT, Apf, read_apf
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
 from descentflow.aircraft_types.bada3.gpf_file import read_gpf
 from descentflow.aircraft_types.bada3.opf_file import Opf, read_opf
 from descentflow.aircraft_types.bada3.synonym_file import read_synonym
 from descentflow.aircraft_types.standard_descent import STANDARD, GlobalParameters
 from descentflow.core.errors import AircraftError, UnknownTypeError
-
-_DESCENT_SPEEDS = ("des_cas_low_kt", "des_cas_high_kt", "des_mach")
 
 
 def to_aircraft(opf: Opf, apf: Apf, typecode: str | None = None, limits: GlobalParameters = STANDARD) -> Bada3Aircraft:
@@ -30,12 +28,13 @@ def to_aircraft(opf: Opf, apf: Apf, typecode: str | None = None, limits: GlobalP
         AircraftError: If the two files belong to different types.
 
     Example:
-        >>> from descentflow.aircraft_types.bada3.apf_file import apf_of
-        >>> from descentflow.aircraft_types.bada3.opf_file import opf_of
+        >>> from descentflow.aircraft_types.bada3.apf_file import write_apf
+        >>> from descentflow.aircraft_types.bada3.opf_file import write_opf
         >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-        >>> a320 = open_aircraft("A320")
-        >>> to_aircraft(opf_of(a320), apf_of(a320)).ct1 == a320.ct1
-        True
+        >>> write_opf(open_aircraft("A320"), "A320__.OPF")
+        >>> write_apf(open_aircraft("A320"), "A320__.APF")
+        >>> to_aircraft(read_opf("A320__.OPF"), read_apf("A320__.APF")).wing_area_m2
+        122.4
     """
     if opf.typecode != apf.typecode:
         raise AircraftError(
@@ -45,7 +44,7 @@ def to_aircraft(opf: Opf, apf: Apf, typecode: str | None = None, limits: GlobalP
         )
     known = Bada3Aircraft.__dataclass_fields__
     numbers = {name: value for name, value in opf.numbers.items() if name in known}
-    speeds = {name: getattr(apf.default.average, name) for name in _DESCENT_SPEEDS}
+    speeds = {name: apf.speeds[name] for name in DESCENT}
     return Bada3Aircraft(
         typecode=typecode or opf.typecode,
         engine=opf.engine,
@@ -75,11 +74,11 @@ def load_aircraft(typecode: str, bada_dir: str | Path) -> Bada3Aircraft:
             near names.
 
     Example:
-        >>> from descentflow.aircraft_types.bada3.apf_file import apf_of, write_apf
-        >>> from descentflow.aircraft_types.bada3.opf_file import opf_of, write_opf
+        >>> from descentflow.aircraft_types.bada3.apf_file import write_apf
+        >>> from descentflow.aircraft_types.bada3.opf_file import write_opf
         >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-        >>> write_opf(opf_of(open_aircraft("A320")), "A320__.OPF")  # a licence holder has these files
-        >>> write_apf(apf_of(open_aircraft("A320")), "A320__.APF")
+        >>> write_opf(open_aircraft("A320"), "A320__.OPF")  # a licence holder has these files
+        >>> write_apf(open_aircraft("A320"), "A320__.APF")
         >>> load_aircraft("A320", ".").wing_area_m2
         122.4
     """
@@ -94,9 +93,9 @@ def file_of(typecode: str, bada_dir: str | Path) -> str:
         AircraftError: If the directory is missing, or the type is not in it.
 
     Example:
-        >>> from descentflow.aircraft_types.bada3.opf_file import opf_of, write_opf
+        >>> from descentflow.aircraft_types.bada3.opf_file import write_opf
         >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-        >>> write_opf(opf_of(open_aircraft("A320")), "A320__.OPF")
+        >>> write_opf(open_aircraft("A320"), "A320__.OPF")
         >>> file_of("A320", ".")
         'A320__'
     """
@@ -126,11 +125,11 @@ def load_directory(bada_dir: str | Path) -> dict[str, Bada3Aircraft]:
         AircraftError: As :func:`load_aircraft`, for the first file that fails.
 
     Example:
-        >>> from descentflow.aircraft_types.bada3.apf_file import apf_of, write_apf
-        >>> from descentflow.aircraft_types.bada3.opf_file import opf_of, write_opf
+        >>> from descentflow.aircraft_types.bada3.apf_file import write_apf
+        >>> from descentflow.aircraft_types.bada3.opf_file import write_opf
         >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-        >>> write_opf(opf_of(open_aircraft("A320")), "A320__.OPF")  # a licence holder has these files
-        >>> write_apf(apf_of(open_aircraft("A320")), "A320__.APF")
+        >>> write_opf(open_aircraft("A320"), "A320__.OPF")  # a licence holder has these files
+        >>> write_apf(open_aircraft("A320"), "A320__.APF")
         >>> list(load_directory("."))
         ['A320']
     """

@@ -1,10 +1,12 @@
-"""Lines of BADA's fixed-column text files, with errors that name file and line."""
+"""Lines of BADA's fixed-column text files: read with errors that name file and line, and changed in their columns."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NoReturn
 
 from descentflow.core.errors import AircraftError
+from descentflow.core.files import whole_file
 
 _FIELD, _GAP = 10, 3
 """BADA's numbers are written as ``3X, E10.5``: three blanks, ten columns."""
@@ -37,13 +39,26 @@ class Line:
             self.fail(f"{what} {text!r}", f"a whole number in columns {first + 1} to {last}")
         return int(text)
 
-    def real(self, place: int, what: str, first: int = 4) -> float:
-        """Number in the given ``3X, E10.5`` field, counted from zero after column ``first``.
+    def put(self, first: int, last: int, text: str) -> "Line":
+        """The line with another text in a range of columns."""
+        if len(text) > last - first or "\n" in text:
+            raise AircraftError(
+                f"text {text!r}",
+                expected=f"at most {last - first} characters on one line",
+                mend="shorten it before writing",
+            )
+        return replace(self, text=f"{self.text[:first]}{text:<{last - first}}{self.text[last:]}")
+
+    def put_real(self, place: int, value: float) -> "Line":
+        """The line with another number in a field, see :meth:`real`."""
+        return self.put(*_columns(place), e10(value))
+
+    def real(self, place: int, what: str) -> float:
+        """Number in the given ``3X, E10.5`` field, counted from zero after the fourth column.
 
         The blanks on either side are checked too: a line that slipped by a column could read as another number.
         """
-        start = first + place * (_GAP + _FIELD) + _GAP
-        stop = start + _FIELD
+        start, stop = _columns(place)
         text = self.text[start:stop]
         around = self.text[start - 1 : start] + self.text[stop : stop + 1].replace("/", " ")
         if text.strip() != text or len(text) < _FIELD or around.strip():
@@ -57,26 +72,30 @@ class Line:
         return value
 
 
+def _columns(place: int) -> tuple[int, int]:
+    start = 4 + place * (_GAP + _FIELD) + _GAP
+    return start, start + _FIELD
+
+
 def read_lines(path: Path) -> list[Line]:
     """Read a whole file (Latin-1, any line ends)."""
     try:
-        text = path.read_bytes().decode("latin-1")
+        text = path.read_text(encoding="latin-1")
     except OSError as error:
         raise AircraftError(
             f"{path}: {error.strerror}",
             expected="a readable BADA file",
             mend="check the BADA directory (--bada-dir, of fit: --data.bada_dir) and the file's permissions",
         ) from error
-    return [Line(path, number, line) for number, line in enumerate(text.splitlines(), start=1)]
+    return [Line(path, number, line) for number, line in enumerate(text.split("\n"), start=1)]
 
 
 def data_lines(lines: list[Line]) -> list[Line]:
     """Keep the lines that carry data: those that start with CD."""
     kept = [line for line in lines if line.text.startswith("CD")]
     if not kept:
-        path = lines[0].path if lines else "file"
         raise AircraftError(
-            f"{path} holds no data line",
+            f"{lines[0].path} holds no data line",
             expected="lines that start with CD",
             mend="check that this is a BADA 3 file and not truncated",
         )
@@ -89,6 +108,29 @@ def header(lines: list[Line], key: str) -> str:
         if line.text.startswith("CC") and f"{key}:" in line.text:
             return line.text.split(f"{key}:", 1)[1].rstrip("/ ").strip()
     return ""
+
+
+def write_lines(lines: Iterable[Line], path: Path, names: tuple[str, str], dates: dict[str, str]) -> None:
+    """Write lines to a file, whole or not at all, with other names and dates in its comments.
+
+    Args:
+        lines: Content.
+        path: File.
+        names: Name of the file without suffix in its comments, and the new one.
+        dates: Texts after keys such as ``Modification_date``.
+    """
+    with whole_file(path) as temporary:
+        text = "\n".join(_commented(line.text, names, dates) for line in lines)
+        temporary.write_text(text, encoding="latin-1", newline="\n")
+
+
+def _commented(text: str, names: tuple[str, str], dates: dict[str, str]) -> str:
+    if not text.startswith("CC"):
+        return text
+    for key, date in dates.items():
+        before, found, _ = text.partition(f"{key}:")
+        text = f"{before}{found} {date}".ljust(len(text) - 1) + "/" if found else text
+    return text.replace(f"{names[0]}.", f"{names[1]}.")
 
 
 def e10(value: float) -> str:

@@ -1,5 +1,6 @@
 """Small known things that several tests need: an aircraft, a representation, weights of known density."""
 
+import signal
 from collections.abc import Callable
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -7,7 +8,7 @@ from pathlib import Path
 
 import polars as pl
 import torch
-from lightning.pytorch import LightningDataModule, Trainer
+from lightning.pytorch import Callback, LightningDataModule, LightningModule, Trainer
 from torch import Tensor
 from torch.utils.data import DataLoader
 
@@ -176,3 +177,10 @@ def write_descents_file(path: Path, n: int = 300, seed: int = 0, typecode: str =
     metadata["settings"] = asdict(Cleaning(bottom_fl=bottom))
     write_descents(Descents(frame.sort("flight_id", -pl.col("level_fl")), metadata), path)
     return path
+
+
+class NoRequeueing(Callback):
+    """Refuse a fit that would write checkpoints at Slurm's signal."""
+
+    def on_train_epoch_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        assert signal.getsignal(signal.SIGUSR1) is signal.SIG_DFL

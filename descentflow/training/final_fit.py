@@ -1,8 +1,10 @@
 """The final fit: after a fit has been scored on held-out flights, the same settings fitted to all flights."""
 
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import torch
+from lightning.fabric.plugins.environments.lightning import LightningEnvironment
 from lightning.pytorch import Callback, LightningModule, Trainer
 
 from descentflow.core.progress import stage
@@ -40,13 +42,15 @@ def fit_to_all(
     split = model.representation.split
     if not split.validation and not split.test:
         return
-    with stage("fitting to all flights"):
+    with stage("fitting to all flights"), TemporaryDirectory() as own:
         torch.manual_seed(torch.initial_seed())
         again.choose_as(model)
-        # One process is enough, and there is nothing to choose an epoch by.
+        # One process is enough, on clusters too, and there is nothing to choose an epoch by.
         refitting = Trainer(
             accelerator="cpu" if trainer.strategy.root_device.type == "cpu" else "cuda",
             devices=1,
+            plugins=LightningEnvironment(),
+            default_root_dir=own,  # on Slurm, a Trainer would resume what it finds in the working directory
             precision=trainer.precision,
             gradient_clip_val=trainer.gradient_clip_val,
             max_epochs=trainer.max_epochs,

@@ -12,6 +12,7 @@ from threading import RLock
 from typing import Any, Literal
 
 import torch
+from lightning.fabric.plugins.environments.lightning import LightningEnvironment
 from lightning.pytorch import Trainer, seed_everything
 from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.loggers import CSVLogger
@@ -170,6 +171,8 @@ def _train(
         folder = [*(run / "checkpoints" for run in runs), Path(scratch)][0]
         best = ModelCheckpoint(folder, **settings.checkpoint)
         trainer = Trainer(
+            plugins=LightningEnvironment(),  # of this process alone, on clusters too
+            default_root_dir=scratch,  # on Slurm, a Trainer would resume what it finds in the working directory
             logger=[CSVLogger(run, name="", version="") for run in runs],
             callbacks=[*settings.new_callbacks(), best, ShowProgress()],
             enable_progress_bar=False,

@@ -11,6 +11,7 @@ from command_line_toys import QUICK
 from descentflow.cli.entry import main
 from descentflow.core.errors import DescentflowWarning
 from descentflow.training.callbacks.kept_epochs import WholeCheckpoints
+from descentflow.training.fit import fit
 
 pytestmark = pytest.mark.usefixtures("plain_figures")
 PATHS = ("dirpath", "best_model_path", "kth_best_model_path", "last_model_path")
@@ -80,6 +81,19 @@ def test_a_resumed_fit_is_the_undisturbed_one(
     assert last != left
     assert differences(held(runs / "version_0"), held(last)) == []
     assert not list(tmp_path.rglob("*descentflow-part*"))
+
+
+def test_a_fit_on_slurm_is_alone_in_its_folder(descents: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Checkpoints that another program of Lightning left there are not resumed, and no signal leaves more."""
+    monkeypatch.chdir(tmp_path)
+    tasks = {"NTASKS": "1", "NTASKS_PER_NODE": "1", "NNODES": "1", "PROCID": "0", "LOCALID": "0", "NODEID": "0"}
+    for name, value in {**tasks, "JOB_ID": "77", "JOB_NAME": "fit", "JOB_NODELIST": "here"}.items():
+        monkeypatch.setenv(f"SLURM_{name}", value)
+    words = ["fit", "--model", "Gaussian", "--data.descents", str(descents), *QUICK]
+    assert main([*words, "--trainer.callbacks+=toys.NoRequeueing"]) == 0
+    assert not list(tmp_path.glob("*.ckpt"))
+    torch.save({"state_dict": {}, "epoch": 3}, tmp_path / "hpc_ckpt_1.ckpt")
+    assert len(fit(descents, "gaussian").final.representation.split.train) == 300
 
 
 def test_what_makes_a_resumed_fit_another_one_is_said(

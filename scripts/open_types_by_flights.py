@@ -10,6 +10,7 @@ estimates of all flights with 90 % intervals, as the type files have them.
 import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -21,7 +22,7 @@ from descentflow.core.units import FT_M, KT_MPS
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 from descentflow.physics.energy import descent_rate_mps, energy_share_factor
 from descentflow.repairs.mixed_model import WIDE, Posterior, before_flights, predictive_log_density
-from descentflow.repairs.type_fit import TypeFlights, codes_of, fit_types, linearised, repaired, type_flights
+from descentflow.repairs.type_fit import TypeFlights, codes_of, fit_types, linearised, type_flights
 from descentflow.surveillance.formats.aircraft_json import embedded_rows, embedded_types
 from studies.aircraft.real_runs import Run, before, nominal_error, own_speed_error, runs_of, table
 
@@ -41,6 +42,12 @@ def main() -> None:
     judge(
         places, {path.stem: df.prepare(path, bottom_fl=BOTTOM_FL).frame for path in args.check}, args.types.split(",")
     )
+
+
+def repaired(aircraft: Any, theta: np.ndarray) -> Any:
+    """The aircraft at ln CD0, ln CD2 and relative idle thrust (3,) over its own."""
+    zero, two, idle = (float(value) for value in theta)
+    return aircraft.with_factors(parasitic=float(np.exp(zero)), induced=float(np.exp(two)), idle=1.0 + idle)
 
 
 def judge(places: Mapping[str, pl.DataFrame], checks: Mapping[str, pl.DataFrame], codes: Sequence[str]) -> None:

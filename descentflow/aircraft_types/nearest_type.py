@@ -6,12 +6,15 @@ from functools import cache
 from importlib.resources import files
 from math import log
 from pathlib import Path
-from typing import NamedTuple, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_typecodes
-from descentflow.aircraft_types.registry import AnyAircraft, every_aircraft
+from descentflow.aircraft_types.registry import every_aircraft
 from descentflow.aircraft_types.standard_descent import Engine
 from descentflow.core.errors import AircraftError
+
+if TYPE_CHECKING:
+    from descentflow.aircraft_types.registry import AnyAircraft
 
 SIZES = "sizes.csv"
 """Beside the open aircraft: types without coefficients."""
@@ -50,7 +53,7 @@ def type_sizes() -> Mapping[str, TypeSize]:
     }
 
 
-def nearest_type(typecode: str, bada_dir: str | Path | None = None) -> AnyAircraft:
+def nearest_type(typecode: str, bada_dir: str | Path | None = None) -> "AnyAircraft":
     """Coefficients of the nearest type that has any: same kind of engines, nearest in take-off mass.
 
     Nearest is the least absolute logarithm of the ratio of maximum take-off masses, at most that of
@@ -72,7 +75,7 @@ def nearest_type(typecode: str, bada_dir: str | Path | None = None) -> AnyAircra
         return at_hand[typecode]
     size = _size(typecode)
 
-    def away(one: AnyAircraft) -> float:
+    def away(one: "AnyAircraft") -> float:
         return abs(log(float(one.mass_maximum_kg) / size.mass_maximum_kg))
 
     alike = [one for one in at_hand.values() if one.engine == size.engine]

@@ -1,20 +1,24 @@
-"""One door to aircraft: the embedded open ones, or a licence holder's folder of BADA 3 or BADA 4."""
+"""One door to aircraft: the embedded open ones, or a licence holder's folder of BADA 3 or BADA 4.
+
+Each is imported when it is asked for.
+"""
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
-from descentflow.aircraft_types.bada4.bada4_aircraft import FAMILY, Bada4Aircraft
-from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_typecodes
 from descentflow.core.arguments import checked_arguments
 from descentflow.physics.performance_model import PerformanceModel
 
-AnyAircraft = Bada3Aircraft | Bada4Aircraft
+if TYPE_CHECKING:
+    from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
+    from descentflow.aircraft_types.bada4.bada4_aircraft import Bada4Aircraft
+
+    AnyAircraft = Bada3Aircraft | Bada4Aircraft
 
 
 @checked_arguments
-def aircraft(typecode: str, bada_dir: str | Path | None = None) -> AnyAircraft:
+def aircraft(typecode: str, bada_dir: str | Path | None = None) -> "AnyAircraft":
     """Return the aircraft of a type.
 
     Args:
@@ -33,18 +37,15 @@ def aircraft(typecode: str, bada_dir: str | Path | None = None) -> AnyAircraft:
         'jet'
     """
     if bada_dir is None:
+        from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+
         return open_aircraft(typecode)
-    # Readers of a licence holder's files, which most never have.
-    from descentflow.aircraft_types.bada3 import bada_directory
-    from descentflow.aircraft_types.bada4 import bada4_directory
-
-    release = bada4_directory.release_folder(bada_dir)
-    if release is None:
-        return bada_directory.load_aircraft(typecode, bada_dir)
-    return bada4_directory.load_aircraft(typecode, release)
+    reader, folder = _reader(bada_dir)
+    found: AnyAircraft = reader.load_aircraft(typecode, folder)
+    return found
 
 
-def every_aircraft(bada_dir: str | Path | None = None) -> Mapping[str, AnyAircraft]:
+def every_aircraft(bada_dir: str | Path | None = None) -> "Mapping[str, AnyAircraft]":
     """All aircraft that :func:`aircraft` finds, by type code.
 
     Raises:
@@ -55,12 +56,31 @@ def every_aircraft(bada_dir: str | Path | None = None) -> Mapping[str, AnyAircra
         2
     """
     if bada_dir is None:
+        from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_typecodes
+
         return {name: open_aircraft(name) for name in open_typecodes()}
+    reader, folder = _reader(bada_dir)
+    found: dict[str, AnyAircraft] = reader.load_directory(folder)
+    return found
+
+
+def file_of(typecode: str, bada_dir: str | Path) -> Path:
+    """A licence holder's file of a type: its OPF file of BADA 3, its XML file of BADA 4.
+
+    Raises:
+        AircraftError: If the type is not known there.
+    """
+    reader, folder = _reader(bada_dir)
+    return Path(reader.file_of(typecode, folder))
+
+
+def _reader(bada_dir: str | Path) -> tuple[Any, Path]:
+    """The module that reads a folder, and the folder that it reads."""
     from descentflow.aircraft_types.bada3 import bada_directory
     from descentflow.aircraft_types.bada4 import bada4_directory
 
     release = bada4_directory.release_folder(bada_dir)
-    return bada_directory.load_directory(bada_dir) if release is None else bada4_directory.load_directory(release)
+    return (bada_directory, Path(bada_dir)) if release is None else (bada4_directory, release)
 
 
 def aircraft_from_state(state: dict[str, Any]) -> PerformanceModel:
@@ -73,4 +93,10 @@ def aircraft_from_state(state: dict[str, Any]) -> PerformanceModel:
         >>> aircraft_from_state(aircraft("A320").to_state()) == aircraft("A320")
         True
     """
-    return (Bada4Aircraft if state.get("family") == FAMILY else Bada3Aircraft).from_state(state)
+    if "family" in state:
+        from descentflow.aircraft_types.bada4.bada4_aircraft import Bada4Aircraft
+
+        return Bada4Aircraft.from_state(state)
+    from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
+
+    return Bada3Aircraft.from_state(state)

@@ -42,4 +42,4 @@ def run(
             progress=shown.say,
         )
     print(found)
-    print(f"wrote {', '.join(str(path) for path in paths_of(out, found.after.typecode, found.acm).values())}")
+    print(f"wrote {', '.join(str(path) for path in paths_of(out, found.after.typecode, found.own).values())}")

@@ -8,21 +8,17 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
-from descentflow.aircraft_types.bada4.bada4_aircraft import Bada4Aircraft
-from descentflow.aircraft_types.bada4.bada4_directory import file_of, release_folder
-from descentflow.aircraft_types.registry import AnyAircraft
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
+from descentflow.aircraft_types.registry import file_of
 from descentflow.core.arguments import Output, checked_arguments
 from descentflow.core.errors import AircraftError, DataError
 from descentflow.diagnosis.inference.linear_gaussian import Array
-from descentflow.physics.performance_model import PerformanceModel
 from descentflow.repairs.crew_speeds import CrewSpeed, crew_speeds
 from descentflow.repairs.held_out import held_out
 from descentflow.repairs.mixed_model import WIDE, Posterior
-from descentflow.repairs.repair_found import SPEEDS, Estimate, Repair, repaired_numbers
+from descentflow.repairs.repair_found import FACTORS, SPEEDS, Estimate, Repair
 from descentflow.repairs.repaired_files import check_out, write_repair
-from descentflow.repairs.type_fit import TypeFlights, fit_types, repaired, type_flights
+from descentflow.repairs.type_fit import Repairable, TypeFlights, fit_types, type_flights
 from descentflow.surveillance.open_descents import FlightSource
 
 FEWEST_FLIGHTS, FEWEST_AIRCRAFT = 20, 5
@@ -69,10 +65,9 @@ def repair(
     """
     say = progress or (lambda _: None)
     before = _known(aircraft, bada_dir)
-    release = release_folder(bada_dir) if bada_dir is not None else None
-    acm = None if release is None else file_of(aircraft, release)
+    own_file = None if bada_dir is None else file_of(aircraft, bada_dir)
     if out is not None:
-        check_out(Path(out), before.typecode, release or bada_dir, acm)
+        check_out(Path(out), before.typecode, own_file)
     say("reading flights")
     frame = FlightSource(flights, columns, say).descents().reported
     types, skipped = _types(frame, before, bada_dir, say)
@@ -87,7 +82,7 @@ def repair(
     counts |= {f"flights_of_{name}": number for name, number in skipped.items()}
     result = Repair(
         before,
-        replace(after, source=f"repaired by {judged.flights} flights of {judged.aircraft} aircraft; {before.source}"),
+        replace(after, source=f"repaired by {judged.flights} flights of {judged.aircraft} aircraft; {before.source}"),  # type: ignore[type-var]
         tuple(_estimates(before, own, found)),
         judged,
         found,
@@ -95,8 +90,7 @@ def repair(
         counts,
         own.evidence.quantities.levels_fl,
         f"{frame['timestamp'].to_numpy().max().astype('datetime64[s]').item():%b %d %Y}",
-        None if bada_dir is None else Path(bada_dir),
-        acm,
+        own_file,
     )
     if out is not None:
         say("writing")
@@ -104,19 +98,14 @@ def repair(
     return result
 
 
-def _known(typecode: str, bada_dir: str | Path | None) -> AnyAircraft:
+def _known(typecode: str, bada_dir: str | Path | None) -> Repairable:
     found = find_aircraft(typecode, bada_dir)
-    if isinstance(found, Bada4Aircraft) and found.engine == "piston":
-        raise AircraftError(
-            f"{typecode}, whose idle thrust BADA 4 has no coefficient for",
-            expected="a jet or a turboprop",
-            mend="repair a type of these",
-        )
+    found.repaired_numbers()  # a type without refuses
     return found
 
 
 def _types(
-    frame: pl.DataFrame, before: AnyAircraft, bada_dir: str | Path | None, say: Callable[[str], None]
+    frame: pl.DataFrame, before: Repairable, bada_dir: str | Path | None, say: Callable[[str], None]
 ) -> tuple[list[TypeFlights], dict[str, int]]:
     """Flights of the type, then of its sisters (types with coefficients and the same kind of engines); and the rest."""
     counts = dict(frame.group_by("typecode").agg(pl.col("flight_id").n_unique()).iter_rows())
@@ -124,8 +113,8 @@ def _types(
     for code in (before.typecode, *sorted(set(counts) - {before.typecode, None})):
         some = frame.filter(typecode=code)
         try:
-            kind: PerformanceModel = before if code == before.typecode else _known(code, bada_dir)
-            if getattr(kind, "engine", None) != before.engine:
+            kind = before if code == before.typecode else _known(code, bada_dir)
+            if kind.engine != before.engine:
                 raise AircraftError(code, expected=f"a {before.engine}", mend="leave it out")
             say(f"measuring {code}")
             if some.is_empty():
@@ -155,29 +144,27 @@ def _speeds(own: TypeFlights) -> dict[str, CrewSpeed]:
     return crew_speeds(own.evidence, {name: float(getattr(own.aircraft, name)) for name in SPEEDS})
 
 
-def _finished(own: TypeFlights, theta: Array) -> AnyAircraft:
+def _finished(own: TypeFlights, theta: Array) -> Repairable:
     """The file at coefficients (3,), with the crews' speeds, in the digits that are written."""
-    numbers: dict[str, Any] = {name: round(held.estimate, SPEEDS[name]) for name, held in _speeds(own).items()}
-    if isinstance(own.aircraft, Bada4Aircraft):
-        zero, two, idle = (_rounded(value) for value in (np.exp(theta[0]), np.exp(theta[1]), 1 + theta[2]))
-        return replace(own.aircraft.with_factors(parasitic=zero, induced=two, idle=idle), **numbers)
-    found = repaired(own.aircraft, theta)
-    assert isinstance(found, Bada3Aircraft)
-    numbers |= {name: _rounded(value) for name, (value, _) in repaired_numbers(found).items()}
-    return replace(found, **numbers)
+    factors = dict(zip(FACTORS, (np.exp(theta[0]), np.exp(theta[1]), 1 + theta[2]), strict=True))
+    numbers = own.aircraft.repaired_numbers().items()
+    speeds = {name: round(held.estimate, SPEEDS[name]) for name, held in _speeds(own).items()}
+    made = {name: _rounded(value * factors[factor]) for name, (factor, value) in numbers}
+    return own.aircraft.with_numbers(**made, **speeds)
 
 
-def _rounded(value: Any) -> float:
+def _rounded(value: float) -> float:
     return float(f"{float(value):.{DIGITS}g}")
 
 
-def _estimates(before: AnyAircraft, own: TypeFlights, found: Posterior) -> list[Estimate]:
+def _estimates(before: Repairable, own: TypeFlights, found: Posterior) -> list[Estimate]:
     mean, covariance = found.of(0)
     spread = WIDE * np.sqrt(covariance.diagonal())
     made = []
-    for name, (value, k) in repaired_numbers(before).items():
+    for name, (factor, value) in before.repaired_numbers().items():
+        k = FACTORS.index(factor)
         ends = mean[k] + np.array([0.0, -spread[k], spread[k]])
-        middle, *both = (value * float(factor) for factor in (np.exp(ends) if k < 2 else 1 + ends))
+        middle, *both = (value * float(by) for by in (np.exp(ends) if k < 2 else 1 + ends))
         made.append(Estimate(name, value, _rounded(middle), min(both), max(both), "flights"))
     for name, speed in _speeds(own).items():
         estimate = round(speed.estimate, SPEEDS[name])

@@ -4,15 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
-from descentflow.aircraft_types.registry import AnyAircraft
 from descentflow.repairs.held_out import HeldOut
 from descentflow.repairs.mixed_model import Posterior
+from descentflow.repairs.type_fit import Repairable
 
-COEFFICIENTS = {"cd0_cr": 0, "cd2_cr": 1, "ct_des_low": 2, "ct_des_high": 2}
-"""Coefficient of BADA 3 -> its place in the estimate."""
-FACTORS = {"parasitic": 0, "induced": 1, "idle": 2}
-"""The same of BADA 4, whose files have many numbers for each: factors of what the file has."""
+FACTORS = ("parasitic", "induced", "idle")
+"""Factors of drag and thrust in the order of the estimates."""
 SPEEDS = {"des_mach": 2, "des_cas_high_kt": 0, "des_cas_low_kt": 0}
 """Speed of the schedule -> decimals of an APF file."""
 
@@ -50,8 +47,7 @@ class Repair:
         counts: What was left out or set apart, by reason.
         levels_fl: Lowest and highest level of the flights.
         last_day: Of the flights, as BADA's files have dates (``Mar 08 2024``).
-        bada_dir: Folder of the file that was repaired; None for an open type.
-        acm: The file that was repaired, of BADA 4.
+        own: The licence holder's file that was repaired; None for an open type.
 
     Example:
         >>> from descentflow.repairs.repair import repair
@@ -60,8 +56,8 @@ class Repair:
         (True, ['cd0_cr', 'cd2_cr'])
     """
 
-    before: AnyAircraft
-    after: AnyAircraft
+    before: Repairable
+    after: Repairable
     estimates: tuple[Estimate, ...]
     held_out: HeldOut
     posterior: Posterior
@@ -69,8 +65,7 @@ class Repair:
     counts: Mapping[str, float]
     levels_fl: tuple[float, float]
     last_day: str
-    bada_dir: Path | None = None
-    acm: Path | None = None
+    own: Path | None = None
 
     @property
     def what_stays(self) -> str:
@@ -106,16 +101,3 @@ class Repair:
         )
         gauge = f"  at the reference mass, {float(self.before.mass_reference_kg):,.0f} kg: flights do not tell the mass"
         return "\n".join([head, *lines, time, gauge])
-
-
-def repaired_numbers(aircraft: AnyAircraft) -> dict[str, tuple[float, int]]:
-    """Numbers that are repaired, by name: the value in the file, and its place in the estimate.
-
-    Example:
-        >>> from descentflow.aircraft_types.registry import aircraft
-        >>> repaired_numbers(aircraft("A320"))["cd0_cr"]
-        (0.01751, 0)
-    """
-    if isinstance(aircraft, Bada3Aircraft):
-        return {name: (float(getattr(aircraft, name)), k) for name, k in COEFFICIENTS.items()}
-    return {name: (1.0, k) for name, k in FACTORS.items()}

@@ -8,7 +8,6 @@ from typing import Any
 
 from descentflow.aircraft_types.bada3.apf_file import write_apf
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
-from descentflow.aircraft_types.bada3.bada_directory import file_of
 from descentflow.aircraft_types.bada3.opf_file import write_opf
 from descentflow.aircraft_types.bada4.acm_writer import changed_acm
 from descentflow.aircraft_types.bada4.bada4_directory import GLOBAL_PARAMETERS
@@ -21,8 +20,13 @@ from descentflow.repairs.repair_found import FACTORS, SPEEDS, Estimate, Repair
 from descentflow.repairs.repair_page import page
 
 
-def paths_of(out: Path, typecode: str, acm: Path | None = None) -> dict[str, Path]:
-    """All files that are written, by kind; of BADA 4 where its file is given.
+def paths_of(out: Path, typecode: str, own: Path | None = None) -> dict[str, Path]:
+    """All files that are written, by kind.
+
+    Args:
+        out: Output.
+        typecode: Type designator.
+        own: The licence holder's file.
 
     Example:
         >>> [path.name for path in paths_of(Path("A320.toml"), "A320").values()][:4]
@@ -30,30 +34,31 @@ def paths_of(out: Path, typecode: str, acm: Path | None = None) -> dict[str, Pat
         >>> list(paths_of(Path("A320.html"), "A320", Path("A320-231/A320-231.xml")))[:2]
         ['acm', 'gpf']
     """
-    if acm is not None:
-        own = {"acm": out.parent / acm.stem / acm.name, "gpf": out.with_name(GLOBAL_PARAMETERS)}
+    if own is not None and own.suffix == ".xml":
+        files = {"acm": out.parent / own.stem / own.name, "gpf": out.with_name(GLOBAL_PARAMETERS)}
     else:
-        own = {"toml": out, "opf": out.with_name(f"{typecode:_<6}.OPF"), "apf": out.with_name(f"{typecode:_<6}.APF")}
-        own["openap"] = out.with_name(f"{out.stem}_openap.yml")
+        files = {"toml": out, "opf": out.with_name(f"{typecode:_<6}.OPF"), "apf": out.with_name(f"{typecode:_<6}.APF")}
+        files["openap"] = out.with_name(f"{out.stem}_openap.yml")
     tabled = {kind: out.with_name(f"{out.stem}_bluebird_{kind}.json") for kind in KINDS}
-    return own | tabled | {"page": out.with_name(f"{out.stem}.html")}
+    return files | tabled | {"page": out.with_name(f"{out.stem}.html")}
 
 
-def check_out(out: Path, typecode: str, bada_dir: str | Path | None, acm: Path | None = None) -> None:
+def check_out(out: Path, typecode: str, own: Path | None) -> None:
     """Refuse an output that cannot be written, or would write over the files that are repaired.
 
     Raises:
         ConfigError: If its name does not end in .toml (.html for BADA 4), or it lies in the folder of the files.
         DataError: If the folder does not exist.
     """
-    ending = ".toml" if acm is None else ".html"
+    paths = paths_of(out, typecode, own)
+    ending = ".toml" if "toml" in paths else ".html"
     if out.suffix != ending:
         raise ConfigError(f"output {out}", expected=f"a name that ends in {ending}", mend=f"name it {typecode}{ending}")
-    if bada_dir is not None and out.resolve().parent == Path(bada_dir).resolve():
+    if own is not None and own.resolve().parent in {path.resolve().parent for path in paths.values()}:
         raise ConfigError(
-            f"output in {bada_dir}, whose files would be written over", expected="another folder", mend="choose one"
+            f"output in {out.parent}, whose files would be written over", expected="another folder", mend="choose one"
         )
-    for kind, path in paths_of(out, typecode, acm).items():
+    for kind, path in paths.items():
         check_output(path if kind != "acm" else out)
 
 
@@ -69,18 +74,17 @@ def write_repair(found: Repair, out: Path) -> list[Path]:
         The files.
     """
     code = found.after.typecode
-    paths = paths_of(out, code, found.acm)
+    paths = paths_of(out, code, found.own)
     profile, uncertainty = tables(nominal_fleet(found))
     made = {"profile": {"aircraft": {code: profile}}, "uncertainty": {"aircraft": {code: uncertainty}}}
     texts = {kind: json.dumps({**made, "mapping": {code: code, "DEFAULT": code}}[kind], indent=1) for kind in KINDS}
     texts["page"] = page(found, paths)
     if isinstance(found.after, Bada3Aircraft):
         texts |= {"toml": toml_text(found, found.after), "openap": openap_text(found.after)}
-        own = None if found.bada_dir is None else found.bada_dir / file_of(code, found.bada_dir)
         for kind, write in (("opf", write_opf), ("apf", write_apf)):
-            write(found.after, paths[kind], own and own.with_name(f"{own.name}.{kind.upper()}"), found.last_day)
-    if found.acm is not None:
-        _write_bada4(found, found.acm, paths)
+            write(found.after, paths[kind], found.own and found.own.with_suffix(f".{kind.upper()}"), found.last_day)
+    elif found.own is not None:
+        _write_bada4(found, found.own, paths)
     for kind, text in texts.items():
         with whole_file(paths[kind]) as temporary:
             temporary.write_text(text, encoding="utf-8")

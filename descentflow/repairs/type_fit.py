@@ -2,10 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol, Self
 
 import numpy as np
 import polars as pl
 
+from descentflow.core.tensors import Number
 from descentflow.diagnosis.inference.linear_gaussian import Array
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.repairs.flight_evidence import Evidence, flight_evidence
@@ -20,6 +22,24 @@ LARGE_SHIFT = 0.03
 Where brakes are out in most bands, what is found of them is taken out instead."""
 LEAST_IDLE = -3.0
 """Idle thrust relative to the file's, minus one: below, engines would brake more than they idle."""
+
+
+class Repairable(PerformanceModel, Protocol):
+    """A performance model whose files have numbers that are repaired."""
+
+    @property
+    def engine(self) -> str:
+        """Kind of engines."""
+
+    @property
+    def des_cas_low_kt(self) -> Number:
+        """CAS of the descent below 10,000 ft."""
+
+    def repaired_numbers(self) -> Mapping[str, tuple[str, float]]:
+        """Numbers by name: the factor that changes each, and its value in the file."""
+
+    def with_numbers(self, **numbers: float) -> Self:
+        """The aircraft with other numbers of these, and other speeds."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +59,7 @@ class TypeFlights:
         (120, {})
     """
 
-    aircraft: PerformanceModel
+    aircraft: Repairable
     evidence: Evidence
     shifts: Array
     unusual: Mapping[str, float]
@@ -66,7 +86,7 @@ class TypeFlights:
         return np.where(seen, y, 0.0), by_theta, by_mass, seen, self.tails, self.evidence.state.altitude_m.numpy()
 
 
-def type_flights(frame: pl.DataFrame, aircraft: PerformanceModel, around: pl.DataFrame | None = None) -> TypeFlights:
+def type_flights(frame: pl.DataFrame, aircraft: Repairable, around: pl.DataFrame | None = None) -> TypeFlights:
     """Measure the flights of one type, brakes and held paths of single flights apart.
 
     Args:
@@ -124,16 +144,3 @@ def fit_types(types: Sequence[TypeFlights]) -> Posterior:
         theta = found.mean.copy()
         theta[:, 2] = np.maximum(theta[:, 2], LEAST_IDLE)
     return found
-
-
-def repaired(aircraft: PerformanceModel, theta: Array) -> PerformanceModel:
-    """The aircraft at ln CD0, ln CD2 and relative idle thrust (3,) over its own.
-
-    Example:
-        >>> from descentflow.aircraft_types.registry import aircraft
-        >>> before = aircraft("A320")
-        >>> round(repaired(before, np.array([np.log(1.2), 0.0, 0.0])).cd0_cr / before.cd0_cr, 3)
-        1.2
-    """
-    zero, two, idle = (float(value) for value in theta)
-    return aircraft.with_factors(parasitic=float(np.exp(zero)), induced=float(np.exp(two)), idle=1.0 + idle)

@@ -18,7 +18,7 @@ from descentflow.cli.entry import main
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.diagnosis.inference.two_sides import compare
 from descentflow.measurements.quantities import CHANNELS, quantities_of
-from descentflow.repairs.repair_found import COEFFICIENTS, Repair
+from descentflow.repairs.repair_found import Repair
 from descentflow.surveillance.descents.prepared_descents import Descents, write_descents
 
 # pyBADA warns of its own.
@@ -72,7 +72,7 @@ def test_brakes_of_some_flights_are_set_apart_and_not_averaged_in(found: Repair,
 
 def test_files_are_read_back_by_us_and_by_pybada(found: Repair, bada: Path, out: Path) -> None:
     back, after = df.aircraft("A320", bada_dir=out.parent), found.after
-    for name in COEFFICIENTS:
+    for name in TRUE.repaired_numbers():
         assert getattr(back, name) == getattr(after, name)
     for name in ("des_mach", "des_cas_high_kt", "des_cas_low_kt"):
         assert getattr(back, name) == pytest.approx(getattr(after, name))
@@ -89,7 +89,7 @@ def test_files_are_read_back_by_us_and_by_pybada(found: Repair, bada: Path, out:
     assert read["V2"]["des"] == pytest.approx(after.des_cas_high_kt * 0.514444)
     # A licence holder's file is changed where it was repaired, and nowhere else.
     before, now = (read_opf(folder / "A320__.OPF") for folder in (bada, out.parent))
-    assert {name for name in now.numbers if now.numbers[name] != before.numbers[name]} == set(COEFFICIENTS)
+    assert {name for name in now.numbers if now.numbers[name] != before.numbers[name]} == set(TRUE.repaired_numbers())
     assert "a licence holder's own" in (out.parent / "A320__.OPF").read_text()
     entries = tomllib.loads(out.read_text())["coefficients"]
     assert entries["cd0_cr"]["value"] == after.cd0_cr

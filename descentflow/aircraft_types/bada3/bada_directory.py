@@ -82,12 +82,11 @@ def load_aircraft(typecode: str, bada_dir: str | Path) -> Bada3Aircraft:
         >>> load_aircraft("A320", ".").wing_area_m2
         122.4
     """
-    folder, wanted = Path(bada_dir), typecode.strip().upper()
-    return _load(folder, file_of(wanted, folder), wanted, _limits(folder))
+    return _load(file_of(typecode, bada_dir), typecode.strip().upper(), _limits(Path(bada_dir)))
 
 
-def file_of(typecode: str, bada_dir: str | Path) -> str:
-    """Name of the files of a type without the suffix, see :func:`load_aircraft`.
+def file_of(typecode: str, bada_dir: str | Path) -> Path:
+    """OPF file of a type, see :func:`load_aircraft`; its APF lies beside it.
 
     Raises:
         AircraftError: If the directory is missing, or the type is not in it.
@@ -96,8 +95,8 @@ def file_of(typecode: str, bada_dir: str | Path) -> str:
         >>> from descentflow.aircraft_types.bada3.opf_file import write_opf
         >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
         >>> write_opf(open_aircraft("A320"), "A320__.OPF")
-        >>> file_of("A320", ".")
-        'A320__'
+        >>> file_of("A320", ".").name
+        'A320__.OPF'
     """
     folder = _folder(bada_dir)
     wanted = typecode.strip().upper()
@@ -109,7 +108,7 @@ def file_of(typecode: str, bada_dir: str | Path) -> str:
             expected=f"one of the {len(synonyms)} types there (near it: {near})",
             mend="choose a type the directory holds, or add a line to its SYNONYM.NEW",
         )
-    return synonyms[wanted]
+    return folder / f"{synonyms[wanted]}.OPF"
 
 
 def load_directory(bada_dir: str | Path) -> dict[str, Bada3Aircraft]:
@@ -135,7 +134,7 @@ def load_directory(bada_dir: str | Path) -> dict[str, Bada3Aircraft]:
     """
     folder = _folder(bada_dir)
     limits = _limits(folder)
-    return {code: _load(folder, file, code, limits) for code, file in _synonyms(folder).items()}
+    return {code: _load(folder / f"{file}.OPF", code, limits) for code, file in _synonyms(folder).items()}
 
 
 def _folder(bada_dir: str | Path) -> Path:
@@ -169,5 +168,5 @@ def _limits(folder: Path) -> GlobalParameters:
     return read_gpf(file) if file.is_file() else STANDARD
 
 
-def _load(folder: Path, file: str, typecode: str, limits: GlobalParameters) -> Bada3Aircraft:
-    return to_aircraft(read_opf(folder / f"{file}.OPF"), read_apf(folder / f"{file}.APF"), typecode, limits)
+def _load(opf: Path, typecode: str, limits: GlobalParameters) -> Bada3Aircraft:
+    return to_aircraft(read_opf(opf), read_apf(opf.with_suffix(".APF")), typecode, limits)

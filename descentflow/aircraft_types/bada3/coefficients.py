@@ -131,6 +131,21 @@ class Coefficients(Part):
             ct_des_high=self.ct_des_high * idle,
         )
 
+    def repaired_numbers(self) -> dict[str, tuple[str, float]]:
+        """Numbers that each factor of :meth:`with_factors` changes.
+
+        Example:
+            >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+            >>> open_aircraft("A320").repaired_numbers()["cd0_cr"]
+            ('parasitic', 0.01751)
+        """
+        factors = {"cd0_cr": "parasitic", "cd2_cr": "induced", "ct_des_low": "idle", "ct_des_high": "idle"}
+        return {name: (factor, float(getattr(self, name))) for name, factor in factors.items()}
+
+    def with_numbers(self, **numbers: float) -> Self:
+        """The aircraft with other numbers of these, and other speeds."""
+        return replace(self, **numbers)  # type: ignore[arg-type] # names of fields
+
     def at_mass(self, mass_kg: Number) -> Self:
         """The aircraft with another reference mass, to which its stall speeds then belong.
 

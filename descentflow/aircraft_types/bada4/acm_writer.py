@@ -6,7 +6,6 @@ from typing import Any
 
 from descentflow.aircraft_types.bada4.acm_file import read_xml
 from descentflow.aircraft_types.bada4.wing import Wing
-from descentflow.core.errors import AircraftError
 from descentflow.core.tabular import optional_library
 
 SPEEDS = {"des_cas_low_kt": "CAS1", "des_cas_high_kt": "CAS2", "des_mach": "M"}
@@ -24,7 +23,7 @@ def changed_acm(file: Path, speeds: dict[str, float], parasitic: float, induced:
         idle: Factor of the idle thrust, the numbers ``ti``.
 
     Raises:
-        AircraftError: If the file cannot be read, or its engines are pistons, whose idle thrust is no number of it.
+        AircraftError: If the file cannot be read.
 
     Example:
         >>> changed_acm(Path("A320-231.xml"), {"des_mach": 0.78}, 1.05, 1.0, 0.9)
@@ -33,10 +32,6 @@ def changed_acm(file: Path, speeds: dict[str, float], parasitic: float, induced:
     """
     tree = read_xml(file, "an XML file (ACM) of BADA 4", remove_comments=False).node.getroottree()
     idles = tree.findall("PFM/*/LIDL/CT/ti")
-    if not idles:
-        raise AircraftError(
-            f"{file}: no idle thrust (LIDL)", expected="a jet or a turboprop", mend="repair a type of these"
-        )
     (path, n), *_ = Wing.PLACES["drag"]
     _scale(tree.findall(path), [parasitic] * 5 + [induced] * (n - 5))
     _scale(idles, [idle] * len(idles))

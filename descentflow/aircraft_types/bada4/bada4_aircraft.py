@@ -191,6 +191,27 @@ class Bada4Aircraft(Part, StandardDescent):
         drag = tuple(one * factor for one, factor in zip(self.wing.drag, factors, strict=True))
         return replace(self, wing=replace(self.wing, drag=drag), idle_factor=self.idle_factor * idle)
 
+    def repaired_numbers(self) -> dict[str, tuple[str, float]]:
+        """Factors of what the file has, as it has many numbers for each.
+
+        Raises:
+            AircraftError: If the engines are pistons.
+        """
+        if self.engine == "piston":
+            raise AircraftError(
+                f"{self.typecode}, whose idle thrust BADA 4 has no coefficient for",
+                expected="a jet or a turboprop",
+                mend="repair a type of these",
+            )
+        return {name: (name, 1.0) for name in ("parasitic", "induced", "idle")}
+
+    def with_numbers(
+        self, *, parasitic: float = 1.0, induced: float = 1.0, idle: float = 1.0, **speeds: float
+    ) -> "Bada4Aircraft":
+        """The aircraft with these factors of its own, and other speeds."""
+        changed = self.with_factors(parasitic=parasitic, induced=induced, idle=idle)
+        return replace(changed, **speeds)  # type: ignore[arg-type] # names of fields
+
     def to_state(self) -> dict[str, Any]:
         """Return the coefficients as primitives, for a checkpoint that loads without executing code."""
         return {"family": FAMILY, **self.plain(), "limits": asdict(self.limits)}

@@ -10,11 +10,11 @@ DUMMIES = ("Dummy-TWIN", "Dummy-TWIN-plus", "Dummy-TBP", "Dummy-PST")
 COLUMNS = ["level", "T", "p", "rho", "a", "TAS", "CAS", "M", "mass", "thrust", "drag", "fuel", "ESF", "rod", "gamma"]
 
 
-def dummies() -> Path:
-    """Their folder."""
+def dummies(family: str = "BADA4") -> Path:
+    """Their folder, or that of the dummies of BADA 3."""
     spec = importlib.util.find_spec("pyBADA")
     assert spec is not None, "the test extra installs pybada"
-    return Path(str(spec.origin)).parent / "aircraft" / "BADA4" / "DUMMY"
+    return Path(str(spec.origin)).parent / "aircraft" / family / "DUMMY"
 
 
 def printed_descents(name: str, warmer: bool) -> list[tuple[dict[str, Tensor], list[str]]]:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from lightning.pytorch import Trainer
+import toys
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.effects.example_flights import example_flights
@@ -31,11 +31,9 @@ def flights(folder: Path, n: int, seed: int, change: Change | None = None, confi
 def simulator(folder: Path, descents: Path) -> Path:
     """Checkpoint of a Gaussian trained on prepared descents."""
     data = DescentDataModule(descents, aircraft="A320")
-    quiet = {"logger": False, "enable_checkpointing": False, "enable_progress_bar": False, "accelerator": "cpu"}
-    trainer = Trainer(max_epochs=1, num_sanity_val_steps=0, enable_model_summary=False, **quiet)
-    trainer.fit(Gaussian(), datamodule=data)
+    model = toys.fit(Gaussian(), data, 1)
     path = folder / "simulator.ckpt"
-    trainer.save_checkpoint(path)
+    model.trainer.save_checkpoint(path)
     return path
 
 

@@ -10,7 +10,6 @@ from scipy.stats import ks_2samp
 from torch import Tensor
 
 from descentflow.core.units import KT_MPS
-from descentflow.densities.density import Density
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.generation.rejection import DRAWN, sample_descents
@@ -58,21 +57,6 @@ def mixture() -> GaussianMixtureDensity:
     density.mixture = Mixture(torch.tensor([0.6, 0.4]).double(), locs, roots)
     density.attach(parts())
     return density
-
-
-class Opaque(Density):
-    """A mixture that does not say so."""
-
-    def __init__(self, hidden: GaussianMixtureDensity) -> None:
-        super().__init__(hidden.dimension)
-        self.hidden = hidden
-        self.attach(hidden.representation)
-
-    def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
-        return self.hidden.log_prob(weights)
-
-    def draw(self, n: int, generator: torch.Generator, context: Tensor | None = None) -> Tensor:
-        return self.hidden.draw(n, generator)
 
 
 def index(level_fl: float) -> int:

@@ -76,6 +76,11 @@ def representation(n: int = 300, seed: int = 0) -> Representation:
     return fit_representation(train, AIRCRAFT, Split(train.flight_ids, (), ()))
 
 
+def normal(*shape: int, seed: int = 0) -> Tensor:
+    """Standard normals of a seed, in double precision."""
+    return torch.randn(shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+
+
 def newtons(levels: Tensor) -> DragScale:
     """The scale on which drag is what it is."""
     none = torch.zeros_like(levels)
@@ -131,6 +136,7 @@ class WeightsModule(LightningDataModule):
 
 def fit(model: LatentModel, data: LightningDataModule, max_epochs: int, **settings: object) -> LatentModel:
     """Fit on the CPU without files or noise on the terminal."""
+    data.setup("fit")
     data.representation.train()  # an earlier fit on the same data may have left it in evaluation mode
     quiet = {"logger": False, "enable_checkpointing": False, "enable_progress_bar": False, "accelerator": "cpu"}
     trainer = Trainer(
@@ -138,6 +144,21 @@ def fit(model: LatentModel, data: LightningDataModule, max_epochs: int, **settin
     )
     trainer.fit(model, datamodule=data)
     return model.eval()
+
+
+class Opaque(Density):
+    """A density that does not say of which kind it is."""
+
+    def __init__(self, hidden: Density) -> None:
+        super().__init__(hidden.dimension)
+        self.hidden = hidden
+        self.attach(hidden.representation)
+
+    def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
+        return self.hidden.log_prob(weights)
+
+    def draw(self, n: int, generator: torch.Generator, context: Tensor | None = None) -> Tensor:
+        return self.hidden.draw(n, generator)
 
 
 def assert_equal(first: Density, second: Density) -> None:

@@ -1,6 +1,5 @@
 """Sampling, scores and predictions of a fit, run as a user runs them."""
 
-import importlib.util
 from datetime import UTC, datetime
 from hashlib import sha256
 from pathlib import Path
@@ -9,6 +8,7 @@ import numpy as np
 import polars as pl
 import pytest
 import torch
+from bada4_dummies import dummies
 from command_line_toys import fit
 from pyproj import Geod
 from scipy.io import netcdf_file
@@ -209,10 +209,7 @@ def test_a_conditional_model_from_fit_to_samples(tmp_path: Path, descents: Path,
 @pytest.mark.parametrize(("family", "name"), [("BADA3", "J2H"), ("BADA4", "Dummy-TWIN")])
 def test_a_licence_holders_directory_serves_the_whole_path(tmp_path: Path, family: str, name: str) -> None:
     """EUROCONTROL's files as they come (here the dummies, from the folder above): all commands fly that type."""
-    spec = importlib.util.find_spec("pyBADA")
-    assert spec is not None, "the test extra installs pybada"
-    release = Path(str(spec.origin)).parent / "aircraft" / family
-    release = release if family == "BADA4" else release / "DUMMY"
+    release = dummies().parent if family == "BADA4" else dummies(family)
     rows, prepared, bada = tmp_path / "rows.parquet", tmp_path / "descents.parquet", ["--bada-dir", str(release)]
     assert main(["simulate", "--typecode", name, *bada, "--flights", "80", "--out", str(rows)]) == 0
     assert main(["prepare", str(rows), "--out", str(prepared)]) == 0

@@ -21,7 +21,7 @@ from descentflow.surveillance.descents.store import KEY
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "fuzz.py"
 
 
-@pytest.mark.parametrize("cases", [60, pytest.param(400, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("cases", [40, pytest.param(400, marks=pytest.mark.slow)])
 def test_no_command_breaks_on_damaged_inputs(cases: int, tmp_path: Path) -> None:
     """Every case is accepted with its rows accounted for, or refused in a message; a new folder makes its own files."""
     words = [sys.executable, str(SCRIPT), str(tmp_path), "--cases", str(cases), "--seed", "0", "--processes", "1"]
@@ -79,41 +79,6 @@ def test_descriptions_that_nobody_wrote(name: str, value: object, descents: Path
     path = written(whole.frame, whole.metadata | {name: value}, tmp_path / "changed.parquet")
     with pytest.raises(DataError, match="a damaged description"):
         read_descents(path)
-
-
-@pytest.mark.parametrize(
-    ("place", "value", "saying"),
-    [
-        ("decoder.aircraft.cd2_ld", "=1+1", "coefficient cd2_ld"),
-        ("decoder.aircraft.vmo_kt", float("nan"), "vmo_kt holds 1 that is no finite number"),
-        ("decoder.levels_fl", 3, "decoder.levels_fl is of type int; expected a tensor"),
-        ("decoder.weight_scale", torch.zeros(2), "checkpoint|shape|weight_scale|size"),
-        ("decoder.drag_basis.mean", torch.tensor([torch.nan]), "drag_basis.mean holds 1"),
-        ("decoder.cas_basis.components", torch.ones(1, 3), "size|shape|grid"),
-        ("plausibility.entry_counts", torch.zeros(4), "not on the grid"),
-        ("decoder.residuals.drag", torch.zeros(3, 2), "decoder.residuals is not on the grid"),
-        ("decoder.residuals.speed", torch.zeros(7), "decoder.residuals is not on the grid"),
-        ("decoder.residuals.numbers", torch.zeros(3, 2), "decoder.residuals has other flights"),
-        ("decoder.drag_basis", None, "decoder.drag_basis is of type NoneType; expected a dictionary"),
-        ("plausibility.cas_low", "low", "plausibility.cas_low is of type str; expected a tensor"),
-        ("plausibility.cas_high", torch.tensor([torch.nan]), "cas_high holds 1 that is no finite number"),
-        ("split", [], "split is of type list; expected a dictionary"),
-        ("provenance.typecodes", [{"A320": 1}], "typecodes of the provenance"),
-        ("split.seed", 1 << 64, "split.seed holds 1 that is no finite number"),
-        ("cleaning", "as usual", "cleaning is of type str; expected a dictionary"),
-    ],
-)
-def test_checkpoints_with_another_value(place: str, value: object, saying: str, run: Path, tmp_path: Path) -> None:
-    content = torch.load(run / "checkpoints" / "best.ckpt", weights_only=True)
-    *parts, last = place.split(".")
-    inside = content["descentflow"]["representation"]
-    for part in parts:
-        inside = inside[part]
-    inside[last] = value
-    torch.save(content, tmp_path / "changed.ckpt")
-    with pytest.raises(CheckpointError, match=saying) as caught:
-        load_model(tmp_path / "changed.ckpt")
-    assert "changed.ckpt" in caught.value.got
 
 
 @pytest.mark.parametrize("section", [3, None, {}, {"format": 2}])

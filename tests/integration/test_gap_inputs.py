@@ -7,8 +7,8 @@ import gap_toys
 import polars as pl
 import pytest
 import torch
+import toys
 from bada4_dummies import dummies
-from lightning.pytorch import Trainer
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.errors import AircraftError, ConfigError, DataError, DescentflowWarning
@@ -68,9 +68,7 @@ def test_other_settings_are_warned_of_and_would_pass_for_a_gap(folder: Path) -> 
 def test_a_simulator_may_be_a_path_a_density_or_a_fitted_model(folder: Path) -> None:
     real = read_descents(folder / "alike.parquet")
     data = DescentDataModule(folder / "own_descents.parquet", aircraft="A320")
-    quiet = {"logger": False, "enable_checkpointing": False, "enable_progress_bar": False, "accelerator": "cpu"}
-    model = Gaussian()
-    Trainer(max_epochs=1, num_sanity_val_steps=0, enable_model_summary=False, **quiet).fit(model, datamodule=data)
+    model = toys.fit(Gaussian(), data, 1)
     path, density = folder / "simulator.ckpt", load_model(folder / "simulator.ckpt")
     found = [diagnose(real, simulator, catalogue=SMALL) for simulator in (path, str(path), density, model)]
     assert {(report.verdict, report.p_value, report.gap_before) for report in found} == {

@@ -29,7 +29,7 @@ best = "runs/Gaussian/version_0/checkpoints/best.ckpt"
 run("sample", best, "-n", "20", "--out", "samples.parquet")
 model = df.fit(df.prepare("rows.parquet", typecode="A320"), model="gaussian")
 df.diagnose("rows.parquet", "A320", out="gap")
-df.evaluate(model, "descents.parquet")
+df.evaluate(model, "descents.parquet", n=200, n_splits=2)
 next(iter(df.Generator(model).next().trajectories.time_s))
 print(len(df.sample(model, n=20, seed=0)))
 """

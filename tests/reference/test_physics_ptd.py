@@ -4,11 +4,9 @@ The tables are EUROCONTROL's and not pyBADA's: they settle what a level on a thr
 the thrust of its configuration (pyBADA keeps it clean).
 """
 
-import importlib.util
-from pathlib import Path
-
 import pytest
 import torch
+from bada4_dummies import dummies
 
 from descentflow.aircraft_types.bada3.bada_directory import load_aircraft
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
@@ -57,13 +55,12 @@ CONSTANTS = 1.5e-6
 
 @pytest.fixture(scope="module", params=LEVELS)
 def table(request):
-    folder = Path(str(importlib.util.find_spec("pyBADA").origin)).parent / "aircraft" / "BADA3" / "DUMMY"
     code = request.param
-    text = (folder / f"{code:_<6}.PTD").read_text().split("Medium mass DESCENTS")[1]
+    text = (dummies("BADA3") / f"{code:_<6}.PTD").read_text().split("Medium mass DESCENTS")[1]
     rows = [[float(v) for v in line.split()] for line in text.splitlines() if line[:6].strip().isdigit()]
     assert len(rows) == LEVELS[code]
     columns = dict(zip(COLUMNS, torch.tensor(rows, dtype=torch.float64).T, strict=True))
-    aircraft = load_aircraft(code, folder)
+    aircraft = load_aircraft(code, dummies("BADA3"))
     return columns, aircraft, nominal_descent(aircraft, columns["level"])
 
 

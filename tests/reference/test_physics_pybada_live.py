@@ -4,11 +4,9 @@ Relative 1e-9 is asked, where the measured deviations are near 1e-13. Only a cro
 more, because pyBADA rounds the pressure of the tropopause; no dummy aircraft has one.
 """
 
-import importlib.util
-from pathlib import Path
-
 import pytest
 import torch
+from bada4_dummies import dummies
 
 from descentflow.aircraft_types.bada3.bada_directory import load_aircraft
 from descentflow.core.units import FT_M
@@ -52,10 +50,9 @@ class Side:
         from pyBADA import atmosphere
         from pyBADA.bada3 import Bada3Aircraft
 
-        folder = Path(str(importlib.util.find_spec("pyBADA").origin)).parent / "aircraft" / "BADA3" / "DUMMY"
         self.air = atmosphere
         self.theirs = Bada3Aircraft(badaVersion="DUMMY", acName=code)
-        self.ours = load_aircraft(code, folder)
+        self.ours = load_aircraft(code, dummies("BADA3"))
         transition = float(self.ours.transition_altitude_m())
         hand_over = self.ours.altitude_des_ft * FT_M
         edges = [11000.0, 11000.001, 11500.0, transition - 0.01, transition + 0.01, hand_over - 0.01, hand_over + 0.01]

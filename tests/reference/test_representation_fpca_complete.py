@@ -4,14 +4,11 @@ import numpy as np
 import pytest
 import torch
 from torch import Tensor
+from toys import normal
 
 from descentflow.representation.fpca import ppca
 from descentflow.representation.fpca.complete import leading, mean_and_covariance
 from descentflow.representation.fpca.mask_groups import MaskGroups, group_masks
-
-
-def normal(*shape: int, seed: int = 0) -> Tensor:
-    return torch.randn(*shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
 
 
 def curves(n: int, n_levels: int = 30, noise: float = 0.3) -> Tensor:

@@ -1,10 +1,10 @@
-import importlib.util
 import shutil
 from dataclasses import asdict, fields, replace
 from pathlib import Path
 
 import pytest
 import torch
+from bada4_dummies import dummies
 
 from descentflow.aircraft_types.bada3.apf_file import read_apf, write_apf
 from descentflow.aircraft_types.bada3.bada_directory import load_aircraft, load_directory, to_aircraft
@@ -26,9 +26,7 @@ LINES = {"mass": 18, "flaps": 31, "thrust": 44, "actype": 13}
 @pytest.fixture(scope="module")
 def dummy() -> Path:
     """EUROCONTROL's dummy aircraft inside the installed pybada."""
-    spec = importlib.util.find_spec("pyBADA")
-    assert spec is not None, "the test extra installs pybada"
-    return Path(str(spec.origin)).parent / "aircraft" / "BADA3" / "DUMMY"
+    return dummies("BADA3")
 
 
 @pytest.fixture

@@ -56,12 +56,6 @@ def test_a_scaled_rate_is_named_with_its_own_factor(factor: float, words: str, m
         check_units(rows_of_flights().with_columns(pl.col("vertical_rate") * factor), "rows")
 
 
-@pytest.mark.parametrize("factor", [0.7, 1.3, 1.6])
-def test_a_rate_wrong_by_no_known_factor_is_a_warning(factor: float) -> None:
-    with pytest.warns(DescentflowWarning, match="vertical_rate contradicts the other columns"):
-        check_units(rows_of_flights().with_columns(pl.col("vertical_rate") * factor), "rows")
-
-
 @pytest.mark.parametrize("factor", [0.95, 1.0, 1.04])
 def test_rates_as_of_real_sources_pass_in_silence(factor: float) -> None:
     with warnings.catch_warnings():

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 import torch
 import toys
-from lightning.pytorch import Trainer
 
 from descentflow.core.errors import CheckpointError, ConfigError
 from descentflow.densities import GaussianDensity, MaskedAffineFlowDensity
 from descentflow.densities.checkpoint import as_density, content_of, load_model
 from descentflow.generation.rejection import sample_descents
+from descentflow.training.fit import fit
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
 
 DIMENSION = 4
@@ -35,13 +35,9 @@ def weights(n: int = 900) -> torch.Tensor:
 def saved(name: str, folder: Path) -> tuple[LatentModel, Path]:
     kind, settings, epochs = MODELS[name]
     model = kind(**settings)
-    trainer = Trainer(
-        max_epochs=epochs, logger=False, enable_progress_bar=False, enable_model_summary=False, accelerator="cpu",
-        enable_checkpointing=False, num_sanity_val_steps=0,
-    )  # fmt: skip
-    trainer.fit(model, datamodule=toys.WeightsModule(weights(), weights(100)))
-    trainer.save_checkpoint(folder / "model.ckpt")
-    return model.eval(), folder / "model.ckpt"
+    model = toys.fit(model, toys.WeightsModule(weights(), weights(100)), epochs)
+    model.trainer.save_checkpoint(folder / "model.ckpt")
+    return model, folder / "model.ckpt"
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -101,95 +97,103 @@ WARM = {"effects": {"temperature": [8.0]}, "mass_kg": 6e4, "inherited": False, "
 """Correction of a simulator."""
 COLUMN = {"name": "a", "kind": "number", "mean": 0.0, "scale": 1.0, "values": [], "indicator": False}
 """A column of a context, as checkpoints keep it."""
+GONE = object()
+PARTS = "descentflow.representation"
+CHANGED: list[tuple[str, object, str]] = [
+    ("descentflow", GONE, "not a checkpoint of descentflow"),
+    ("descentflow.format", 99, "format 99"),
+    ("descentflow.model", "Diffusion", "Diffusion"),
+    (
+        "descentflow.settings.entry_law",
+        {"edges": []},
+        "a GaussianDensity of another version, with entry_law; .* fit again",
+    ),
+    ("state_dict._density_loc", GONE, "state_dict"),
+    (f"{PARTS}.decoder", GONE, "decoder"),
+    (f"{PARTS}.decoder.aircraft.ct1", GONE, "ct1"),
+    (f"{PARTS}.decoder.correction", WARM | {"mass_kg": [6e4]}, "float"),
+    (f"{PARTS}.decoder.correction", WARM | {"effects": {"temperature": []}}, "0 parameters of temperature"),
+    (f"{PARTS}.plausibility.entry_counts", torch.zeros(1, 4), "entry_counts is not on the grid"),
+    (f"{PARTS}.context", [COLUMN | {"low": "zero"}], "context column .*zero"),
+    (f"{PARTS}.context", [COLUMN | {"mean": True}], "context column .*True"),
+    (f"{PARTS}.context", [COLUMN | {"code": "x"}], "code"),
+    (f"{PARTS}.gaps", GONE, "representation.gaps is of type NoneType; expected a text; .* fit again"),
+    (f"{PARTS}.own_mass", {"column": "mass_kg"}, "the representation has 'own_mass'; expected .*seen_flights"),
+    (f"{PARTS}.decoder.aircraft.cd2_ld", "=1+1", "coefficient cd2_ld"),
+    (f"{PARTS}.decoder.aircraft.vmo_kt", float("nan"), "vmo_kt holds 1 that is no finite number"),
+    (f"{PARTS}.decoder.levels_fl", 3, "decoder.levels_fl is of type int; expected a tensor"),
+    (f"{PARTS}.decoder.weight_scale", torch.zeros(2), "checkpoint|shape|weight_scale|size"),
+    (f"{PARTS}.decoder.drag_basis.mean", torch.tensor([torch.nan]), "drag_basis.mean holds 1"),
+    (f"{PARTS}.decoder.cas_basis.components", torch.ones(1, 3), "size|shape|grid"),
+    (f"{PARTS}.plausibility.entry_counts", torch.zeros(4), "not on the grid"),
+    (f"{PARTS}.decoder.residuals.drag", torch.zeros(3, 2), "decoder.residuals is not on the grid"),
+    (f"{PARTS}.decoder.residuals.speed", torch.zeros(7), "decoder.residuals is not on the grid"),
+    (f"{PARTS}.decoder.residuals.numbers", torch.zeros(3, 2), "decoder.residuals has other flights"),
+    (f"{PARTS}.decoder.drag_basis", None, "decoder.drag_basis is of type NoneType; expected a dictionary"),
+    (f"{PARTS}.plausibility.cas_low", "low", "plausibility.cas_low is of type str; expected a tensor"),
+    (f"{PARTS}.plausibility.cas_high", torch.tensor([torch.nan]), "cas_high holds 1 that is no finite number"),
+    (f"{PARTS}.split", [], "split is of type list; expected a dictionary"),
+    (f"{PARTS}.provenance.typecodes", [{"A320": 1}], "typecodes of the provenance"),
+    (f"{PARTS}.split.seed", 1 << 64, "split.seed holds 1 that is no finite number"),
+    (f"{PARTS}.cleaning", "as usual", "cleaning is of type str; expected a dictionary"),
+]
+"""A place in a checkpoint, what is put there, and what is said of it."""
 
 
-def broken(kind: str, folder: Path) -> Path:
-    _, path = saved("gaussian", folder)
-    content = torch.load(path, weights_only=True)
-    target = folder / "broken.ckpt"
-    if kind == "truncated":
-        target.write_bytes(path.read_bytes()[:-2000])
-        return target
-    if kind == "one byte":
-        whole = path.read_bytes()
-        place = whole.index(content["state_dict"]["_density.loc"].numpy().tobytes())
-        target.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
-        return target
-    if kind == "compressed":
-        with zipfile.ZipFile(path) as old, zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as new:
-            for name in old.namelist():
-                new.writestr(name, old.read(name))
-        return target
-    if kind == "empty":
-        target.write_bytes(b"")
-        return target
-    if kind == "text":
-        target.write_text("not a checkpoint")
-        return target
-    if kind == "rows":
-        target.write_text("a,b\n1,2\n")
-        return target
-    if kind == "unsafe":
-        torch.save({"a": date(2020, 1, 1)}, target)
-        return target
-    changes = {
-        "foreign": lambda c: c.pop("descentflow"),
-        "format": lambda c: c["descentflow"].update(format=99),
-        "model": lambda c: c["descentflow"].update(model="Diffusion"),
-        "entry law": lambda c: c["descentflow"]["settings"].update(entry_law={"edges": []}),
-        "incomplete": lambda c: c["descentflow"]["representation"].pop("decoder"),
-        "parameters": lambda c: c["state_dict"].pop("_density.loc"),
-        "aircraft": lambda c: c["descentflow"]["representation"]["decoder"]["aircraft"].pop("ct1"),
-        "counts": lambda c: c["descentflow"]["representation"]["plausibility"]["entry_counts"].unsqueeze_(0),
-        "coefficient": lambda c: c["descentflow"]["representation"]["decoder"]["aircraft"].update(ct2=-1e30),
-        "range": lambda c: c["descentflow"]["representation"].update(context=[{**COLUMN, "low": "zero"}]),
-        "flag": lambda c: c["descentflow"]["representation"].update(context=[{**COLUMN, "mean": True}]),
-        "gaps": lambda c: c["descentflow"]["representation"].pop("gaps"),
-        "own mass": lambda c: c["descentflow"]["representation"].update(own_mass={"column": "mass_kg"}),
-        "mass": lambda c: c["descentflow"]["representation"]["decoder"].update(correction={**WARM, "mass_kg": [6e4]}),
-        "effect": lambda c: c["descentflow"]["representation"]["decoder"].update(
-            correction={**WARM, "effects": {"temperature": []}}
-        ),
-        "column": lambda c: c["descentflow"]["representation"].update(context=[{**COLUMN, "code": "x"}]),
-    }
-    changes[kind](content)
-    torch.save(content, target)
-    return target
-
-
-@pytest.mark.parametrize(
-    ("kind", "words"),
-    [
-        ("truncated", "truncated"),
-        ("one byte", "differs from its checksum; expected a whole checkpoint"),
-        ("compressed", "a compressed archive"),
-        ("empty", "is empty"),
-        ("text", "is no checkpoint; expected a checkpoint of descentflow; .* --simulator"),
-        ("rows", "is no checkpoint"),
-        ("unsafe", "holds datetime.date, which could execute code"),
-        ("foreign", "not a checkpoint of descentflow"),
-        ("format", "format 99"),
-        ("model", "Diffusion"),
-        ("entry law", "a GaussianDensity of another version, with entry_law; .* fit again"),
-        ("incomplete", "decoder"),
-        ("mass", "float"),
-        ("effect", "0 parameters of temperature"),
-        ("parameters", "state_dict"),
-        ("aircraft", "ct1"),
-        ("counts", "entry_counts is not on the grid"),
-        ("coefficient", "coefficient ct2 = .-1e\\+30.; expected a number from"),
-        ("range", "context column .*zero"),
-        ("flag", "context column .*True"),
-        ("gaps", "representation.gaps is of type NoneType; expected a text; .* fit again"),
-        ("own mass", "the representation has 'own_mass'; expected .*seen_flights"),
-        ("column", "code"),
-    ],
-)
-def test_a_bad_checkpoint_says_what_is_wrong(kind: str, words: str, tmp_path: Path) -> None:
+def refused(path: Path, words: str) -> None:
     with pytest.raises(Exception, match=words) as caught:
-        load_model(broken(kind, tmp_path))
+        load_model(path)
     assert type(caught.value).__module__ == "descentflow.core.errors"
     assert "weights_only" not in str(caught.value), "torch's advice would execute what the file holds"
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("whole")
+    fit(toys.write_descents_file(folder / "a320.parquet"), "gaussian", out=folder / "a320.ckpt", final=False)
+    return folder / "a320.ckpt"
+
+
+@pytest.mark.parametrize(("place", "value", "words"), CHANGED)
+def test_a_changed_checkpoint_says_what_is_wrong(
+    place: str, value: object, words: str, whole: Path, tmp_path: Path
+) -> None:
+    content = torch.load(whole, weights_only=True)
+    *parts, last = place.split(".")
+    inside = content
+    for part in parts:
+        inside = inside[part]
+    last = last.replace("_density_loc", "_density.loc")
+    if value is GONE:
+        del inside[last]
+    else:
+        inside[last] = value
+    torch.save(content, tmp_path / "broken.ckpt")
+    refused(tmp_path / "broken.ckpt", words)
+
+
+def test_a_file_that_is_no_whole_checkpoint_says_what_is_wrong(whole: Path, tmp_path: Path) -> None:
+    content, target = whole.read_bytes(), tmp_path / "broken.ckpt"
+    loc = torch.load(whole, weights_only=True)["state_dict"]["_density.loc"].numpy().tobytes()
+    place = content.index(loc)
+    for damaged, words in (
+        (content[:-2000], "truncated"),
+        (
+            content[:place] + bytes([content[place] ^ 1]) + content[place + 1 :],
+            "differs from its checksum; expected a whole checkpoint",
+        ),
+        (b"", "is empty"),
+        (b"not a checkpoint", "is no checkpoint; expected a checkpoint of descentflow; .* --simulator"),
+        (b"a,b\n1,2\n", "is no checkpoint"),
+    ):
+        target.write_bytes(damaged)
+        refused(target, words)
+    with zipfile.ZipFile(whole) as old, zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as new:
+        for name in old.namelist():
+            new.writestr(name, old.read(name))
+    refused(target, "a compressed archive")
+    torch.save({"a": date(2020, 1, 1)}, target)
+    refused(target, "holds datetime.date, which could execute code")
 
 
 def test_no_file(tmp_path: Path) -> None:

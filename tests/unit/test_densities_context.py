@@ -10,6 +10,7 @@ import torch
 import toys
 from sklearn.linear_model import LinearRegression
 from torch import Tensor
+from toys import normal
 
 from descentflow.core.errors import ConfigError
 from descentflow.densities.checkpoint import content_of, load_model
@@ -22,10 +23,6 @@ from descentflow.representation.context import ContextEncoder
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
 
 D, C = 3, 2
-
-
-def normal(*shape: int, seed: int = 0) -> Tensor:
-    return torch.randn(shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
 
 
 def table(n: int, seed: int = 0) -> pl.DataFrame:

@@ -9,6 +9,7 @@ import toys
 from sklearn.mixture import GaussianMixture as SklearnMixture
 from torch import Tensor
 from torch.distributions import Categorical, MixtureSameFamily, MultivariateNormal
+from toys import normal
 
 from descentflow.densities.component_search import max_components
 from descentflow.densities.em import fit_mixture
@@ -19,10 +20,6 @@ DIMENSION = 5
 
 def generator(seed: int) -> torch.Generator:
     return torch.Generator().manual_seed(seed)
-
-
-def normal(*shape: int, seed: int = 0) -> Tensor:
-    return torch.randn(shape, generator=generator(seed), dtype=torch.float64)
 
 
 def mixture_truth() -> MixtureSameFamily:

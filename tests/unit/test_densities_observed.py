@@ -7,8 +7,8 @@ import torch
 import toys
 from torch import Tensor
 from torch.distributions import MultivariateNormal
+from toys import Opaque, normal
 
-from descentflow.densities.density import Density
 from descentflow.densities.em import fit_mixture
 from descentflow.densities.em_steps import Steps
 from descentflow.densities.importance import estimate, propose
@@ -19,10 +19,6 @@ from descentflow.representation.evidence import Evidence
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
 
 D, K, C = 3, 2, 2
-
-
-def normal(*shape: int, seed: int = 0) -> Tensor:
-    return torch.randn(shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
 
 
 def truth(seed: int = 0, *, context: bool = False) -> Mixture:
@@ -178,24 +174,16 @@ def _deviation(mixture: Mixture) -> Tensor:
     return (second - mean.square()).sqrt()
 
 
-class Opaque(Density):
-    """A mixture that does not say so."""
-
-    def __init__(self, hidden: Mixture) -> None:
-        super().__init__(D)
-        self.hidden = GaussianMixtureDensity(D, K)
-        self.hidden.mixture = hidden
-
-    def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
-        return self.hidden.log_prob(weights)
-
-    def draw(self, n: int, generator: torch.Generator, context: Tensor | None = None) -> Tensor:
-        return self.hidden.draw(n, generator)
+def opaque_truth() -> Opaque:
+    hidden = GaussianMixtureDensity(D, K)
+    hidden.mixture = truth()
+    hidden.attach(toys.representation_of(D))
+    return Opaque(hidden)
 
 
 def test_importance_sampling_meets_the_closed_form() -> None:
     evidence, _, _ = gappy(drawn(truth(), 40))
-    opaque = Opaque(truth())
+    opaque = opaque_truth()
     with torch.no_grad():
         none = torch.zeros(len(evidence), 0)
         found = opaque.estimate_observed(evidence, none, opaque.wide_gaussian(none), 4000)
@@ -208,7 +196,7 @@ def test_importance_sampling_meets_the_closed_form() -> None:
 
 def test_the_bound_that_flows_are_trained_by_is_below_the_likelihood_and_rises_with_draws() -> None:
     evidence, _, _ = gappy(drawn(truth(), 400))
-    opaque, exact = Opaque(truth()), float(log_observed(truth(), evidence).mean())
+    opaque, exact = opaque_truth(), float(log_observed(truth(), evidence).mean())
     bounds, none = [], torch.zeros(len(evidence), 0)
     for draws in (1, 8, 64):
         proposals = propose(opaque.wide_gaussian(none), evidence, draws, seed=1)

@@ -6,7 +6,7 @@ import pytest
 import torch
 import toys
 import yaml
-from torch import Tensor
+from toys import normal
 
 from descentflow.core.errors import ConfigError
 from descentflow.densities.component_search import (
@@ -20,10 +20,6 @@ from studies.forecast_scores import crps_each, energy_score_each, forecast_score
 
 CONFIGS = Path(__file__).resolve().parents[2] / "descentflow" / "configs" / "model"
 D = 4
-
-
-def normal(*shape: int, seed: int = 0) -> Tensor:
-    return torch.randn(shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
 
 
 def test_few_flights_of_a_gaussian_get_no_worse_than_the_gaussian() -> None:

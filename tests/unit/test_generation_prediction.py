@@ -7,9 +7,9 @@ import torch
 import toys
 from torch import Tensor
 from torch.distributions import MultivariateNormal
+from toys import Opaque, normal
 
 from descentflow.core.errors import ConfigError, DataError, SamplingError
-from descentflow.densities.density import Density
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.generation.prediction.posterior import Prior, posterior_of, prior_of
@@ -26,10 +26,6 @@ from descentflow.representation.encode_flights import EncodedFlights
 from descentflow.representation.linear_curves import KEPT_NOISE, LinearCurves, linear_curves
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.residuals import ResidualLine
-
-
-def normal(*shape: int, seed: int = 0) -> Tensor:
-    return torch.randn(shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
 
 
 def linear(n_weights: int = 3, n_residual: int = 2, n_levels: int = 6) -> LinearCurves:
@@ -104,24 +100,14 @@ def test_draws_have_the_posteriors_moments() -> None:
     torch.testing.assert_close(torch.cov(drawn.T), covariance, rtol=0.05, atol=0.05 * float(covariance.abs().max()))
 
 
-class Opaque(Density):
-    """A Gaussian that does not say so."""
-
-    def __init__(self, dimension: int) -> None:
-        super().__init__(dimension)
-        self.hidden = GaussianDensity(dimension)
-
-    def log_prob(self, weights: Tensor, context: Tensor | None = None) -> Tensor:
-        return self.hidden.log_prob(weights)
-
-    def draw(self, n: int, generator: torch.Generator, context: Tensor | None = None) -> Tensor:
-        return self.hidden.draw(n, generator)
+def opaque_gaussian() -> Opaque:
+    hidden = GaussianDensity(3)
+    hidden.attach(toys.representation_of(3))
+    return Opaque(hidden)
 
 
 def test_importance_resampling_meets_the_closed_form() -> None:
-    opaque, curves = Opaque(3), linear()
-    for one in (opaque, opaque.hidden):
-        one.attach(toys.representation_of(3))
+    opaque, curves = opaque_gaussian(), linear()
     evidence = seen_of(curves, normal(6, seed=2), normal(6, seed=3), torch.arange(6) < 4)
     exact = posterior_of(prior_of(opaque.hidden), *evidence)
     weighted = posterior_of(prior_of(opaque), *evidence)
@@ -134,9 +120,7 @@ def test_importance_resampling_meets_the_closed_form() -> None:
 
 
 def test_a_density_that_excludes_the_flight_says_so() -> None:
-    opaque, curves = Opaque(3), linear()
-    for one in (opaque, opaque.hidden):
-        one.attach(toys.representation_of(3))
+    opaque, curves = opaque_gaussian(), linear()
     far = seen_of(curves, 1e3 + normal(6), 1e3 + normal(6), torch.ones(6, dtype=torch.bool))
     posterior = posterior_of(prior_of(opaque), *far)
     with pytest.raises(SamplingError, match="effective"):

@@ -9,6 +9,7 @@ compared with samples within a band so narrow that the law hardly changes across
 import generator_toys as toy
 import torch
 from generator_toys import cas_kt, comparisons, cut, distance_nm, index, p_values, samples
+from toys import Opaque
 
 import descentflow as df
 from descentflow.representation.decoder.trajectories import Trajectories, concatenate
@@ -101,7 +102,7 @@ def test_a_level_within_a_band_at_a_time() -> None:
 
 def test_a_density_that_is_no_mixture() -> None:
     """Gaussians fitted to its draws propose, its log density decides."""
-    found = df.Generator(toy.Opaque(toy.mixture()), seed=3)
+    found = df.Generator(Opaque(toy.mixture()), seed=3)
     free = found.next_batch(1000, entry_fl=350)
     assert min(p_values(free.trajectories, samples(350)).values()) > toy.RARE
     brute = cut(samples(350), lambda t: (cas_kt(t, 290) - 290).abs() < 0.5)

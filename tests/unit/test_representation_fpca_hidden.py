@@ -7,22 +7,12 @@ from torch import Tensor
 
 from descentflow.core.units import KT_MPS
 from descentflow.representation.fpca.gappy import fit_components
-from descentflow.representation.fpca.roughness import hide_tops
 from studies.paper.figures.hidden_errors import gappy_figure
 from studies.paper.hidden_levels import hidden_errors
 
 
 def generator(seed: int = 0) -> torch.Generator:
     return torch.Generator().manual_seed(seed)
-
-
-def test_tops_are_hidden_from_the_top() -> None:
-    mask = torch.ones(300, 100, dtype=torch.bool)
-    hidden = hide_tops(mask, 0.3, generator())
-    # Once a level is hidden, so are those above, up to where too few flights would be left.
-    spared = int(hidden.any(0).nonzero().max()) + 1
-    falls = hidden[:, :spared].int().diff(dim=1)
-    assert bool((falls >= 0).all())
 
 
 def smooth_and_noise(n: int, length: int) -> Tensor:

@@ -5,16 +5,13 @@ import torch
 import toys
 from scipy.spatial import cKDTree
 from torch import Tensor
+from toys import normal
 
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.generation.rejection import sample_descents
 from descentflow.representation.residuals import NEIGHBOURS, ResidualLine, Residuals
 
 D, R, M = 3, 4, 200
-
-
-def normal(*shape: int, seed: int = 0) -> Tensor:
-    return torch.randn(shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
 
 
 def residuals(entry: Tensor) -> Residuals:

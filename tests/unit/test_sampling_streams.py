@@ -12,6 +12,7 @@ import pytest
 import torch
 from torch import Tensor
 from torch.distributions import MultivariateNormal
+from toys import normal
 
 import descentflow
 from descentflow.densities import GaussianDensity, GaussianMixtureDensity, MaskedAffineFlowDensity
@@ -19,11 +20,7 @@ from descentflow.densities.density import Density
 from descentflow.densities.mixture_parameters import Mixture
 
 D = 4
-CALLS = 10_000
-
-
-def normal(*shape: int, seed: int = 0) -> Tensor:
-    return torch.randn(shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+CALLS = 2000
 
 
 def mixture(n_context: int = 0) -> GaussianMixtureDensity:
@@ -70,7 +67,7 @@ def test_weights_are_those_that_the_libraries_draw_by_the_global_generator(n_con
 
 
 def test_four_threads_draw_what_one_draws() -> None:
-    """10,000 calls, none of which may differ; before, 6 of 400 did."""
+    """2,000 calls, none of which may differ; before, 6 of 400 did."""
     densities = [gaussian(), mixture(), flow(n_flows=1)]
     # The flow's calls take hundreds of times longer.
     shares = [0.485, 0.485, 0.03]

@@ -3,6 +3,7 @@
 import pytest
 import torch
 from sklearn.mixture import GaussianMixture as SklearnMixture
+from toys import normal
 
 from descentflow.densities.em import fit_mixture
 from descentflow.densities.em_steps import Steps
@@ -10,10 +11,6 @@ from descentflow.densities.mixture_parameters import log_observed
 from descentflow.representation.evidence import Evidence
 
 D = 5
-
-
-def normal(*shape: int, seed: int = 0) -> torch.Tensor:
-    return torch.randn(*shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
 
 
 def drawn(n: int, seed: int) -> torch.Tensor:

@@ -1,5 +1,7 @@
 """Filters on hand-made rows of which every drop is known."""
 
+from itertools import product
+
 import numpy as np
 import polars as pl
 import pytest
@@ -14,6 +16,7 @@ from descentflow.surveillance.rows.air_data import cas_of_mach_kt
 from descentflow.surveillance.rows.drop_report import DropReport
 
 EVERY_10_S = [10.0 * i for i in range(12)]
+TIME = np.arange(0, 400.0, 4.0)
 
 
 def seconds_left(rows: pl.DataFrame) -> list[float]:
@@ -98,27 +101,18 @@ def test_a_held_rate_is_found_and_idle_rates_are_free() -> None:
         (managed(-1500.0, every_s=25.0), "too few reports to tell"),
         (managed(-2600.0), "steeper than what is beside it"),
         (managed(-2000.0, seconds=0.0, after_s=400.0), "idle all the way"),
+        (flown(TIME, 32 * np.round(np.where(TIME < 100, -3000.0, -2100 + 80 * (TIME - 100) / 60) / 32)), "Mach to CAS"),
+        *(
+            (
+                flown(TIME, np.where(before_s > TIME, rate_fpm - 600, rate_fpm)),
+                "one CAS, or Mach before it",
+            )
+            for before_s, rate_fpm in product((0.0, 100.0), (-1800.0, -2100.0, -2400.0))
+        ),
     ],
 )
 def test_what_is_not_taken_for_managed(rows: pl.DataFrame, why: str) -> None:
     assert len(ConstantRate().keep(rows)) == len(rows), why
-
-
-def test_a_descent_that_gets_shallower_for_good_is_not_managed() -> None:
-    # From Mach to CAS: 30 % off the rate within some seconds, and idle goes on drifting.
-    time = np.arange(0, 400.0, 4.0)
-    rate = np.where(time < 100, -3000.0, -2100 + 80 * (time - 100) / 60)
-    rows = flown(time, 32 * np.round(rate / 32))
-    assert len(ConstantRate().keep(rows)) == len(rows)
-
-
-@pytest.mark.parametrize("rate_fpm", [-1800.0, -2100.0, -2400.0])
-@pytest.mark.parametrize("before_s", [0.0, 100.0])
-def test_smooth_idle_at_a_rate_that_could_be_selected_is_free(rate_fpm: float, before_s: float) -> None:
-    """Flown for five minutes at one CAS, alone or after the change from Mach to CAS: nobody selected a rate."""
-    time = np.arange(0, 400.0, 4.0)
-    rows = flown(time, np.where(time < before_s, rate_fpm - 600, rate_fpm))
-    assert len(ConstantRate().keep(rows)) == len(rows)
 
 
 def test_a_managed_stretch_parts_what_stands_around_it() -> None:

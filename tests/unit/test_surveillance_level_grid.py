@@ -31,16 +31,12 @@ def test_levels_between_two_rows_are_linear_in_altitude() -> None:
     assert str(levels["timestamp"].dtype) == "Datetime(time_unit='us', time_zone='UTC')"
 
 
-def test_rows_on_levels_count_once_each() -> None:
-    levels = grid(rows_at([0.0, 10.0, 20.0], altitude=[20_000.0, 19_900.0, 19_800.0], IAS=[1.0, 2.0, 4.0]))
+def test_rows_on_levels_count_once_each_and_need_no_value_of_their_neighbours() -> None:
+    levels = grid(
+        rows_at([0.0, 10.0, 20.0, 30.0], altitude=[20_000.0, 19_900.0, 19_850.0, 19_800.0], roll=[1.0, 2.0, None, 4.0])
+    )
     assert levels["level_fl"].to_list() == [200, 199, 198]
-    assert levels["IAS"].to_list() == [1.0, 2.0, 4.0]
-
-
-def test_a_row_on_a_level_needs_no_value_of_its_neighbours() -> None:
-    levels = grid(rows_at([0.0, 10.0, 20.0], altitude=[20_000.0, 19_850.0, 19_800.0], roll=[1.0, None, 3.0]))
-    assert levels["level_fl"].to_list() == [200, 199, 198]
-    assert levels["roll"].to_list() == [1.0, None, 3.0]
+    assert levels["roll"].to_list() == [1.0, 2.0, 4.0]
 
 
 @pytest.mark.parametrize(("second_s", "second_ft"), [(60.1, 19_000.0), (30.0, 16_999.0)])

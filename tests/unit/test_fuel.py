@@ -11,7 +11,7 @@ from bada4_dummies import DUMMIES, dummies, printed_descents
 from example_sides import example_sides
 from scipy.stats import wasserstein_distance
 
-from descentflow.aircraft_types.registry import AnyAircraft, aircraft
+from descentflow.aircraft_types.registry import aircraft
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import FL_M, FT_M, KT_MPS
 from descentflow.diagnosis.correction.corrected_descents import corrected_descents
@@ -28,6 +28,7 @@ from descentflow.generation.sample_tables import to_frame, write_samples
 from descentflow.physics.airspeed import cas_to_tas_mps
 from descentflow.physics.energy import descent_rate_mps, energy_share_factor_local
 from descentflow.physics.fuel import CO2_PER_FUEL, burn
+from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.decoder.trajectories import Trajectories, burn_of, integrate
 from descentflow.representation.profiles import Profiles, profiles_from_frame
 from descentflow.simulation.world import simulate
@@ -38,11 +39,11 @@ TYPES = ("A320", "AT76", *DUMMIES)
 COLUMNS_OF_FUEL = ("thrust_n", "fuel_flow_kg_s", "fuel_kg", "co2_kg")
 
 
-def model_of(name: str) -> AnyAircraft:
+def model_of(name: str) -> PerformanceModel:
     return aircraft(name, dummies() if name in DUMMIES else None)
 
 
-def state(model: AnyAircraft) -> tuple[torch.Tensor, ...]:
+def state(model: PerformanceModel) -> tuple[torch.Tensor, ...]:
     """CAS, altitude, slope of the CAS, deviation and mass of random points."""
     draw = torch.rand(5, 40, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
     cas = (0.7 + 0.3 * draw[0]) * model.des_cas_high_kt * KT_MPS

@@ -15,7 +15,7 @@ from descentflow.aircraft_types.bada3.coefficients import Coefficients
 from descentflow.aircraft_types.bada4.bada4_aircraft import Bada4Aircraft
 from descentflow.aircraft_types.bada4.engines import Piston, Turboprop
 from descentflow.aircraft_types.bada4.wing import Wing
-from descentflow.aircraft_types.registry import AnyAircraft, aircraft, aircraft_from_state
+from descentflow.aircraft_types.registry import aircraft, aircraft_from_state
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.errors import AircraftError
 from descentflow.core.units import FL_M, KT_MPS
@@ -51,7 +51,7 @@ def test_coefficients_of_a_model_are_read_by_it_alone() -> None:
 
 
 @pytest.fixture(params=DUMMIES)
-def braking(request: pytest.FixtureRequest) -> AnyAircraft:
+def braking(request: pytest.FixtureRequest) -> PerformanceModel:
     """EUROCONTROL's dummies: the engines of jets and turboprops brake at idle."""
     return aircraft(request.param, dummies())
 
@@ -59,14 +59,14 @@ def braking(request: pytest.FixtureRequest) -> AnyAircraft:
 LEVELS_FL = torch.arange(50, 141).double()
 
 
-def flights(model: AnyAircraft, levels_fl: Tensor = LEVELS_FL) -> tuple[Tensor, Tensor, Tensor]:
+def flights(model: PerformanceModel, levels_fl: Tensor = LEVELS_FL) -> tuple[Tensor, Tensor, Tensor]:
     """Drag, CAS and entry of two descents."""
     speeds = torch.linspace(0.8, 1.0, len(levels_fl)).double() * model.des_cas_high_kt * KT_MPS
     drag = 0.08 * model.mass_reference_kg * G0_MPS2
     return torch.full((2, len(levels_fl)), drag).double(), speeds.expand(2, -1), torch.tensor([len(levels_fl) - 1, 9])
 
 
-def test_idle_thrust_by_powers_of_mach_is_inferred_and_flown(braking: AnyAircraft) -> None:
+def test_idle_thrust_by_powers_of_mach_is_inferred_and_flown(braking: PerformanceModel) -> None:
     flown_in = flights(braking)
     for deviation in (0.0, 20.0):
         flown = integrate(braking, LEVELS_FL, LEVELS_FL * FL_M, *flown_in, deviation_k=deviation)
@@ -79,7 +79,7 @@ def test_idle_thrust_by_powers_of_mach_is_inferred_and_flown(braking: AnyAircraf
         torch.testing.assert_close(inferred, flown_in[0], rtol=1e-12, atol=0)
 
 
-def test_descents_are_differentiable_by_drag_mass_and_coefficients(braking: AnyAircraft) -> None:
+def test_descents_are_differentiable_by_drag_mass_and_coefficients(braking: PerformanceModel) -> None:
     levels_fl = LEVELS_FL[::30]
     drag_n, cas_mps, _ = flights(braking, levels_fl)
     entry = torch.tensor([len(levels_fl) - 1, 2])
@@ -94,7 +94,7 @@ def test_descents_are_differentiable_by_drag_mass_and_coefficients(braking: AnyA
     assert torch.autograd.gradcheck(seconds, tuple(leaf.requires_grad_() for leaf in leaves))
 
 
-def test_every_equation_is_differentiable(braking: AnyAircraft) -> None:
+def test_every_equation_is_differentiable(braking: PerformanceModel) -> None:
     top = 0.97 * float(braking.mmo) * 340.0
 
     def equations(speed: Tensor, height: Tensor, mass: Tensor, induced: Tensor) -> tuple[Tensor, ...]:
@@ -122,7 +122,9 @@ def test_every_equation_is_differentiable(braking: AnyAircraft) -> None:
 
 
 @pytest.mark.parametrize("logarithm", ["log", "newton"])
-def test_idle_thrust_below_zero_works_in_every_scale_of_drag(braking: AnyAircraft, logarithm: DragScaleName) -> None:
+def test_idle_thrust_below_zero_works_in_every_scale_of_drag(
+    braking: PerformanceModel, logarithm: DragScaleName
+) -> None:
     """Down to the levels of the approach, where nominal engines give thrust and flights are taken to idle."""
     levels_fl = torch.arange(10, 101).double()
     drag_n, cas_mps, _ = flights(braking, levels_fl)
@@ -136,7 +138,7 @@ def test_idle_thrust_below_zero_works_in_every_scale_of_drag(braking: AnyAircraf
     assert bool(scale.scaled(seen.drag_n, seen.cas_mps).isfinite().all())
 
 
-def test_its_nominal_descent_is_flown_and_comes_back_from_its_state(braking: AnyAircraft) -> None:
+def test_its_nominal_descent_is_flown_and_comes_back_from_its_state(braking: PerformanceModel) -> None:
     nominal = nominal_descent(braking, LEVELS_FL)
     assert bool((nominal.rate_mps < 0).all())
     again = aircraft_from_state(braking.to_state())
@@ -144,7 +146,7 @@ def test_its_nominal_descent_is_flown_and_comes_back_from_its_state(braking: Any
     assert torch.equal(nominal_descent(again, LEVELS_FL).time_s, nominal.time_s)
 
 
-def test_a_state_that_is_none_of_bada_4_is_refused(braking: AnyAircraft) -> None:
+def test_a_state_that_is_none_of_bada_4_is_refused(braking: PerformanceModel) -> None:
     state = braking.to_state()
     wing = state["wing"]
     for wrong in (

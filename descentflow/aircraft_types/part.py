@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass, fields
 from math import inf, isfinite
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, get_args
 
 from torch import Tensor
 
@@ -34,22 +34,27 @@ class Part:
     """Fields that are above zero."""
     RANGES: ClassVar[Mapping[str, tuple[float, float]]] = {}
     """Least and greatest value of fields."""
+    WHOLE: ClassVar[bool] = False
+    """True if fields with a default are needed, too."""
 
     @classmethod
-    def of(cls, values: Mapping[str, Any]) -> Self:
-        """Build from plain values, and parts that are built already.
+    def of(cls, values: Any) -> Self:
+        """Build from a dictionary of plain values, and of parts, built or plain.
 
         Raises:
             AircraftError: If a value is missing, is not known, or is none of this part.
         """
         known = {one.name: one for one in fields(cls)}
-        needed = {name for name, one in known.items() if one.default is MISSING}
+        needed = {name for name, one in known.items() if cls.WHOLE or one.default is MISSING}
+        if not isinstance(values, Mapping):
+            raise _refused(f"coefficients {str(values)[:60]!r}", "a dictionary")
         wrong = (needed - set(values)) | (set(values) - set(known))
         if wrong:
             raise _refused(f"coefficients that differ by {sorted(wrong)}", "exactly those of the performance model")
-        for name, value in values.items():
+        made = {name: _part(known[name].type, value) for name, value in values.items()}
+        for name, value in made.items():
             cls._check(known[name], value)
-        return cls(**values)
+        return cls(**made)
 
     @classmethod
     def _check(cls, one: "Field[Any]", value: Any) -> None:
@@ -68,14 +73,21 @@ class Part:
             right = isinstance(value, tuple) and len(value) in lengths and all(map(_is_number, value))
             wanted = f"{' or '.join(map(str, lengths))} finite numbers"
         else:
-            kind = one.type if isinstance(one.type, type) else str
-            right, wanted = isinstance(value, kind), "text" if kind is str else f"a {kind.__name__}"
+            kind, words = one.type if isinstance(one.type, type) else str, get_args(one.type)
+            right = isinstance(value, kind) and (not words or value in words)
+            wanted = f"one of {', '.join(words)}" if words else "text" if kind is str else f"a {kind.__name__}"
         if not right:
             raise _refused(f"coefficient {one.name} = {str(value)[:60]!r}", wanted)
 
     def plain(self) -> dict[str, Any]:
         """The fields as primitives, parts as dictionaries."""
         return {one.name: _plain(getattr(self, one.name)) for one in fields(self)}
+
+
+def _part(kind: Any, value: Any) -> Any:
+    """A value, built if it is that of a part."""
+    is_part = isinstance(kind, type) and issubclass(kind, Part)
+    return kind.of(value) if is_part and not isinstance(value, Part) else value
 
 
 def _is_number(value: Any) -> bool:

@@ -1,13 +1,12 @@
 """The coefficients of one aircraft type in BADA 3 form (user manual, section 3)."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
-from typing import Any, ClassVar, Self, get_args
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
 
 from descentflow.aircraft_types.part import Part
 from descentflow.aircraft_types.standard_descent import STANDARD, Engine, GlobalParameters
 from descentflow.core.arguments import checked_arguments
-from descentflow.core.errors import AircraftError
 from descentflow.core.tensors import Number
 
 
@@ -104,15 +103,6 @@ class Coefficients(Part):
     limits: GlobalParameters = STANDARD
     """Global parameters; they are the manual's unless a licence holder's BADA.GPF has others."""
 
-    def __post_init__(self) -> None:
-        """Refuse an engine that BADA 3 does not know."""
-        if self.engine not in get_args(Engine):
-            raise AircraftError(
-                f"{self.typecode}: engine {self.engine!r}",
-                expected=f"one of {', '.join(get_args(Engine))}",
-                mend="correct the engine field of the OPF file",
-            )
-
     @checked_arguments
     def with_factors(self, *, parasitic: Number = 1.0, induced: Number = 1.0, idle: Number = 1.0) -> Self:
         """The clean aircraft with other CD0, CD2 and idle thrust, as factors of its own.
@@ -161,9 +151,7 @@ class Coefficients(Part):
 
         Global parameters are in it where they are not the manual's.
         """
-        values = self.plain()
-        limits = values.pop("limits")
-        return values | ({} if limits == STANDARD else {"limits": asdict(limits)})
+        return {name: value for name, value in self.plain().items() if name != "limits" or self.limits != STANDARD}
 
     @classmethod
     def from_state(cls, state: dict[str, Any]) -> Self:
@@ -172,5 +160,4 @@ class Coefficients(Part):
         Raises:
             AircraftError: If a coefficient is missing, one is not known, is no finite number or is no aircraft's.
         """
-        limits = {"limits": GlobalParameters.from_state(state["limits"])} if "limits" in state else {}
-        return cls.of({**state, **limits})
+        return cls.of(state)

@@ -1,7 +1,7 @@
 """A type by BADA 4: its wing and engines with limits (ALM), and speeds and configurations (ARPM)."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from math import pi
 from typing import Any, ClassVar, Self
 
@@ -214,7 +214,7 @@ class Bada4Aircraft(Part, StandardDescent):
 
     def to_state(self) -> dict[str, Any]:
         """Return the coefficients as primitives, for a checkpoint that loads without executing code."""
-        return {"family": FAMILY, **self.plain(), "limits": asdict(self.limits)}
+        return {"family": FAMILY, **self.plain()}
 
     @classmethod
     def from_state(cls, state: dict[str, Any]) -> "Bada4Aircraft":
@@ -223,15 +223,12 @@ class Bada4Aircraft(Part, StandardDescent):
         Raises:
             AircraftError: If a coefficient is missing, is not known or is none of its kind.
         """
+        engines = ENGINES.get(str(state.get("engine")))
+        if engines is None:
+            raise AircraftError(
+                f"engine {str(state.get('engine'))[:60]!r}",
+                expected=f"one of {', '.join(ENGINES)}",
+                mend="take the file as it was written",
+            )
         plain = {name: value for name, value in state.items() if name != "family"}
-        kinds = {"wing": Wing, "engines": ENGINES.get(str(plain.get("engine")))}
-        for name, kind in kinds.items():
-            if kind is None or not isinstance(plain.get(name), dict):
-                raise AircraftError(
-                    f"{name} of a {str(plain.get('engine'))[:60]!r}",
-                    expected=f"coefficients of one of {', '.join(ENGINES)}",
-                    mend="take the file as it was written",
-                )
-            plain[name] = kind.of(plain[name])
-        plain["limits"] = GlobalParameters.from_state(plain.get("limits"))
-        return cls.of(plain)
+        return cls.of({**plain, "engines": engines.of(state.get("engines"))})

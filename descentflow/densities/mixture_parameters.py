@@ -86,6 +86,7 @@ class FlightPosteriors:
         log_joint: (n, k) log of proportion times marginal likelihood, see :func:`log_observed`.
         means: (n, k, d) of the weights given what was observed.
         covariances: (U, k, d, d), one for each matrix of the evidence.
+        precision_trils: (U, k, d, d) lower Cholesky factors of their inverses.
 
     Example:
         >>> mixture = Mixture(torch.ones(1), torch.zeros(1, 1), torch.ones(1, 1, 1))
@@ -98,6 +99,7 @@ class FlightPosteriors:
     log_joint: Tensor
     means: Tensor
     covariances: Tensor
+    precision_trils: Tensor
 
 
 def posteriors(mixture: Mixture, evidence: Evidence, context: Tensor | None = None) -> FlightPosteriors:
@@ -121,7 +123,7 @@ def posteriors(mixture: Mixture, evidence: Evidence, context: Tensor | None = No
     log_det = (factor.diagonal(dim1=-2, dim2=-1).log() + mixture.scale_trils.diagonal(dim1=-2, dim2=-1).log()).sum(-1)
     fit = -0.5 * (pulled * (off - moved)).sum(-1) - log_det[group]
     log_joint = log_proportions(mixture, given) + fit + evidence.log_scale[:, None]
-    return FlightPosteriors(log_joint, locs + moved, covariances)
+    return FlightPosteriors(log_joint, locs + moved, covariances, factor)
 
 
 def log_observed(mixture: Mixture, evidence: Evidence, context: Tensor | None = None) -> Tensor:

@@ -72,13 +72,6 @@ class ResidualLine:
         """Means (..., d + R) of weights and residual numbers, where those of the weights are (..., d)."""
         return torch.cat([locs, self.offset + locs @ self.slope.T], -1)
 
-    def joint_precisions(self, scale_trils: Tensor) -> Tensor:
-        """Precisions (k, d + R, d + R) of both together; of the weights by lower Cholesky factors (k, d, d)."""
-        own = torch.diag(self.spread**-2).expand(len(scale_trils), -1, -1)
-        across = -own @ self.slope
-        upper = torch.cat([torch.cholesky_inverse(scale_trils) - self.slope.T @ across, across.mT], 2)
-        return torch.cat([upper, torch.cat([across, own], 2)], 1)
-
     def joint_roots(self, scale_trils: Tensor) -> Tensor:
         """Lower triangular roots (k, d + R, d + R) of the covariances of both together."""
         own = torch.diag(self.spread).expand(len(scale_trils), -1, -1)

@@ -16,10 +16,11 @@ from descentflow.core.errors import ConfigError
 from descentflow.densities.checkpoint import content_of, load_model
 from descentflow.densities.em import fit_mixture
 from descentflow.densities.em_steps import Steps
-from descentflow.densities.mixture_parameters import Mixture, n_parameters
-from descentflow.generation.prediction.posterior import log_density, posterior_of, prior_of
+from descentflow.densities.mixture_parameters import Mixture, log_observed, n_parameters
+from descentflow.generation.prediction.posterior import posterior_of, prior_of
 from descentflow.generation.rejection import sample_descents
 from descentflow.representation.context import ContextEncoder
+from descentflow.representation.evidence import Evidence
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
 
 D, C = 3, 2
@@ -129,7 +130,10 @@ def test_conditional_mixture_is_the_numerically_integrated_conditional() -> None
     bulk = conditional > 1e-4
     torch.testing.assert_close(stated[bulk], conditional[bulk], rtol=1e-3, atol=1e-6)
     torch.testing.assert_close(
-        log_density(model.density.mixture_at(context), grid[bulk]), stated[bulk].log(), rtol=1e-8, atol=1e-8
+        log_observed(model.density.mixture_at(context), Evidence.of_weights(grid[bulk])),
+        stated[bulk].log(),
+        rtol=1e-8,
+        atol=1e-8,
     )
 
 

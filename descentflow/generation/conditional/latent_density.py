@@ -19,7 +19,7 @@ from descentflow.generation.prediction.posterior import Prior, posterior_of, pri
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.linear_curves import LinearCurves, linear_curves
 from descentflow.representation.profiles import Profiles
-from descentflow.representation.residuals import ResidualLine, Residuals
+from descentflow.representation.residuals import Residuals
 
 Array = NDArray[np.float64]
 HELD_SHARE = 1e-3
@@ -101,11 +101,11 @@ def latent_density(density: Density, context: Tensor = NO_CONTEXT, seed: int = 0
         (True, True)
     """
     decoder, prior = density.representation.decoder, prior_of(density, seed, context)
-    mixture, line = prior.mixture, prior.residual or ResidualLine.standard(0, decoder.dimension)
+    mixture = prior.joint(decoder.dimension + decoder.residuals.n_numbers)
     return LatentDensity(
         _numbers(mixture.probs.log()),
-        _numbers(line.joint_means(mixture.locs)),
-        _numbers(line.joint_roots(mixture.scale_trils)),
+        _numbers(mixture.locs),
+        _numbers(mixture.scale_trils),
         _sample_curves(decoder),
         prior,
         decoder.residuals,

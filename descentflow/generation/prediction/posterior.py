@@ -8,7 +8,8 @@ from torch import Tensor
 from descentflow.core.errors import SamplingError
 from descentflow.densities.density import Density
 from descentflow.densities.em import fit_mixture
-from descentflow.densities.mixture_parameters import NO_CONTEXT, Mixture
+from descentflow.densities.mixture_parameters import NO_CONTEXT, Mixture, log_observed, posteriors
+from descentflow.representation.evidence import Evidence
 from descentflow.representation.residuals import ResidualLine
 
 PROPOSAL_DRAWS, PROPOSAL_COMPONENTS, WIDER = 4000, 4, 1.3
@@ -35,16 +36,24 @@ class Prior:
     residual: ResidualLine | None = None
     """Of the residual numbers given the weights; standard normals where it is None."""
 
+    def joint(self, size: int) -> Mixture:
+        """The mixture over ``size`` numbers u = (w, r)."""
+        d = self.mixture.locs.shape[1]
+        line = self.residual or ResidualLine.standard(size - d, d)
+        return Mixture(
+            self.mixture.probs, line.joint_means(self.mixture.locs), line.joint_roots(self.mixture.scale_trils)
+        )
+
     def log_prob(self, weights: Tensor) -> Tensor:
         """Log density (n,) of the exact density at weights (n, d)."""
         if self.exact is None:
-            return log_density(self.mixture, weights)
+            return log_observed(self.mixture, Evidence.of_weights(weights))
         return self.exact.log_prob(weights, self.context).double()
 
     @torch.no_grad()
     def log_ratio(self, weights: Tensor) -> Tensor:
         """Log (n,) of the exact density over the mixture, minus infinity where it is not finite."""
-        ratio = self.log_prob(weights) - log_density(self.mixture, weights)
+        ratio = self.log_prob(weights) - log_observed(self.mixture, Evidence.of_weights(weights))
         return torch.where(ratio.isfinite(), ratio, -torch.inf)
 
 
@@ -149,33 +158,8 @@ def posterior_of(prior: Prior, precision: Tensor, shift: Tensor) -> Posterior:
         >>> posterior_of(Prior(mixture, None), 3 * torch.eye(2).double(), torch.tensor([4.0, 0.0]).double()).means
         tensor([[1., 0.]], dtype=torch.float64)
     """
-    mixture = prior.mixture
-    n_weights = mixture.locs.shape[1]
-    line = prior.residual or ResidualLine.standard(len(shift) - n_weights, n_weights)
-    prior_precision, location = line.joint_precisions(mixture.scale_trils), line.joint_means(mixture.locs)
-    pulled = (prior_precision @ location[:, :, None])[:, :, 0]
-    factor = torch.linalg.cholesky(prior_precision + precision)
-    mean = torch.cholesky_solve((pulled + shift)[:, :, None], factor)[:, :, 0]
-    # Evidence of a component, up to what all components share.
-    log_probs = (
-        mixture.probs.log()
-        - mixture.scale_trils.diagonal(dim1=-2, dim2=-1).log().sum(-1)
-        - factor.diagonal(dim1=-2, dim2=-1).log().sum(-1)
-        - 0.5 * (location * pulled).sum(-1)
-        + 0.5 * (mean * (pulled + shift)).sum(-1)
-    )
-    return Posterior(log_probs.log_softmax(0), mean, factor, prior, n_weights)
-
-
-def log_density(mixture: Mixture, weights: Tensor) -> Tensor:
-    """Log density (n,) of a mixture at weights (n, d).
-
-    Example:
-        >>> mixture = Mixture(torch.ones(1).double(), torch.zeros(1, 2).double(), torch.eye(2)[None].double())
-        >>> log_density(mixture, torch.tensor([[0.0, 0.0], [1.0, 0.0]])).diff()
-        tensor([-0.5000], dtype=torch.float64)
-    """
-    normals = torch.distributions.MultivariateNormal(mixture.locs, scale_tril=mixture.scale_trils, validate_args=False)
-    by_component = normals.log_prob(weights[:, None].double())  # type: ignore[no-untyped-call]
-    joint: Tensor = by_component + mixture.probs.log()
-    return joint.logsumexp(1)
+    before = prior.joint(len(shift))
+    alone = Evidence.of_information(precision[None], shift[None], torch.zeros(1, dtype=torch.long))
+    found = posteriors(before, alone)
+    means, factors = found.means[0], found.precision_trils[0]
+    return Posterior(found.log_joint[0].log_softmax(0), means, factors, prior, prior.mixture.locs.shape[1])

@@ -2,18 +2,20 @@
 
 from abc import ABC, abstractmethod
 from copy import deepcopy
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import torch
 from torch import Tensor, nn
 
 from descentflow.core.arguments import NotNegativeInt, checked_arguments
 from descentflow.core.errors import ConfigError
-from descentflow.densities.importance import Estimate, estimate, propose, widened
+from descentflow.densities.importance import Estimate, estimate, widened
 from descentflow.densities.mixture_parameters import Mixture, log_observed
-from descentflow.densities.weight_draws import MixtureDraw, WeightDraw
 from descentflow.representation.evidence import Evidence
 from descentflow.representation.representation import Representation
+
+if TYPE_CHECKING:
+    from descentflow.densities.weight_draws import WeightDraw
 
 SCORING_DRAWS = 128
 """Draws of a flight's weights by which a density without a closed form is scored."""
@@ -75,27 +77,20 @@ class Density(nn.Module, ABC):
     def draw(self, n: int, generator: torch.Generator, context: Tensor | None = None) -> Tensor:
         """Draw (n, d) standardised weights with this generator alone; :meth:`sample` has one for every call."""
 
-    def weight_draw(self, dtype: torch.dtype) -> WeightDraw:
-        """Map from standard normals to weights as one expression, for export; of a mixture by its parameters.
+    def weight_draw(self, dtype: torch.dtype) -> "WeightDraw":
+        """Map from standard normals to weights as one expression, for export; a mixture needs none.
 
         Args:
             dtype: Precision of a network's arithmetic.
 
         Raises:
             ConfigError: If the density has none.
-
-        Example:
-            >>> from descentflow.densities.checkpoint import load_model
-            >>> type(load_model("best.ckpt").weight_draw(torch.float64)).__name__
-            'MixtureDraw'
         """
-        if self.mixture is None:
-            raise ConfigError(
-                f"a {type(self).__name__}, whose draws cannot be written as a graph",
-                expected="a density with `weight_draw`: a Gaussian, a mixture or a masked affine flow",
-                mend="fit one of those, or export samples (--to parquet)",
-            )
-        return MixtureDraw(self.mixture)
+        raise ConfigError(
+            f"a {type(self).__name__}, whose draws cannot be written as a graph",
+            expected="a density with `weight_draw`: a Gaussian, a mixture or a masked affine flow",
+            mend="fit one of those, or export samples (--to parquet)",
+        )
 
     def settings(self) -> dict[str, Any]:
         """Primitive arguments that, after the dimension, make the constructor give parameters of the same shapes."""
@@ -182,8 +177,7 @@ class Density(nn.Module, ABC):
         """
         parts, order = [], []
         for index, rows in evidence.chunks():
-            proposals = propose(gaussian, rows, n_draws, context[index], seed)
-            parts.append(estimate(self.log_prob, proposals, context[index]))
+            parts.append(estimate(self.log_prob, gaussian, rows, n_draws, context[index], seed))
             order.append(index)
         back = torch.cat(order).argsort()
         return Estimate(*(torch.cat([getattr(p, name) for p in parts])[back] for name in ("log_prob", "effective")))
@@ -201,7 +195,6 @@ class Density(nn.Module, ABC):
         factor = torch.linalg.cholesky(torch.cov(drawn.T) + 1e-6 * torch.eye(self.dimension).to(drawn))
         return widened(Mixture(drawn.new_ones(1), drawn.mean(0)[None], factor[None]))
 
-    @checked_arguments
     def n_flights(self, weights: Tensor) -> int:
         """Number of flights of these weights (n, d).
 
@@ -216,7 +209,6 @@ class Density(nn.Module, ABC):
             )
         return len(weights)
 
-    @checked_arguments
     def rows_of_context(self, context: Tensor | None, n: int) -> Tensor:
         """The context (n, c) of n flights, checked; c is 0 for a density without context.
 

@@ -10,7 +10,7 @@ from math import log, pi
 import torch
 from torch import Tensor
 
-from descentflow.densities.mixture_parameters import Mixture
+from descentflow.densities.mixture_parameters import Mixture, cholesky_or_small
 
 JITTER = 1e-6
 """Added to the variances, as scikit-learn's ``reg_covar``."""
@@ -173,17 +173,3 @@ def quadratic_features(weights: Tensor) -> Tensor:
     """
     outer = (weights[:, :, None] * weights[:, None, :]).flatten(1)
     return torch.cat([outer, weights, torch.ones_like(weights[:, :1])], 1)
-
-
-def cholesky_or_small(covariance: Tensor, jitter: float) -> Tensor:
-    """Lower Cholesky factors (..., d, d) of covariances whose variances are raised by ``jitter``.
-
-    A mixture component that has lost its flights becomes round and small instead of stopping the fit.
-
-    Example:
-        >>> cholesky_or_small(torch.full((1, 1), -4.0), jitter=0.25)
-        tensor([[0.5000]])
-    """
-    eye = torch.eye(covariance.shape[-1], dtype=covariance.dtype, device=covariance.device)
-    factor, failed = torch.linalg.cholesky_ex(covariance + jitter * eye)
-    return torch.where(failed[..., None, None] > 0, jitter**0.5 * eye, factor)

@@ -185,3 +185,17 @@ def _joint_of_known(mixture: Mixture, evidence: Evidence, context: Tensor) -> Te
     )
     densities: Tensor = normals.log_prob(evidence.points[:, None].to(mixture.locs))  # type: ignore[no-untyped-call]
     return log_proportions(mixture, context) + densities
+
+
+def cholesky_or_small(covariance: Tensor, jitter: float) -> Tensor:
+    """Lower Cholesky factors (..., d, d) of covariances whose variances are raised by ``jitter``.
+
+    A mixture component that has lost its flights becomes round and small instead of stopping the fit.
+
+    Example:
+        >>> cholesky_or_small(torch.full((1, 1), -4.0), jitter=0.25)
+        tensor([[0.5000]])
+    """
+    eye = torch.eye(covariance.shape[-1], dtype=covariance.dtype, device=covariance.device)
+    factor, failed = torch.linalg.cholesky_ex(covariance + jitter * eye)
+    return torch.where(failed[..., None, None] > 0, jitter**0.5 * eye, factor)

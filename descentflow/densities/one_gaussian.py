@@ -8,9 +8,9 @@ import torch
 from torch import Tensor
 
 from descentflow.densities.em import converge
-from descentflow.densities.em_steps import JITTER, RIDGE, cholesky_or_small
+from descentflow.densities.em_steps import JITTER, RIDGE
 from descentflow.densities.importance import LEAST_VARIANCE
-from descentflow.densities.mixture_parameters import Mixture, posteriors
+from descentflow.densities.mixture_parameters import Mixture, cholesky_or_small, posteriors
 from descentflow.representation.evidence import Evidence
 
 MOST_STEPS, TOLERANCE = 1000, 1e-8

@@ -10,6 +10,7 @@ from torch.overrides import TorchFunctionMode
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import NM_M
 from descentflow.densities.density import Density
+from descentflow.densities.weight_draws import MixtureDraw
 from descentflow.exports.columns import FUEL
 from descentflow.generation.sample_tables import flown_quantities
 from descentflow.representation.decoder.trajectories import Trajectories, fly, through_air_m
@@ -146,7 +147,8 @@ class SamplerGraph(nn.Module):
         """
         super().__init__()
         self.dimension, self.n_context = density.dimension, density.n_context
-        self.draw = density.weight_draw(PRECISIONS[precision])
+        mixture = density.mixture
+        self.draw = density.weight_draw(PRECISIONS[precision]) if mixture is None else MixtureDraw(mixture)
         self.descents = DescentGraph(density.representation, precision)
 
     def forward(

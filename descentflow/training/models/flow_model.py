@@ -12,7 +12,7 @@ from torch import Tensor
 from descentflow.core.arguments import checked_arguments
 from descentflow.core.errors import ConfigError, DescentflowWarning
 from descentflow.densities.flow import MaskedAffineFlowDensity
-from descentflow.densities.importance import estimate, propose, widened
+from descentflow.densities.importance import estimate, widened
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.one_gaussian import one_gaussian
 from descentflow.training.models.latent_model import Batch, LatentModel, training_flights
@@ -88,8 +88,8 @@ class MaskedAffineFlow(LatentModel[MaskedAffineFlowDensity]):
             loss = self.nll(batch)
         else:
             seed = self.seed_of_batch(batch_index)
-            proposals = propose(self._proposing(), evidence, int(self.steps.n_draws), context, seed)
-            found = estimate(self.density.log_prob, proposals, context)
+            n_draws = int(self.steps.n_draws)
+            found = estimate(self.density.log_prob, self._proposing(), evidence, n_draws, context, seed)
             loss = -found.log_prob.mean()
             self.log(
                 "train/effective",

@@ -37,7 +37,8 @@ def load_model(path: str | Path) -> Density:
         path: Checkpoint that ``descentflow fit`` wrote.
 
     Returns:
-        The density in evaluation mode on the CPU.
+        The density in evaluation mode on the CPU: of a checkpoint with a final fit that one, which knows the other
+        (:attr:`.Density.held_out_fit`).
 
     Raises:
         CheckpointError: If the file cannot be used; the message has the reason.

@@ -356,9 +356,9 @@ def without_weather(frame: pl.DataFrame, parts: "Representation", air: Air = Non
         DataError: If nothing is known of the air of any flight.
 
     Example:
-        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> from descentflow.densities.checkpoint import load_model
         >>> frame = pl.read_parquet("descents.parquet")
-        >>> without_weather(frame, load_representation("best.ckpt"))[1]
+        >>> without_weather(frame, load_model("best.ckpt").representation)[1]
         0
     """
     from descentflow.air.standard_air import in_standard_air

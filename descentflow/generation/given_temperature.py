@@ -32,8 +32,8 @@ def gives_temperature(representation: Representation) -> bool:
     by a correction, which gives them the airspeed of the real flights' air.
 
     Example:
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> gives_temperature(load_representation("best.ckpt"))
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> gives_temperature(load_model("best.ckpt").representation)
         False
     """
     own = representation.air is not None or representation.correction is not None
@@ -44,8 +44,8 @@ def given_deviation_k(representation: Representation, encoded: Tensor) -> Tensor
     """Temperature deviations (m,) of encoded contexts (m, c), zero where one is missing or none is given.
 
     Example:
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> given_deviation_k(load_representation("best.ckpt"), torch.zeros(1, 0))
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> given_deviation_k(load_model("best.ckpt").representation, torch.zeros(1, 0))
         tensor([0.], dtype=torch.float64)
     """
     place, found = 0, torch.zeros(len(encoded), dtype=torch.float64)
@@ -116,8 +116,8 @@ def check_one_temperature(representation: Representation, asked: object, air: Le
         DescentflowWarning: If airs are drawn from the training flights' own, with other temperatures than the context.
 
     Example:
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> known = load_representation("best.ckpt")  # knows no context
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> known = load_model("best.ckpt").representation  # knows no context
         >>> check_one_temperature(known, None, LevelAir.uniform(known.decoder.levels_fl, 15.0))
     """
     warm = names_weather(asked) or (air is not None and bool(air.deviation_k.any()))

@@ -48,8 +48,8 @@ def airs_of(asked: Airs | None, representation: Representation) -> LevelAir | No
         DataError: If the table cannot be read, lacks a column, or has one that is not known.
 
     Example:
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> known = load_representation("best.ckpt")
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> known = load_model("best.ckpt").representation
         >>> airs_of(None, known) is None  # its drag was inferred in standard air
         True
         >>> airs_of({"deviation_k": 10}, known).deviation_k[0, :2]

@@ -92,8 +92,8 @@ def entry_levels(
         ConfigError: If the levels are not on the grid, are given twice, or are not as many as the contexts.
 
     Example:
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> representation = load_representation("best.ckpt")
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> representation = load_model("best.ckpt").representation
         >>> representation.decoder.levels_fl[entry_levels(representation, pl.DataFrame(), [300, 320])]
         tensor([300., 320.], dtype=torch.float64)
     """

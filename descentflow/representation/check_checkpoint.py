@@ -89,8 +89,8 @@ def check_flies(decoder: DescentDecoder, plausibility: Plausibility) -> None:
         CheckpointError: If it does not.
 
     Example:
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> parts = load_representation("best.ckpt")
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> parts = load_model("best.ckpt").representation
         >>> check_flies(parts.decoder, parts.plausibility)
     """
     levels = decoder.levels_fl

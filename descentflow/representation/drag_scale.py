@@ -36,8 +36,8 @@ class Observed(NamedTuple):
     Example:
         >>> import polars as pl
         >>> from descentflow.representation.encode_flights import encode_flights
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> known = load_representation("best.ckpt")
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> known = load_model("best.ckpt").representation
         >>> flights = encode_flights(pl.read_parquet("descents.parquet"), known)["test"].profiles
         >>> len(known.decoder.drag_scale.observed(flights).values)
         2

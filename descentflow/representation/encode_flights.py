@@ -27,8 +27,9 @@ class EncodedFlights:
     """n flights: profiles on the grid, standardised weights (n, d) and encoded context (n, c).
 
     Example:
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> flights = encode_flights(pl.read_parquet("descents.parquet"), load_representation("best.ckpt"))["test"]
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> known = load_model("best.ckpt").representation
+        >>> flights = encode_flights(pl.read_parquet("descents.parquet"), known)["test"]
         >>> len(flights), len(flights.subset([0, 3]).weights), flights.context.shape[1]
         (24, 2, 0)
     """
@@ -75,9 +76,9 @@ def encode_flights(
             drag in standard air; or if the model's flights' air came from a weather field, and none is given.
 
     Example:
-        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> from descentflow.densities.checkpoint import load_model
         >>> from descentflow.surveillance.descents.prepared_descents import read_descents
-        >>> parts = encode_flights(read_descents("descents.parquet").frame, load_representation("best.ckpt"))
+        >>> parts = encode_flights(read_descents("descents.parquet").frame, load_model("best.ckpt").representation)
         >>> {part: len(flights) for part, flights in parts.items()}
         {'train': 86, 'validation': 10, 'test': 24}
     """
@@ -102,8 +103,8 @@ def split_by_model(descents: pl.DataFrame, flight_ids: Sequence[str], representa
         representation: The model's.
 
     Example:
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> known, frame = load_representation("best.ckpt"), pl.read_parquet("descents.parquet")
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> known, frame = load_model("best.ckpt").representation, pl.read_parquet("descents.parquet")
         >>> renamed = frame.with_columns(flight_id="other-" + pl.col("flight_id"))
         >>> len(split_by_model(renamed, renamed["flight_id"].unique().to_list(), known).test)
         24
@@ -130,8 +131,8 @@ def encode_parts(
         say: Called with a line for each column of context that some flights lack: they are left out.
 
     Example:
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> known = load_representation("best.ckpt")
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> known = load_model("best.ckpt").representation
         >>> low, high = int(known.decoder.levels_fl[0]), int(known.decoder.levels_fl[-1])
         >>> flights = profiles_from_frame(pl.read_parquet("descents.parquet"), known.decoder.aircraft, low, high)
         >>> table = pl.DataFrame({"flight_id": flights.flight_ids})
@@ -177,8 +178,8 @@ def summary_of(parts: dict[Part, EncodedFlights], representation: Representation
     """One line on flights, grid, components and context.
 
     Example:
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> known = load_representation("best.ckpt")
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> known = load_model("best.ckpt").representation
         >>> summary_of(encode_flights(pl.read_parquet("descents.parquet"), known), known)
         'flights: 86 train, 10 validation, 24 test; grid FL150-...; components: ... of drag, ... of CAS; few...'
     """
@@ -204,11 +205,11 @@ def tell_other_types(descents: pl.DataFrame, representation: Representation) -> 
 
     Example:
         >>> import warnings
-        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> from descentflow.densities.checkpoint import load_model
         >>> others = pl.read_parquet("descents.parquet").with_columns(typecode=pl.lit("B738"))
         >>> with warnings.catch_warnings(record=True) as caught:
         ...     warnings.simplefilter("always")
-        ...     tell_other_types(others, load_representation("best.ckpt"))
+        ...     tell_other_types(others, load_model("best.ckpt").representation)
         >>> print(caught[0].message)
         120 flights of B738, and the model was trained on A320: what differs may be the type; leave them out unless...
     """

@@ -129,9 +129,9 @@ def standardised_decoder(
 
     Example:
         >>> from descentflow.representation.encode_flights import encode_flights
-        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> from descentflow.densities.checkpoint import load_model
         >>> import polars as pl
-        >>> known = load_representation("best.ckpt")
+        >>> known = load_model("best.ckpt").representation
         >>> train = encode_flights(pl.read_parquet("descents.parquet"), known)["train"].profiles
         >>> bases, scale = tuple(known.decoder.bases.values()), known.decoder.drag_scale
         >>> again = standardised_decoder(train, known.decoder.aircraft, bases, scale)
@@ -164,9 +164,9 @@ def fit_residuals(decoder: DescentDecoder, train: Profiles) -> Residuals:
 
     Example:
         >>> from descentflow.representation.encode_flights import encode_flights
-        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> from descentflow.densities.checkpoint import load_model
         >>> import polars as pl
-        >>> known = load_representation("best.ckpt")
+        >>> known = load_model("best.ckpt").representation
         >>> train = encode_flights(pl.read_parquet("descents.parquet"), known)["train"].profiles
         >>> found = fit_residuals(known.decoder, train)
         >>> bool((found.drag.square().sum(0).sqrt() < train.drag_n[:, 0].std()).all())  # less than of the flights

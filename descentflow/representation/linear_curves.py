@@ -77,8 +77,8 @@ class LinearCurves:
     Shapes: ``offset`` and ``noise_variance`` (2 L,), ``loadings`` (2 L, d + r), profile after profile.
 
     Example:
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> curves = linear_curves(load_representation("best.ckpt").decoder)
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> curves = linear_curves(load_model("best.ckpt").representation.decoder)
         >>> at_mean = torch.zeros(1, curves.loadings.shape[1], dtype=torch.float64)
         >>> mean = curves.profiles(at_mean)
         >>> seen = torch.ones_like(mean[0], dtype=torch.bool)
@@ -140,8 +140,8 @@ def linear_curves(decoder: DescentDecoder) -> LinearCurves:
         ConfigError: If the bases were fitted by the paper's iteration, which has no model of what they leave out.
 
     Example:
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> curves = linear_curves(load_representation("best.ckpt").decoder)
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> curves = linear_curves(load_model("best.ckpt").representation.decoder)
         >>> curves.loadings.shape[1] == curves.n_weights + curves.n_residual
         True
     """
@@ -168,8 +168,8 @@ def has_noise_model(decoder: DescentDecoder) -> bool:
     """True where the components come with a model of their residual; those of the paper's iteration do not.
 
     Example:
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> has_noise_model(load_representation("best.ckpt").decoder)
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> has_noise_model(load_model("best.ckpt").representation.decoder)
         True
     """
     return all(basis.loadings.shape[1] > 0 for basis in decoder.bases.values())
@@ -187,9 +187,9 @@ def evidence_of(decoder: DescentDecoder, flights: Profiles, gaps: Gaps = "margin
 
     Example:
         >>> from descentflow.representation.encode_flights import encode_flights
-        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> from descentflow.densities.checkpoint import load_model
         >>> import polars as pl
-        >>> known = load_representation("best.ckpt")
+        >>> known = load_model("best.ckpt").representation
         >>> flights = encode_flights(pl.read_parquet("descents.parquet"), known)["test"].profiles
         >>> evidence = evidence_of(known.decoder, flights)
         >>> whole = flights.mask.all(1)  # a flight that shows every level is where it is encoded to

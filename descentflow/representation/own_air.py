@@ -138,8 +138,8 @@ def check_air_asked(representation: Representation, air: AirSource | None) -> No
     """Refuse an air of flights that are met in standard air (ConfigError).
 
     Example:
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> check_air_asked(load_representation("best.ckpt"), None)
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> check_air_asked(load_model("best.ckpt").representation, None)
     """
     if air is not None and representation.air is None:
         raise ConfigError(
@@ -157,8 +157,8 @@ def check_standard_air(representation: Representation, what: str) -> None:
         what: Who refuses, for the message.
 
     Example:
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> check_standard_air(load_representation("best.ckpt"), "a program for a simulator")
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> check_standard_air(load_model("best.ckpt").representation, "a program for a simulator")
     """
     if representation.air is not None:
         raise ConfigError(

@@ -12,8 +12,7 @@ from typing import Any
 import torch
 
 from descentflow.core.errors import CheckpointError, DescentflowError
-from descentflow.representation.check_checkpoint import check_flies, check_section
-from descentflow.representation.representation import Representation
+from descentflow.representation.check_checkpoint import check_section
 
 SECTION = "descentflow"
 """Key of a checkpoint under which everything is kept that Lightning does not save itself."""
@@ -134,24 +133,6 @@ def _check_sums(path: str | Path) -> None:
             raise ValueError("a compressed archive")
         if (damaged := archive.testzip()) is not None:
             raise ValueError(f"{damaged} differs from its checksum")
-
-
-def load_representation(path: str | Path) -> Representation:
-    """Load bases, scaler, bounds and split of a checkpoint without its density; of a final one the held-out fit's.
-
-    Raises:
-        CheckpointError: As :func:`read_checkpoint`.
-
-    Example:
-        >>> load_representation("best.ckpt").decoder.aircraft.typecode
-        'A320'
-    """
-    content = read_checkpoint(path)
-    content = content.get(HELD_OUT, content)
-    with usable(path):
-        found = Representation.from_state(content[SECTION]["representation"])
-        check_flies(found.decoder, found.plausibility)
-    return found
 
 
 @contextmanager

@@ -59,8 +59,8 @@ class Representation(nn.Module):
     """Decoder, plausibility bounds and split: all that a latent model needs besides its own density.
 
     Example:
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> parts = load_representation("best.ckpt")
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> parts = load_model("best.ckpt").representation
         >>> len(parts.split.train), parts.decoder.dimension
         (86, 4)
     """

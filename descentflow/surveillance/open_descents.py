@@ -124,8 +124,8 @@ class FlightSource:
             DescentflowWarning: If the settings of either are unknown, or differ.
 
         Example:
-            >>> from descentflow.representation.read_checkpoint import load_representation
-            >>> kept = load_representation("best.ckpt").cleaning
+            >>> from descentflow.densities.checkpoint import load_model
+            >>> kept = load_model("best.ckpt").representation.cleaning
             >>> FlightSource("rows.parquet").for_model(kept, 150).cleaning == kept
             True
         """

@@ -19,6 +19,7 @@ from descentflow.core.errors import ConfigError
 from descentflow.core.progress import Stage
 from descentflow.core.progress import stage as progress_stage
 from descentflow.core.row_runs import first_rows
+from descentflow.densities.checkpoint import load_model
 from descentflow.measurements.quantities import reference_state
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.context import ContextEncoder
@@ -36,7 +37,6 @@ from descentflow.representation.flight_parts import Part, levels_shown, one_part
 from descentflow.representation.linear_curves import evidence_of, has_noise_model
 from descentflow.representation.own_air import MEASURED, STANDARD, airs_by, with_own_air
 from descentflow.representation.profiles import Profiles, profiles_from_frame
-from descentflow.representation.read_checkpoint import load_representation
 from descentflow.representation.representation import Representation, Split
 from descentflow.representation.seen_flights import SeenFlights
 from descentflow.surveillance.descents.prepared_descents import Descents
@@ -119,7 +119,7 @@ class DescentDataModule(LightningDataModule):
             return
         with progress_stage("reading descents", total=4, unit="steps") as done:
             if self.checkpoint is not None:
-                representation = load_representation(self.checkpoint)
+                representation = load_model(self.checkpoint).held_out_fit.representation
                 lowest_fl = float(representation.decoder.levels_fl[0])
                 source = FlightSource(self.descents).for_model(representation.cleaning, lowest_fl)
                 frame = of_typecodes(source, self.typecodes, name_of(self.descents))

@@ -1,4 +1,4 @@
-"""Until its first step a fit loads the libraries of the model that it trains, and not those of the others."""
+"""To the end of its first step a fit loads the libraries of the model that it trains, and not those of the others."""
 
 import subprocess
 import sys
@@ -16,7 +16,7 @@ import os, sys
 from lightning.pytorch import Callback
 
 class FirstStep(Callback):
-    def on_train_batch_start(self, *_):
+    def on_train_batch_end(self, *_):
         print("loaded", *(name for name in {(*OPTIONAL, *NEVER)!r} if name in sys.modules), flush=True)
         os._exit(0)
 """

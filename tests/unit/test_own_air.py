@@ -14,6 +14,7 @@ from descentflow.air.measured_air import measured_airs
 from descentflow.air.standard_air import in_standard_air
 from descentflow.core.errors import CheckpointError, ConfigError, DataError
 from descentflow.core.units import FL_M, KT_MPS
+from descentflow.densities.checkpoint import load_model
 from descentflow.exports.columns import COLUMNS
 from descentflow.exports.export import export
 from descentflow.generation.rejection import sample_descents
@@ -21,7 +22,6 @@ from descentflow.generation.sample_airs import air_of_table, airs_of
 from descentflow.generation.sample_tables import UNITS
 from descentflow.representation.decoder.trajectories import integrate
 from descentflow.representation.own_air import flown_in
-from descentflow.representation.read_checkpoint import load_representation
 from descentflow.simulation.world_config import WorldConfig
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.training.datamodule import DescentDataModule
@@ -44,7 +44,7 @@ def checkpoint(descents: Descents, tmp_path_factory: pytest.TempPathFactory) -> 
 
 
 def test_samples_are_flown_in_the_training_flights_airs_unless_another_is_asked(checkpoint: Path) -> None:
-    kept = load_representation(checkpoint).air
+    kept = load_model(checkpoint).held_out_fit.representation.air
     assert kept is not None and kept.wind  # noqa: PT018
     drawn = df.sample(checkpoint, 300, seed=1)
     assert drawn.air is not None
@@ -63,7 +63,7 @@ def test_samples_are_flown_in_the_training_flights_airs_unless_another_is_asked(
 
 
 def test_one_air_flies_as_the_decoder_does_with_it(checkpoint: Path) -> None:
-    parts = load_representation(checkpoint)
+    parts = load_model(checkpoint).held_out_fit.representation
     density = df.load(checkpoint)
     weights, levels = density.sample(20, seed=3), parts.decoder.levels_fl
     flown = parts.decoder(weights)
@@ -136,7 +136,7 @@ def test_a_table_of_other_levels_or_columns_is_refused(columns: dict[str, list[f
 
 
 def test_airs_that_cannot_be_are_refused(checkpoint: Path) -> None:
-    parts = load_representation(checkpoint)
+    parts = load_model(checkpoint).held_out_fit.representation
     with pytest.raises(ConfigError, match="expected standard, training"):
         airs_of("hot", parts)
     with pytest.raises(ConfigError, match="an air with wind"):
@@ -150,7 +150,7 @@ def test_airs_that_cannot_be_are_refused(checkpoint: Path) -> None:
 
 
 def test_each_flight_is_held_against_samples_in_its_own_air(checkpoint: Path, descents: Descents) -> None:
-    parts, density = load_representation(checkpoint), df.load(checkpoint)
+    parts, density = load_model(checkpoint).held_out_fit.representation, df.load(checkpoint)
     n_levels, top = len(parts.decoder.levels_fl), len(parts.decoder.levels_fl) - 1
     airs = LevelAir(torch.tensor([[0.0], [30.0]]).double().expand(2, n_levels), torch.zeros(2, n_levels).double())
     entry = torch.tensor([top - 10, top])

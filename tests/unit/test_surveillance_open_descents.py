@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 from descentflow.core.errors import DataError, DescentflowWarning
-from descentflow.representation.read_checkpoint import load_representation
+from descentflow.densities.checkpoint import load_model
 from descentflow.simulation.world import simulate
 from descentflow.surveillance.cleaning.thresholds import Cleaning, different_settings, kept_cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents, write_descents
@@ -155,4 +155,4 @@ def test_settings_of_another_version_are_unknown() -> None:
 def test_a_checkpoint_keeps_the_settings(folder: Path, tmp_path: Path) -> None:
     data = DescentDataModule(folder / "strict.parquet")
     fit(data, "gaussian", out=tmp_path / "strict.ckpt")
-    assert load_representation(tmp_path / "strict.ckpt").cleaning == STRICT
+    assert load_model(tmp_path / "strict.ckpt").representation.cleaning == STRICT

@@ -20,11 +20,11 @@ from descentflow.air.weather_field import Points, weather_field
 from descentflow.cli import main
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.units import FL_M
+from descentflow.densities.checkpoint import load_model
 from descentflow.diagnosis.diagnosis_inputs import without_weather
 from descentflow.measurements.level_channels import LevelGrid
 from descentflow.representation.own_air import with_own_air
 from descentflow.representation.profiles import profiles_from_frame
-from descentflow.representation.read_checkpoint import load_representation
 from descentflow.simulation.world_config import WorldConfig
 from descentflow.surveillance.descents.prepared_descents import Descents, write_descents
 from descentflow.training.datamodule import DescentDataModule
@@ -192,7 +192,7 @@ def test_what_is_outside_is_dropped_and_counted(descents: Descents, tmp_path: Pa
 def test_a_model_of_a_field_meets_other_flights_in_a_field(descents: Descents, warm_file: Path, tmp_path: Path) -> None:
     path = tmp_path / "field.ckpt"
     df.fit(DescentDataModule(descents, air=warm_file), model="gaussian", out=path)
-    kept = load_representation(path).air
+    kept = load_model(path).held_out_fit.representation.air
     assert kept is not None
     assert (kept.source, kept.wind) == ("field", True)
     torch.testing.assert_close(kept.training.deviation_k, torch.full_like(kept.training.deviation_k, 10.0))
@@ -203,7 +203,7 @@ def test_a_model_of_a_field_meets_other_flights_in_a_field(descents: Descents, w
     by_field = df.evaluate(path, descents, air=warm_file, **settings)
     by_reports = df.evaluate(path, descents, air="measured", **settings)
     assert len(by_field.real) == len(by_reports.real) > 10
-    still, unknown = without_weather(descents.frame, load_representation(path), warm_file)
+    still, unknown = without_weather(descents.frame, load_model(path).held_out_fit.representation, warm_file)
     assert unknown == 0
     # Without the field's 10 K a descent is 2 to 3 % faster.
     faster = still["vertical_rate"].mean() / descents.frame["vertical_rate"].mean()  # type: ignore[operator]

@@ -37,8 +37,8 @@ def components_figure(
         A figure of two or three rows (drag, Mach, CAS): a panel for each component up to four, then the shares.
 
     Example:
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> decoder = load_representation("best.ckpt").decoder
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> decoder = load_model("best.ckpt").representation.decoder
         >>> scale = decoder.drag_scale
         >>> figure = components_figure(decoder.drag_basis, decoder.cas_basis, decoder.levels_fl, scale)
         >>> figure.axes[0].get_xlabel()
@@ -71,8 +71,8 @@ def weight_deviations(basis: FunctionalBasis) -> Tensor | None:
     """Standard deviation (k,) of each weight under the basis' probabilistic PCA; None where it has none.
 
     Example:
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> basis = load_representation("best.ckpt").decoder.cas_basis
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> basis = load_model("best.ckpt").representation.decoder.cas_basis
         >>> deviations = weight_deviations(basis)
         >>> len(deviations) == basis.n_components, bool((deviations > 0).all())
         (True, True)

@@ -31,9 +31,9 @@ def flown_so_far(decoder: DescentDecoder, flown: FlownSoFar, bounds: Plausibilit
             twice, it does not descend, or is far out of the bounds.
 
     Example:
-        >>> from descentflow.representation.read_checkpoint import load_representation
+        >>> from descentflow.densities.checkpoint import load_model
         >>> seen = {"level_fl": [330, 329, 328, 327, 326], "CAS": [280.0] * 5, "vertical_rate": [-1500.0] * 5}
-        >>> one = flown_so_far(load_representation("best.ckpt").decoder, seen)
+        >>> one = flown_so_far(load_model("best.ckpt").representation.decoder, seen)
         >>> int(one.mask.sum()), int(one.entry_level)
         (5, 180)
     """

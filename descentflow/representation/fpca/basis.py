@@ -21,8 +21,8 @@ class FunctionalBasis(nn.Module):
     ``noise_length`` () levels, which therefore count as one observation.
 
     Example:
-        >>> from descentflow.representation.read_checkpoint import load_representation
-        >>> basis = load_representation("best.ckpt").decoder.cas_basis
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> basis = load_model("best.ckpt").representation.decoder.cas_basis
         >>> orthonormal = basis.components @ basis.components.T * basis.spacing_m
         >>> torch.allclose(orthonormal, torch.eye(basis.n_components).double())
         True
@@ -100,8 +100,8 @@ class FunctionalBasis(nn.Module):
         """Loadings (L, q - k) of the directions of the probabilistic PCA beyond the kept components.
 
         Example:
-            >>> from descentflow.representation.read_checkpoint import load_representation
-            >>> basis = load_representation("best.ckpt").decoder.drag_basis
+            >>> from descentflow.densities.checkpoint import load_model
+            >>> basis = load_model("best.ckpt").representation.decoder.drag_basis
             >>> bool((basis.components @ basis.left_out()).abs().max() < 1e-6 * basis.loadings.norm())
             True
         """

@@ -157,13 +157,13 @@ def _do_job(job: _SweepJob, common: _Sweeps) -> None:
 
 def _training_flights(common: _Sweeps, typecode: str) -> None:
     """Leave the descents of the type's training flights, at most so many, picked at random."""
-    from descentflow.representation.read_checkpoint import load_representation
+    from descentflow.densities.checkpoint import load_model
     from descentflow.surveillance.descents.prepared_descents import read_descents, write_descents
 
     path = common.own / f"{typecode}.parquet"
     if path.exists():
         return
-    train = load_representation(common.checkpoint(typecode)).split.train
+    train = load_model(common.checkpoint(typecode)).held_out_fit.representation.split.train
     order = torch.randperm(len(train), generator=torch.Generator().manual_seed(common.study.seed)).tolist()
     chosen = [train[k] for k in order[: common.sweep.flights]]
     source = read_descents(common.folder / typecode / "descents.parquet")

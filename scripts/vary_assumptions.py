@@ -16,6 +16,7 @@ from descentflow.diagnosis.inference.assumptions import ASSUMED, Assumptions
 from descentflow.diagnosis.inference.explain import explain
 from descentflow.diagnosis.inference.two_sides import compare
 from descentflow.diagnosis.reference_flights import both_sides
+from descentflow.diagnosis.verdict import verdict_of
 from descentflow.effects import EFFECTS
 from descentflow.measurements.quantity_registry import CHANNELS
 
@@ -59,7 +60,7 @@ def main() -> None:
         with one_thread(), torch.inference_mode():
             found = explain(compare(sides.reference, sides.real, opened.simulator.aircraft, assumed), EFFECTS)
         sizes = [f"{effect} {float(theta[0]):.3g}" for effect, theta in found.theta.items()]
-        answer = ", ".join([found.verdict, *sizes])
+        answer = ", ".join([verdict_of(found), *sizes])
         usual = usual or answer
         print(f"{name:<28}{'-' if answer == usual and name != 'as they are' else answer}", flush=True)
 

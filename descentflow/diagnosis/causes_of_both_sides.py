@@ -12,8 +12,7 @@ import torch
 
 from descentflow.diagnosis.correction.corrected_simulator import corrected
 from descentflow.diagnosis.diagnosis_settings import Settings
-from descentflow.diagnosis.diagnosis_steps import Diagnosis
-from descentflow.diagnosis.inference.explain import Explainer
+from descentflow.diagnosis.diagnosis_steps import diagnose_compared
 from descentflow.diagnosis.inference.two_sides import Compared, compare
 from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.diagnosis.report.what_is_left import OWN_FLIGHTS, not_identifiable
@@ -57,7 +56,7 @@ def with_shared_effects(report: GapReport, real: Quantities, settings: Settings)
     if not able or not compared.entries:
         return report
     physical = replace(settings, simulator=Simulator(settings.simulator.aircraft), catalogue=able)
-    found = Diagnosis(Explainer(compared, able), physical, "physics").report({}, pl.DataFrame())
+    found = diagnose_compared(compared, physical, "physics", {}, pl.DataFrame())
     if found.verdict != "effect" or not all(_is_large(cause.effect, found, settings) for cause in found.causes):
         return report
     return _refit_report(report, found, settings)
@@ -85,7 +84,7 @@ def _refit_report(report: GapReport, found: GapReport, settings: Settings) -> Ga
     made = corrected(settings.simulator, report.details.mass_kg, settings.catalogue, theta, inherited=True)
     return replace(
         report,
-        verdict="effect",
+        verdict=found.verdict,
         p_value=found.p_value,
         where=found.where,
         floor=found.floor,

@@ -1,9 +1,12 @@
-"""Opens flights and simulators, then runs the diagnosis (:mod:`descentflow.diagnosis.procedure`)."""
+"""Opens flights and simulators, measures both sides, and diagnoses them."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+import polars as pl
+import torch
 
 from descentflow.core.arguments import Output, checked_arguments
 from descentflow.core.errors import ConfigError
@@ -12,9 +15,12 @@ from descentflow.core.threads import one_thread
 from descentflow.core.user_files import lines_named
 from descentflow.diagnosis.diagnosis_inputs import Inputs
 from descentflow.diagnosis.diagnosis_settings import Settings
+from descentflow.diagnosis.diagnosis_steps import diagnose_compared
 from descentflow.diagnosis.earlier_report import check_no_other_report
-from descentflow.diagnosis.procedure import run
+from descentflow.diagnosis.inference.two_sides import compare
+from descentflow.diagnosis.reference_flights import both_sides
 from descentflow.diagnosis.report.gap_report import FILES, GapReport
+from descentflow.diagnosis.report.what_is_left import OWN_FLIGHTS, left_out_channels
 from descentflow.effects import EFFECTS, Effect, checked_catalogue
 from descentflow.effects.user_catalogue import effects_of_file
 from descentflow.measurements.quantity_registry import CHANNELS
@@ -132,11 +138,62 @@ def diagnose(
         before = previous_round(previous, made, opened.simulator.aircraft.typecode)
         settings = replace(settings, previous=before, previous_name=str(previous))
     with one_thread(), lines_named(catalogue if isinstance(catalogue, str | Path) else None):
-        report = replace(run(opened.frame, settings, opened.dropped), provenance=made)
+        report = replace(diagnose_prepared(opened.frame, settings, opened.dropped), provenance=made)
         if out is not None:
             say("writing the report")
             report.write(out)
             report = replace(report, folder=str(out))
+    return report
+
+
+# Thousands of small steps: derivatives are not taken, and threads would wait for each other.
+@one_thread()
+@torch.inference_mode()
+def diagnose_prepared(frame: pl.DataFrame, settings: Settings, dropped: Mapping[str, int]) -> GapReport:
+    """Diagnose a simulator by prepared descents: against its own flights, then for causes that both sides have.
+
+    Args:
+        frame: Prepared real descents.
+        settings: What is diagnosed, and how.
+        dropped: Rows that preparation left out, by reason.
+
+    Raises:
+        DataError: If too few flights show levels of the simulator's grid.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.diagnosis.simulator import Simulator
+        >>> from descentflow.effects import EFFECTS
+        >>> frame = pl.read_parquet("descents.parquet")
+        >>> asked = Settings(Simulator(aircraft("A320")), {"mass": EFFECTS["mass"]}, ["IAS", "vertical_rate"], 0, str)
+        >>> diagnose_prepared(frame, asked, {}).verdict
+        'effect'
+    """
+    simulator = settings.simulator
+    settings.progress("measuring flights")
+    sides = both_sides(simulator, frame, settings.channels)
+    real, source, given = sides.real, sides.source, frame["flight_id"].n_unique()
+    compared = compare(sides.reference, real, simulator.aircraft)
+    counts = {
+        "flights_given": given,
+        "flights_off_the_grid": given - len(real),
+        "flights_compared": len(real),
+        "simulator_flights": 0 if sides.reference is None else len(sides.reference),
+        **dropped,
+    }
+    report = diagnose_compared(compared, settings, source, counts, frame)
+    report = replace(report, left_out_channels=left_out_channels(sides.lacked, settings.catalogue))
+    if source == OWN_FLIGHTS:
+        # Here and not above: a comparison of flights with flights must not pay for models.
+        from descentflow.diagnosis.causes_of_both_sides import with_shared_effects
+
+        report = with_shared_effects(report, real, settings)
+    if settings.previous:
+        from descentflow.diagnosis.correction.previous_round import held_against
+
+        settings.progress("comparing with the round before")
+        before = held_against(settings.previous, settings.previous_name, compared, settings.seed)
+        report = replace(report, previous=before)
     return report
 
 

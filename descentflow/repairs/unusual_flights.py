@@ -6,7 +6,6 @@ import numpy as np
 import torch
 
 from descentflow.core.errors import DataError
-from descentflow.diagnosis.inference.assumptions import ASSUMED
 from descentflow.diagnosis.inference.flight_effects import FlightShapes, differing
 from descentflow.diagnosis.inference.linear_gaussian import Array
 from descentflow.diagnosis.inference.moments import moments
@@ -45,9 +44,9 @@ def unusual_shifts(evidence: Evidence, aircraft: PerformanceModel) -> tuple[Arra
         return found, {}
     if "rate" not in compared.quantities():
         return found, {}
-    known = moments(compared, ASSUMED)
-    shapes = FlightShapes(compared, known, differing(EFFECTS), ASSUMED)
-    names = [one.name for one in shapes.candidates(Signatures(compared, known, ASSUMED))]
+    known = moments(compared)
+    shapes = FlightShapes(compared, known, differing(EFFECTS))
+    names = [one.name for one in shapes.candidates(Signatures(compared, known))]
     if names:
         found[np.ix_(shapes.real.index, shapes.rates.bands)] = shapes.shifts_by_flight(names)
     shares = shapes.fit(shapes.real, tuple(names)).shares if names else {}

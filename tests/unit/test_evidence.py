@@ -13,10 +13,10 @@ from scipy import stats
 from descentflow.aircraft_types.registry import aircraft
 from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, corrected_entries
 from descentflow.diagnosis.diagnosis_settings import Settings
-from descentflow.diagnosis.diagnosis_steps import Diagnosis
+from descentflow.diagnosis.diagnosis_steps import diagnose_compared
 from descentflow.diagnosis.inference.assumptions import Assumptions
-from descentflow.diagnosis.inference.candidates import FlightsEffect, Linearised
-from descentflow.diagnosis.inference.explain import Explainer, detection_limits, explain
+from descentflow.diagnosis.inference.candidates import FlightsEffect, linearised
+from descentflow.diagnosis.inference.explain import detection_limits, explain
 from descentflow.diagnosis.inference.flight_mixture import (
     FlightWindows,
     LearntLaw,
@@ -30,6 +30,7 @@ from descentflow.diagnosis.inference.sets import Search, SetFit, SetFits
 from descentflow.diagnosis.inference.two_sides import Compared, Entry
 from descentflow.diagnosis.report.what_is_left import curves
 from descentflow.diagnosis.simulator import Simulator
+from descentflow.diagnosis.verdict import verdict_of
 from descentflow.effects import EFFECTS
 from descentflow.effects.example_flights import example_flights
 from descentflow.surveillance.cleaning.thresholds import Cleaning
@@ -106,14 +107,14 @@ def test_layers_of_air_that_a_simulator_lacks_are_no_cause() -> None:
     layers = torch.zeros(len(sides.entries), dtype=torch.float64)
     layers[sides.columns("tas")] = 0.004 * torch.sin(torch.linspace(0, 6, 11, dtype=torch.float64))
     found = explain(replace(sides, y=sides.y + torch.where(sides.real[:, None], layers, 0.0)), EFFECTS)
-    assert found.verdict == "none"
+    assert verdict_of(found) == "none"
     assert "tas" in found.best.unknown
     # Layers of 10 K have a cause, and so has the like of the rate; neither is a known one.
     found = explain(replace(sides, y=sides.y + torch.where(sides.real[:, None], 5.0 * layers, 0.0)), EFFECTS)
-    assert found.verdict == "unknown"
+    assert verdict_of(found) == "unknown"
     at_rate = layers.roll(int(sides.columns("rate")[0] - sides.columns("tas")[0])) * 25.0
     found = explain(replace(sides, y=sides.y + torch.where(sides.real[:, None], at_rate, 0.0)), EFFECTS)
-    assert found.verdict == "unknown"
+    assert verdict_of(found) == "unknown"
 
 
 @pytest.mark.parametrize(("ratio", "listed"), [(1.2, ["noise_rate"]), (0.3, [])])
@@ -121,7 +122,7 @@ def test_missing_noise_is_listed_beside_a_cause_that_raises_some(ratio: float, l
     sides = example_sides().only(torch.tensor([0]))
     noisy = torch.where(sides.real[:, None], sides.y + ratio, sides.y)
     of_noise = replace(sides, entries=(Entry("noise_rate", -1),), y=noisy)
-    assert [lack.quantity for lack in lacks(of_noise, Assumptions(), raised=True)] == listed
+    assert [lack.quantity for lack in lacks(of_noise, raised=True)] == listed
 
 
 def test_sizes_settle_where_the_misfit_grows_with_them() -> None:
@@ -139,7 +140,7 @@ def test_sizes_that_are_put_into_flights_make_the_means_whatever_shapes_expect()
     parts = np.stack([sized, of_share], 1)
     cause = FlightsEffect("e", LAW, parts, 0.0, 0.1 * np.eye(11), np.array([0.1, 0.2]))
     known = toy(2.5 * sized + of_share, sd=0.001)
-    found = SetFits(known, [cause], Assumptions(), at_reference=True).fit(("e",))
+    found = SetFits(known, [cause], Assumptions(), is_exact=True).fit(("e",))
     assert found.sizes["e"] == pytest.approx([2.5, 1.0], rel=0.001)  # drawn to one by (0.001 / 0.1)^2 / 11
 
 
@@ -154,8 +155,8 @@ def test_shrinking_keeps_variances_and_makes_few_rows_invertible() -> None:
 def test_means_of_simulator_without_any_spread_are_known_to_their_rounding() -> None:
     sides = example_sides()
     y = torch.where(sides.real[:, None], sides.y, sides.y[~sides.real].mean(0))
-    found = moments(replace(sides, y=y), Assumptions())
-    real = moments(replace(sides, y=torch.where(sides.real[:, None], sides.y, 0.0)), Assumptions())
+    found = moments(replace(sides, y=y))
+    real = moments(replace(sides, y=torch.where(sides.real[:, None], sides.y, 0.0)))
     assert np.isfinite(np.linalg.cholesky(found.covariance)).all()
     np.testing.assert_allclose(found.covariance, real.covariance, rtol=1e-6)
 
@@ -218,7 +219,7 @@ def test_members_of_a_scale_group_stand_together_unless_one_is_surely_the_cause(
 
 def test_linearised_candidates_are_their_own_where_they_are_linear() -> None:
     effect = column("e", np.linspace(0, 1, 5))
-    found = Linearised(effect, np.array([2.0])).at(np.array([0.5]))
+    found = linearised(effect.at(np.array([2.0])), np.array([-1.5]))
     np.testing.assert_allclose(found.shift, effect.at(np.array([0.5])).shift)
 
 
@@ -300,7 +301,7 @@ def bare(sides: Compared) -> Compared:
 def test_a_single_cause_is_named_with_its_size(name: str, theta: list[float], is_bare: bool) -> None:
     sides = example_sides(EFFECTS[name], theta, n=200)
     found = explain(bare(sides) if is_bare else sides, EFFECTS)
-    assert found.verdict == "effect"
+    assert verdict_of(found) == "effect"
     (named, group), *more = found.named.groups.items()
     assert not more
     assert name in (named, *group)
@@ -313,7 +314,7 @@ def test_no_cause_is_named_between_flights_of_one_population() -> None:
     called = 0
     for n, is_bare in itertools.product((60, 120), (False, True)):
         sides = example_sides(n=n)
-        called += explain(bare(sides) if is_bare else sides, EFFECTS).verdict != "none"
+        called += verdict_of(explain(bare(sides) if is_bare else sides, EFFECTS)) != "none"
     assert called == 0
 
 
@@ -323,8 +324,7 @@ def asked(**other: object) -> Settings:
 
 @pytest.mark.parametrize(("name", "theta"), [("temperature", [10.0]), ("drag_polar", [0.15])])
 def test_closure_is_measured_on_simulated_flights_that_have_the_cause(name: str, theta: list[float]) -> None:
-    diagnosis = Diagnosis(Explainer(example_sides(EFFECTS[name], theta, n=200), EFFECTS), asked(), "samples")
-    report = diagnosis.report({}, pl.DataFrame())
+    report = diagnose_compared(example_sides(EFFECTS[name], theta, n=200), asked(), "samples", {}, pl.DataFrame())
     assert report.verdict == "effect"
     closed = report.causes[0].closure.marginal
     assert closed.estimate is not None
@@ -375,12 +375,15 @@ def test_effects_in_simulated_entries_are_their_signatures(name: str, theta: lis
 
 
 def test_limits_are_sizes_that_are_named_in_most_cases() -> None:
-    limit = detection_limits(Explainer(example_sides(n=100), {"temperature": EFFECTS["temperature"]}))[0]
+    limit = detection_limits(explain(example_sides(n=100), {"temperature": EFFECTS["temperature"]}))[0]
     assert limit.size is not None
     named = {
-        factor: explain(
-            example_sides(EFFECTS["temperature"], [factor * limit.size], n=100), {"temperature": EFFECTS["temperature"]}
-        ).verdict
+        factor: verdict_of(
+            explain(
+                example_sides(EFFECTS["temperature"], [factor * limit.size], n=100),
+                {"temperature": EFFECTS["temperature"]},
+            )
+        )
         for factor in (0.2, 1.6)
     }
     assert named == {0.2: "none", 1.6: "effect"}

@@ -13,8 +13,7 @@ from descentflow.aircraft_types.registry import aircraft
 from descentflow.core.mode_s_steps import STEPS
 from descentflow.diagnosis.correction.costs import costs_of, profile_of
 from descentflow.diagnosis.diagnosis_settings import Settings
-from descentflow.diagnosis.diagnosis_steps import Diagnosis
-from descentflow.diagnosis.inference.explain import Explainer
+from descentflow.diagnosis.diagnosis_steps import diagnose_compared
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.inference.where import where
 from descentflow.diagnosis.practical_size import below_rounding, rounding_of
@@ -28,7 +27,7 @@ MANY = 1500
 
 def diagnosed(sides: Compared) -> GapReport:
     asked = Settings(Simulator(aircraft("A320")), {"temperature": EFFECTS["temperature"]}, [], 0, str)
-    return Diagnosis(Explainer(sides, asked.catalogue), asked, "training flights").report({}, pl.DataFrame())
+    return diagnose_compared(sides, asked, "training flights", {}, pl.DataFrame())
 
 
 def small_gap(sides: Compared) -> list[str]:

@@ -6,7 +6,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.inference.assumptions import Assumptions
 from descentflow.diagnosis.inference.flight_mixture import LearntLaw
 from descentflow.diagnosis.inference.linear_gaussian import Array
 from descentflow.diagnosis.inference.signatures import Signature, Signatures
@@ -21,19 +20,20 @@ class MeanEffect:
 
     log_gain = 0.0
 
-    def __init__(self, effect: Effect, signatures: Signatures, assumed: Assumptions) -> None:
+    def __init__(self, effect: Effect, signatures: Signatures) -> None:
         """Look at an effect.
 
         Args:
             effect: Of the catalogue.
             signatures: In the real flights.
-            assumed: Constants.
         """
         self.effect, self.name, self._signatures = effect, effect.name, signatures
         self._free = [i for i, parameter in enumerate(effect.parameters) if not parameter.from_heterogeneity]
         free = [effect.parameters[i] for i in self._free]
         self.start = self.prior_mean = np.array([parameter.start for parameter in free])
-        self.prior_sd = self.free_sd = np.array([assumed.prior_scales * parameter.scale for parameter in free])
+        self.prior_sd = self.free_sd = np.array(
+            [signatures.assumed.prior_scales * parameter.scale for parameter in free]
+        )
 
     def theta(self, sizes: Array) -> Tensor:
         """All parameters of the effect."""
@@ -131,34 +131,15 @@ Candidate = MeanEffect | FlightsEffect
 """Anything that may stand in a set: sizes with a normal prior, and a signature at each of them."""
 
 
-class Linearised:
-    """A candidate about given sizes: its shift is linear in them, and its misfit goes with the square of the shift.
+def linearised(about: Signature, change: Array) -> Signature:
+    """Signature of sizes that are changed by (k,): a linear shift, and a misfit that goes with its square.
 
     Example:
-        >>> from descentflow.effects import EFFECTS
-        >>> law = LearntLaw(EFFECTS["speed_brake"], None, torch.zeros(8), None)
-        >>> brakes = FlightsEffect("speed_brake", law, np.ones((2, 1)), 0.0, np.eye(2), np.array([0.2]))
-        >>> Linearised(brakes, np.array([1.0])).at(np.array([0.5])).misfit[0, 0]
+        >>> about = Signature(np.ones(2), np.ones((2, 1)), np.eye(2), np.zeros((2, 2)))
+        >>> linearised(about, np.array([-0.5])).misfit[0, 0]
         np.float64(0.25)
     """
-
-    def __init__(self, candidate: Candidate, sizes: Array) -> None:
-        """Take its signature once.
-
-        Args:
-            candidate: Of which it is one.
-            sizes: (k,) about which.
-        """
-        self.name, self.log_gain, self.start = candidate.name, candidate.log_gain, sizes
-        self.prior_mean, self.prior_sd, self.free_sd = candidate.prior_mean, candidate.prior_sd, candidate.free_sd
-        self.clamp, self.plausible = candidate.clamp, candidate.plausible
-        self.theta, self.theta_errors = candidate.theta, candidate.theta_errors
-        self._about = candidate.at(sizes)
-
-    def at(self, sizes: Array) -> Signature:
-        """Signature at sizes (k,)."""
-        about = self._about
-        shift = about.shift + about.jacobian @ (sizes - self.start)
-        whole = max(float(about.shift @ about.shift), 1e-30)
-        larger = min(float(shift @ shift) / whole, MOST_SCALED)
-        return Signature(shift, about.jacobian, about.misfit * larger, about.unsure * larger)
+    shift = about.shift + about.jacobian @ change
+    whole = max(float(about.shift @ about.shift), 1e-30)
+    larger = min(float(shift @ shift) / whole, MOST_SCALED)
+    return Signature(shift, about.jacobian, about.misfit * larger, about.unsure * larger)

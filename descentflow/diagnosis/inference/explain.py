@@ -1,20 +1,27 @@
 """Explanation of the difference of two sides: causes with sizes, what stands beside them, and what is unknown."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.findings.findings import DetectionLimit, Verdict
+from descentflow.diagnosis.findings.findings import DetectionLimit
 from descentflow.diagnosis.findings.gap_found import Lack
 from descentflow.diagnosis.inference.candidates import Candidate, MeanEffect
 from descentflow.diagnosis.inference.flight_effects import FlightShapes, differing
 from descentflow.diagnosis.inference.linear_gaussian import posterior
 from descentflow.diagnosis.inference.moments import moments
-from descentflow.diagnosis.inference.naming import Named, lacks, layers_of_air, name_effects, set_apart, verdict_of
+from descentflow.diagnosis.inference.naming import (
+    Named,
+    free_in_every_set,
+    lacks,
+    layers_of_air,
+    name_effects,
+    outweighs_causes,
+)
 from descentflow.diagnosis.inference.sets import Search, SetFit
 from descentflow.diagnosis.inference.signatures import Signatures
 from descentflow.diagnosis.inference.two_sides import Compared
@@ -27,97 +34,86 @@ class Explanation:
     """Explanation of the flights of two sides.
 
     Attributes:
-        verdict: See :data:`descentflow.diagnosis.findings.findings.Verdict`.
-        named: Effects with their groups and probabilities.
-        best: The set of the named effects, with an unknown cause where one is probable.
+        compared: Flights of both sides.
+        catalogue: Effects that may be named.
+        search: Sets of effects for the means of both sides.
         sets: All that were fitted, heaviest first.
-        theta: By effect of ``best``: its parameters (k,).
+        named: Effects with their groups and probabilities.
+        is_none: Whether there is probably nothing to explain.
+        best: The set of the causes, with an unknown cause where one is probable.
+        theta: By cause: its parameters (k,).
         errors: Standard errors of these.
-        lacks: What the simulator lacks besides.
+        lacks: Noise, level-offs and layers of air that the simulator has too little of, beside any cause.
     """
 
-    verdict: Verdict
-    named: Named
-    best: SetFit
+    compared: Compared
+    catalogue: Mapping[str, Effect]
+    search: Search
     sets: Sequence[SetFit]
+    named: Named
+    is_none: bool
+    best: SetFit
     theta: Mapping[str, Tensor]
     errors: Mapping[str, Tensor]
     lacks: Sequence[Lack]
 
 
-class Explainer:
-    """The steps from flights of two sides to an explanation."""
-
-    def __init__(self, compared: Compared, catalogue: Mapping[str, Effect]) -> None:
-        """Take the moments and the shapes of single flights.
-
-        Args:
-            compared: Flights of both sides.
-            catalogue: Effects that may be named.
-        """
-        self.compared, self.assumed = compared, compared.assumed
-        apart = set_apart(compared)
-        self._aside, self.within = (compared.only(torch.nonzero(part)[:, 0]) for part in (apart, ~apart))
-        self.known, self.catalogue = moments(self.within, self.assumed), catalogue
-        signatures = Signatures(self.within, self.known, self.assumed)
-        self._by_flight = differing(catalogue)
-        others = [effect for effect in catalogue.values() if effect not in self._by_flight]
-        means = [MeanEffect(effect, signatures, self.assumed) for effect in others]
-        candidates: list[Candidate] = [
-            one for one in means if np.abs(one.at(one.start).jacobian).max(initial=0.0) > 0.0
-        ]
-        if self._by_flight and "rate" in self.within.quantities():
-            candidates += FlightShapes(self.within, self.known, self._by_flight, self.assumed).candidates(signatures)
-        self.groups = list(dict.fromkeys(e.scale_group.members for e in catalogue.values() if e.scale_group))
-        self.search = Search(self.known, candidates, self.assumed, exclusive=self.groups)
-
-    def explanation(self) -> Explanation:
-        """Weigh the sets and name what they say."""
-        fits, sets = self.search.fits, self.search.sets()
-        named = name_effects(sets, self.assumed, alike=self.groups)
-        heaviest = next((one for one in sets if set(named.groups) <= set(one.names)), sets[0])
-        verdict = verdict_of(named, heaviest, self.known, fits)
-        has_cause = verdict in ("effect", "partial")
-        names = tuple(named.groups) if has_cause else ()
-        keeps_all = verdict in ("partial", "unknown")
-        unknown = {q: scale for q, scale in heaviest.unknown.items() if keeps_all or q in heaviest.air}
-        best = self.search.sized(fits.fit(names, unknown, heaviest.sizes))
-        # Edges and changes of single flights raise short-scale noise, and so do some effects by definition.
-        start, state = {name: self.catalogue[name].start() for name in names}, self.within.state
-        raised = any(
-            self.catalogue[name] in self._by_flight
-            or any(quantity.startswith(NOISE) for quantity in self.catalogue[name].shift(state, start[name]))
-            for name in names
-        )
-        return Explanation(
-            verdict,
-            named,
-            best,
-            sets,
-            {name: fits.candidates[name].theta(best.sizes[name]) for name in names},
-            {name: fits.candidates[name].theta_errors(best.errors[name]) for name in names},
-            [
-                *lacks(self._aside, self.assumed, raised=raised),
-                *layers_of_air(best, self.known, fits),
-            ],
-        )
-
-
-def explain(compared: Compared, catalogue: Mapping[str, Effect]) -> Explanation:
-    """Explain how the real flights differ from the simulator's.
+def explain(
+    compared: Compared, catalogue: Mapping[str, Effect], progress: Callable[[str], None] = lambda _: None
+) -> Explanation:
+    """Explain how the real flights differ from the simulator's: weigh sets of effects, and name what they say.
 
     Args:
         compared: Flights of both sides.
         catalogue: Effects that may be named.
+        progress: Called with what is being done.
     """
-    return Explainer(compared, catalogue).explanation()
+    progress("measuring means and shapes of flights")
+    assumed, free = compared.assumed, free_in_every_set(compared)
+    aside, within = (compared.only(torch.nonzero(part)[:, 0]) for part in (free, ~free))
+    known, by_flight = moments(within), differing(catalogue)
+    signatures = Signatures(within, known)
+    means = [MeanEffect(effect, signatures) for effect in catalogue.values() if effect not in by_flight]
+    candidates: list[Candidate] = [one for one in means if np.abs(one.at(one.start).jacobian).max(initial=0.0) > 0.0]
+    if by_flight and "rate" in within.quantities():
+        candidates += FlightShapes(within, known, by_flight).candidates(signatures)
+    groups = list(dict.fromkeys(e.scale_group.members for e in catalogue.values() if e.scale_group))
+    progress("weighing sets of effects")
+    search = Search(known, candidates, assumed, exclusive=groups)
+    fits, sets = search.fits, search.sets()
+    named = name_effects(sets, assumed, alike=groups)
+    heaviest = next((one for one in sets if set(named.groups) <= set(one.names)), sets[0])
+    is_none = named.none > 1.0 - assumed.named
+    names = () if is_none or outweighs_causes(named, heaviest, known, fits) else tuple(named.groups)
+    # A gap that the causes do not explain alone keeps all that is unknown; any other what measures the air.
+    keeps_all = not is_none and (not names or named.has_unknown)
+    unknown = {q: scale for q, scale in heaviest.unknown.items() if keeps_all or q in heaviest.air}
+    best = search.sized(fits.fit(names, unknown, heaviest.sizes))
+    # Edges and changes of single flights raise short-scale noise, and so do some effects by definition.
+    raised = any(
+        catalogue[name] in by_flight
+        or any(quantity.startswith(NOISE) for quantity in catalogue[name].shift(within.state, catalogue[name].start()))
+        for name in names
+    )
+    return Explanation(
+        compared,
+        catalogue,
+        search,
+        sets,
+        named,
+        is_none,
+        best,
+        {name: fits.candidates[name].theta(best.sizes[name]) for name in names},
+        {name: fits.candidates[name].theta_errors(best.errors[name]) for name in names},
+        [*lacks(aside, raised=raised), *layers_of_air(best, known, fits)],
+    )
 
 
 POWER_80 = 0.8416
 """Standard normal quantile of 80 %."""
 
 
-def detection_limits(explainer: Explainer) -> list[DetectionLimit]:
+def detection_limits(explained: Explanation) -> list[DetectionLimit]:
     r"""The smallest size of each effect that would be named; effects that only single flights show have none.
 
     Of one size with the prior :math:`N(0, \tau^2)`, known by the flights to :math:`\sigma`, the evidence gains
@@ -129,11 +125,11 @@ def detection_limits(explainer: Explainer) -> list[DetectionLimit]:
     normal quantile of 0.84 times :math:`\sigma` more makes that so in 80 of 100 cases.
 
     Args:
-        explainer: Of the flights.
+        explained: The explanation.
     """
-    found, known, assumed = [], explainer.known, explainer.assumed
+    found, known, assumed = [], explained.search.known, explained.search.assumed
     needed = math.log(assumed.named / (1.0 - assumed.named)) + math.log((1.0 - assumed.inclusion) / assumed.inclusion)
-    for candidate in explainer.search.fits.candidates.values():
+    for candidate in explained.search.fits.candidates.values():
         if not isinstance(candidate, MeanEffect) or not len(candidate.start):
             continue
         about, prior = candidate.at(candidate.start), candidate.prior_sd

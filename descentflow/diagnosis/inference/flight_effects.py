@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from descentflow.diagnosis.inference.assumptions import Assumptions
 from descentflow.diagnosis.inference.candidates import FlightsEffect
 from descentflow.diagnosis.inference.flight_mixture import FlightWindows, MixtureFit, fit_mixture, flight_windows
 from descentflow.diagnosis.inference.flight_rates import FlightRates, Spread, flight_rates, spread_of
@@ -62,18 +61,15 @@ class Side:
 class FlightShapes:
     """The shapes of the flights of both sides."""
 
-    def __init__(
-        self, compared: Compared, known: Moments, effects: Sequence[DiffersByFlight], assumed: Assumptions
-    ) -> None:
+    def __init__(self, compared: Compared, known: Moments, effects: Sequence[DiffersByFlight]) -> None:
         """Take the flights.
 
         Args:
             compared: Flights of both sides.
             known: Their moments.
             effects: That flights may have each in its own way.
-            assumed: Constants.
         """
-        self.compared, self.known, self.assumed = compared, known, assumed
+        self.compared, self.known, self.assumed = compared, known, compared.assumed
         self.effects = {effect.name: effect for effect in effects}
         self.rates = flight_rates(compared, known)
         real = compared.real.numpy()

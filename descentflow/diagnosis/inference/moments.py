@@ -22,7 +22,6 @@ from scipy.stats import norm
 from scipy.stats import t as student_t
 
 from descentflow.core.units import KT_MPS
-from descentflow.diagnosis.inference.assumptions import Assumptions
 from descentflow.diagnosis.inference.linear_gaussian import Array, shrunk
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.effects.flight_state import Schedule
@@ -49,13 +48,13 @@ class Moments:
     kernel: Array
 
 
-def moments(compared: Compared, assumed: Assumptions) -> Moments:
+def moments(compared: Compared) -> Moments:
     """Take the moments of both sides.
 
     Args:
         compared: Flights of both sides, with a simulator's flights among them.
-        assumed: Constants.
     """
+    assumed = compared.assumed
     y, real, airframe = compared.y.numpy(), compared.real.numpy(), compared.airframe.numpy()
     day = compared.day.numpy()
     quantity = np.array([entry.quantity for entry in compared.entries])

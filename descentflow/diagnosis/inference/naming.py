@@ -1,4 +1,4 @@
-"""Named effects with what else may stand in their place, the verdict, and nuisances that a simulator lacks.
+"""Named effects with what else may stand in their place, and nuisances that a simulator lacks.
 
 Nuisances are noise of reports, level-offs where the simulator's flights have none, and layers of air: free in every
 set, and no cause.
@@ -12,7 +12,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.findings.findings import Verdict
 from descentflow.diagnosis.findings.gap_found import Lack
 from descentflow.diagnosis.inference.assumptions import Assumptions
 from descentflow.diagnosis.inference.linear_gaussian import Array
@@ -43,6 +42,11 @@ class Named:
     unknown: float
     none: float
     groups: Mapping[str, Names]
+
+    @property
+    def has_unknown(self) -> bool:
+        """True if an unknown cause is more probable than not."""
+        return self.unknown > 0.5
 
 
 def name_effects(sets: Sequence[SetFit], assumed: Assumptions, alike: Sequence[Sequence[str]] = ()) -> Named:
@@ -90,33 +94,30 @@ def name_effects(sets: Sequence[SetFit], assumed: Assumptions, alike: Sequence[S
     return Named(weights, probability, unknown, none, groups)
 
 
-def verdict_of(named: Named, best: SetFit, known: Moments, fits: SetFits) -> Verdict:
-    """Verdict: no gap, or a gap of which the named causes are all, a part, or none.
+def outweighs_causes(named: Named, heaviest: SetFit, known: Moments, fits: SetFits) -> bool:
+    """Test for an unknown cause that is probable and explains more of the difference than the named effects.
 
     Args:
         named: By the weights.
-        best: The heaviest set with all that is named.
+        heaviest: The heaviest set with all that is named.
         known: Moments of both sides.
         fits: Of the catalogue.
 
     Example:
         >>> known = Moments(np.zeros(1), np.eye(1), np.zeros((1, 1)), np.ones(1), np.array(["rate"]), np.eye(1))
         >>> nothing = SetFit((), {}, {}, {}, 0.0, {}, np.eye(1))
-        >>> verdict_of(Named(np.ones(1), {}, 0.0, 1.0, {}), nothing, known, SetFits(known, [], Assumptions()))
-        'none'
+        >>> fits = SetFits(known, [], Assumptions())
+        >>> outweighs_causes(Named(np.ones(1), {}, 0.0, 1.0, {}), nothing, known, fits)
+        False
     """
-    if named.none > 1.0 - fits.assumed.named:
-        return "none"
-    if not named.groups:
-        return "unknown"
-    if named.unknown <= 0.5:
-        return "effect"
-    shift = sum((best.shifts[name] for name in named.groups), np.zeros(len(known.difference)))
-    rest = known.difference - best.shift
-    of_cause = {name: scale for name, scale in best.unknown.items() if name not in best.air}
-    left = fits.unknown_covariance(of_cause) @ np.linalg.solve(best.noise, rest)
+    if not named.has_unknown:
+        return False
+    shift = sum((heaviest.shifts[name] for name in named.groups), np.zeros(len(known.difference)))
+    rest = known.difference - heaviest.shift
+    of_cause = {name: scale for name, scale in heaviest.unknown.items() if name not in heaviest.air}
+    left = fits.unknown_covariance(of_cause) @ np.linalg.solve(heaviest.noise, rest)
     explained, unexplained = (float(x @ np.linalg.solve(known.covariance, x)) for x in (shift, left))
-    return "unknown" if unexplained > explained else "partial"
+    return unexplained > explained
 
 
 OF_LEVEL_OFFS = ("level", "level_gaps")
@@ -124,7 +125,7 @@ RAISED_BY_CAUSES = ("noise_rate", "noise_altitude", "noise_groundspeed")
 """Noise that edges of windows, paths, turns and late reports change as well."""
 
 
-def set_apart(compared: Compared) -> Tensor:
+def free_in_every_set(compared: Compared) -> Tensor:
     """Entries (p,) that are free in every set of effects."""
     own = compared.y[~compared.real].numpy()
     alike = np.nanstd(own, 0) == 0.0 if compared.has_reference else np.zeros(len(compared.entries), dtype=bool)
@@ -135,17 +136,16 @@ def set_apart(compared: Compared) -> Tensor:
     return torch.tensor(flags, dtype=torch.bool)
 
 
-def lacks(compared: Compared, assumed: Assumptions, *, raised: bool) -> list[Lack]:
+def lacks(compared: Compared, *, raised: bool) -> list[Lack]:
     """Differences that probably exist, by the odds of a normal size against none.
 
     Args:
-        compared: Flights of both sides, with the entries of :func:`set_apart` alone.
-        assumed: Constants.
+        compared: Flights of both sides, with the entries of :func:`free_in_every_set` alone.
         raised: Whether an effect is named that may raise short-scale noise as well.
     """
     if not compared.entries:
         return []
-    known, found = moments(compared, assumed), []
+    assumed, known, found = compared.assumed, moments(compared), []
     prior_odds = math.log(assumed.inclusion / (1.0 - assumed.inclusion))
     needed = math.log(assumed.named / (1.0 - assumed.named))
     for name, size, variance, unit in zip(

@@ -24,9 +24,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from descentflow.diagnosis.inference.assumptions import Assumptions
-from descentflow.diagnosis.inference.candidates import Candidate, Linearised
+from descentflow.diagnosis.inference.candidates import Candidate, linearised
 from descentflow.diagnosis.inference.linear_gaussian import Array, Posterior, posterior
 from descentflow.diagnosis.inference.moments import Moments
+from descentflow.diagnosis.inference.signatures import Signature
 from descentflow.measurements.quantity_registry import QUANTITIES
 
 ROUNDS = 4
@@ -101,10 +102,11 @@ class SetFits:
     def __init__(
         self,
         known: Moments,
-        candidates: Sequence[Candidate | Linearised],
+        candidates: Sequence[Candidate],
         assumed: Assumptions,
         *,
-        at_reference: bool = False,
+        linear_about: Mapping[str, Array] | None = None,
+        is_exact: bool = False,
     ) -> None:
         """Take the candidates.
 
@@ -112,12 +114,14 @@ class SetFits:
             known: Moments of both sides.
             candidates: Effects that may be causes.
             assumed: Constants.
-            at_reference: Whether sizes are those that make the difference that is seen where they are put into the
+            linear_about: Sizes by candidate about which all is linear; each is linearised at every size if absent.
+            is_exact: Whether sizes are those that make the difference that is seen where they are put into the
                 simulator's flights, with these equations and these coefficients, whatever either may miss.
         """
-        self._at_reference = at_reference
+        self._is_exact = is_exact
         self.known, self.assumed = known, assumed
         self.candidates = {candidate.name: candidate for candidate in candidates}
+        self._about = {name: (sizes, self.candidates[name].at(sizes)) for name, sizes in (linear_about or {}).items()}
         self._log_odds = math.log(assumed.inclusion / (1.0 - assumed.inclusion))
         self._log_grid = math.log(len(assumed.unknown_scales) + 1.0)
 
@@ -147,7 +151,7 @@ class SetFits:
         last, noise = self._step(sizes, scales)
         gained = sum(self.candidates[name].log_gain for name in names)
         errors = self._split(names, np.sqrt(np.maximum(last.covariance.diagonal(), 0.0)))
-        shifts = {name: self.candidates[name].at(sizes[name]).shift for name in names}
+        shifts = {name: self._signature(name, sizes[name]).shift for name in names}
         weight = last.log_evidence + gained + self._log_odds * len(names) + self._log_prior(scales)
         return SetFit(
             names, sizes, dict(zip(names, errors, strict=True)), shifts, weight, scales, noise, self._air(scales)
@@ -186,18 +190,25 @@ class SetFits:
         causes = len(scales) - len(self._air(scales))
         return self._log_odds * causes - self._log_grid * len(scales)
 
+    def _signature(self, name: str, sizes: Array) -> Signature:
+        """Signature of a candidate at sizes (k,)."""
+        if name not in self._about:
+            return self.candidates[name].at(sizes)
+        first, about = self._about[name]
+        return linearised(about, sizes - first)
+
     def _step(self, sizes: Mapping[str, Array], scales: Mapping[str, float]) -> tuple[Posterior, Array]:
         """Posterior about the linearisation at sizes, and the covariance of what its Jacobian leaves."""
         x, noise = self.known.difference, self.known.covariance + self.unknown_covariance(scales)
         columns, mean, spread = [np.zeros((len(x), 0))], [np.zeros(0)], [np.zeros(0)]
         for name, size in sizes.items():
             candidate = self.candidates[name]
-            found = candidate.at(size)
-            noise = noise + (0.0 if self._at_reference else found.misfit + found.unsure)
+            found = self._signature(name, size)
+            noise = noise + (0.0 if self._is_exact else found.misfit + found.unsure)
             x = x - found.shift + found.jacobian @ size
             columns.append(found.jacobian)
             mean.append(candidate.prior_mean)
-            spread.append(candidate.free_sd if self._at_reference else candidate.prior_sd)
+            spread.append(candidate.free_sd if self._is_exact else candidate.prior_sd)
         return posterior(x, noise, np.concatenate(columns, 1), np.concatenate(mean), np.concatenate(spread)), noise
 
     def _split(self, names: Names, values: Array) -> list[Array]:
@@ -242,10 +253,9 @@ class Search:
         """
         self.known, self.assumed, self.exclusive = known, assumed, [set(group) for group in exclusive]
         self.fits = SetFits(known, candidates, assumed)
-        self._sized = SetFits(known, candidates, assumed, at_reference=True)
+        self._sized = SetFits(known, candidates, assumed, is_exact=True)
         self._alone = {one.name: self.fits.fit((one.name,)).sizes[one.name] for one in candidates}
-        linear = [Linearised(one, self._alone[one.name]) for one in candidates]
-        self._screen = SetFits(known, linear, assumed)
+        self._screen = SetFits(known, candidates, assumed, linear_about=self._alone)
 
     def sized(self, fit: SetFit) -> SetFit:
         """A set with the sizes that make the difference by these equations; errors stay those of all they may miss."""
@@ -286,7 +296,7 @@ class Search:
         """Sets that weigh most where all is linear, and the empty one."""
         every = (itertools.combinations(self.fits.candidates, count) for count in range(MOST_ENUMERATED + 1))
         allowed = [names for names in itertools.chain(*every) if self._allowed(names)]
-        weight = {names: self._screen.fit(names, rounds=1).log_weight for names in allowed}
+        weight = {names: self._screen.fit(names, first=self._alone, rounds=1).log_weight for names in allowed}
         return list(dict.fromkeys([*sorted(allowed, key=lambda names: -weight[names])[:HEAVIEST], ()]))
 
     def _grow(self, fitted: dict[Names, SetFit]) -> None:

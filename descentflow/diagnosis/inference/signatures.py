@@ -14,7 +14,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.inference.assumptions import Assumptions
 from descentflow.diagnosis.inference.linear_gaussian import Array
 from descentflow.diagnosis.inference.moments import Moments
 from descentflow.diagnosis.inference.reference_coefficients import scaled
@@ -69,15 +68,14 @@ class RateByCas:
 class Signatures:
     """Signatures of effects in the real flights of a comparison, each computed once."""
 
-    def __init__(self, compared: Compared, known: Moments, assumed: Assumptions) -> None:
+    def __init__(self, compared: Compared, known: Moments) -> None:
         """Take the real flights.
 
         Args:
             compared: Flights of both sides.
             known: Their moments.
-            assumed: Constants.
         """
-        self.compared, self.known, self.assumed = compared, known, assumed
+        self.compared, self.known, self.assumed = compared, known, compared.assumed
         real = torch.nonzero(compared.real)[:, 0]
         self.state = compared.state.rows_of_fleet(real)
         seen = compared.y[compared.real].isfinite().numpy()

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from descentflow.diagnosis.findings.cause_found import Alternative, Cause, ClosedShare, Closure
 from descentflow.diagnosis.findings.correction_found import RecipeNumber, RecipeStep
 from descentflow.diagnosis.findings.findings import Discrepancy, SingleEffect, Subset
-from descentflow.diagnosis.inference.explain import Explainer, Explanation
+from descentflow.diagnosis.inference.explain import Explanation
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.report.sizes import on_both_sides, parameters, share_of, sizes_beside, sizes_of
 from descentflow.effects import UNKNOWN, Effect
@@ -14,27 +14,24 @@ SHOWN_SETS = 10
 """Sets of effects that are written down."""
 
 
-def cause_of(
-    explainer: Explainer, found: Explanation, name: str, closed: ClosedShare, takes_away: Mapping[str, float]
-) -> Cause:
+def cause_of(found: Explanation, name: str, closed: ClosedShare, takes_away: Mapping[str, float]) -> Cause:
     """A named effect with its sizes and alternatives.
 
     Args:
-        explainer: Of the flights.
-        found: What it found.
+        found: The explanation.
         name: Of the effect.
         closed: Share of the gap that all causes close.
         takes_away: By cost, what this one takes away of the difference.
     """
-    effect, value, error = explainer.catalogue[name], found.theta[name], found.errors[name]
-    compared, fits, best = explainer.compared, explainer.search.fits, found.best
+    effect, value, error = found.catalogue[name], found.theta[name], found.errors[name]
+    compared, fits, best = found.compared, found.search.fits, found.best
     flights, both, group = int(compared.real.sum()), on_both_sides(compared, effect), found.named.groups[name]
     alternatives = []
     for member in group:
         # In the cause's place, beside the others.
-        other, candidate = explainer.catalogue[member], fits.candidates[member]
+        other, candidate = found.catalogue[member], fits.candidates[member]
         names = tuple(member if one == name else one for one in best.names)
-        fit = explainer.search.sized(fits.fit(names, best.unknown, best.sizes))
+        fit = found.search.sized(fits.fit(names, best.unknown, best.sizes))
         known = (other, candidate.theta(fit.sizes[member]), candidate.theta_errors(fit.errors[member]), flights)
         sizes = sizes_beside(other, sizes_of(*known), on_both_sides(compared, other))
         alternatives.append(Alternative(member, found.named.probability[member], sizes, share_of(*known)))
@@ -60,23 +57,23 @@ def cause_of(
     )
 
 
-def discrepancy_of(explainer: Explainer, found: Explanation) -> Discrepancy:
+def discrepancy_of(found: Explanation) -> Discrepancy:
     """Evidence (nats) of an unknown cause beyond the named effects."""
-    fits, best = explainer.search.fits, found.best
+    fits, best = found.search.fits, found.best
     alone = fits.fit(best.names, first=best.sizes)
     beside = [one.log_weight for one in found.sets if one.names == best.names and one.has_unknown]
     gained = max([one - alone.log_weight for one in beside], default=0.0)
     return Discrepancy(alone.log_weight - fits.fit(()).log_weight, max(gained, 0.0), found.named.unknown)
 
 
-def singles_of(explainer: Explainer) -> list[SingleEffect]:
+def singles_of(found: Explanation) -> list[SingleEffect]:
     """Every effect alone, best first."""
-    fits = explainer.search.fits
+    fits = found.search.fits
     null, rows = fits.fit(()).log_weight, []
     for name, candidate in fits.candidates.items():
         fit = fits.fit((name,))
         theta = candidate.theta(fit.sizes[name]).tolist()
-        sizes = {p.name: v for p, v in zip(explainer.catalogue[name].parameters, theta, strict=True)}
+        sizes = {p.name: v for p, v in zip(found.catalogue[name].parameters, theta, strict=True)}
         refused = "" if candidate.plausible(fit.sizes[name]) else "it fits best with sizes that it cannot have"
         rows.append(SingleEffect(name, fit.log_weight - null, sizes, refused))
     return sorted(rows, key=lambda row: -row.gain_nats)

@@ -12,7 +12,7 @@ from descentflow.diagnosis.findings.findings import Curve
 from descentflow.diagnosis.findings.gap_found import LargestDifference, Remaining, WouldSplit
 from descentflow.diagnosis.findings.inputs_found import FlightWorthALook, LeftOutChannel
 from descentflow.diagnosis.inference.moments import moments
-from descentflow.diagnosis.inference.naming import set_apart
+from descentflow.diagnosis.inference.naming import free_in_every_set
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.diagnosis.report.trade_units import in_trade
 from descentflow.effects import UNKNOWN, Effect
@@ -40,7 +40,7 @@ def remaining_of(compared: Compared, left: Tensor, gap: float, share_unexplained
     mean = compared.difference(left)
     standing = (mean.abs() / compared.negligible()).nan_to_num(0.0)
     # What the simulator lacks beside any cause is no part of the difference that is explained.
-    standing = torch.where(set_apart(compared), 0.0, standing)
+    standing = torch.where(free_in_every_set(compared), 0.0, standing)
     most = int(standing.argmax())
     entry = compared.entries[most]
     low, high = compared.level_range(entry)
@@ -58,7 +58,7 @@ def curves(compared: Compared, left: Tensor) -> dict[str, Curve]:
     levels, found = compared.middles_fl(), {}
     before, after = compared.difference(compared.y), compared.difference(left)
     # By whole aircraft and days: their flights are alike.
-    error = moments(compared, compared.assumed).covariance.diagonal() ** 0.5
+    error = moments(compared).covariance.diagonal() ** 0.5
     for quantity in compared.quantities():
         at = compared.columns(quantity)
         bands = [compared.entries[i].band for i in at.tolist()]

@@ -1,0 +1,49 @@
+"""The verdict of a diagnosis, decided here and nowhere else.
+
+Two things come before it: the test by permutation and the rounding of reports say whether there is a gap, and the
+evidence of sets of effects names its causes (:mod:`~descentflow.diagnosis.inference.explain`).
+"""
+
+from collections.abc import Sequence
+
+from descentflow.diagnosis.findings.costs_found import Cost
+from descentflow.diagnosis.findings.findings import Verdict
+from descentflow.diagnosis.inference.explain import Explanation
+
+CERTAIN_HALF_WIDTHS = 2.58 / 1.645
+"""Half widths of a 90 % interval in that of 99 %: one right answer in a hundred is called a part."""
+LEAST_SHARE_LEFT = 0.1
+"""Share of the difference before that an effect's equation may miss of it."""
+
+
+def verdict_of(found: Explanation, *, is_gap: bool = True, costs: Sequence[Cost] = ()) -> Verdict:
+    """No gap, or a gap of which the named causes are all, a part, or none.
+
+    Args:
+        found: Causes by the evidence of sets of effects.
+        is_gap: Whether there is a gap by the test of permutations, larger than the rounding of reports.
+        costs: Costs of the gap, before and after the causes are in the simulator.
+    """
+    if found.is_none or not is_gap:
+        return "none"
+    if not found.theta:
+        return "unknown"
+    return "partial" if found.named.has_unknown or leaves_time(costs) else "effect"
+
+
+def leaves_time(costs: Sequence[Cost]) -> bool:
+    """Test for time at equal speed that the causes leave, by more than chance and more than a tenth.
+
+    Example:
+        >>> from descentflow.diagnosis.findings.costs_found import Measured
+        >>> def time(after: Measured) -> Cost:
+        ...     return Cost("time_at_speed", "time", "s", 150, 350, 600, 620, Measured(20, 18, 22), after, floor=3.0)
+        >>> leaves_time([time(Measured(1.0, -2.0, 4.0))]), leaves_time([time(Measured(-9.0, -12.0, -6.0))])
+        (False, True)
+    """
+    # Of all levels, which come first: of many parts one is off by chance.
+    whole = next((cost for cost in costs if cost.name == "time_at_speed" and cost.after), None)
+    if whole is None or whole.after is None:
+        return False
+    left = abs(whole.after.estimate)
+    return left > CERTAIN_HALF_WIDTHS * whole.floor and left > LEAST_SHARE_LEFT * abs(whole.before.estimate)

@@ -22,14 +22,10 @@ INPUTS = {
     "context": "the numbers that stand for the flight's context, see `context`",
 }
 """Meaning of each input."""
-BOUNDS = {
-    "drag_n": ("drag_low", "drag_high"),
-    "cas_mps": ("cas_low", "cas_high"),
-    "slowest_rate_mps": ("slowest_rate_mps",),
-    "fastest_change_mps2": ("fastest_change_mps2",),
-    "fastest_rate_change_mps2": ("fastest_rate_change_mps2",),
-}
+BOUNDS = {"drag_n": ("drag_low", "drag_high"), "cas_mps": ("cas_low", "cas_high")}
 """Bound of the description -> buffers of :class:`~descentflow.representation.plausibility.Plausibility`."""
+LIMITS = ("slowest_rate_mps", "fastest_change_mps2", "fastest_rate_change_mps2")
+"""Bounds that are a buffer of the same name."""
 
 
 def describe(density: Density, sampler: SamplerGraph, precision: Precision) -> dict[str, Any]:
@@ -65,10 +61,8 @@ def describe(density: Density, sampler: SamplerGraph, precision: Precision) -> d
         "outputs": _outputs(sampler, precision),
         "rules": list(ALL_RULES),
         "bounds": {
-            name: [_numbers(getattr(parts.plausibility, buffer)) for buffer in buffers]
-            if len(buffers) > 1
-            else _numbers(getattr(parts.plausibility, buffers[0]))
-            for name, buffers in BOUNDS.items()
+            **{name: [_numbers(getattr(parts.plausibility, end)) for end in ends] for name, ends in BOUNDS.items()},
+            **{name: _numbers(getattr(parts.plausibility, name)) for name in LIMITS},
         },
         "entry_share": _numbers(counts / counts.sum()),
         "redraw": sampler.draw.redraw,
@@ -92,10 +86,11 @@ def decoder_inputs(sampler: SamplerGraph, n: int) -> dict[str, Tensor]:
 
 
 def _inputs(example: dict[str, Tensor], precision: Precision) -> dict[str, Any]:
-    return {
-        name: {"shape": ["n", *value.shape[1:]], "type": precision, "meaning": INPUTS[name]}
-        for name, value in example.items()
-    }
+    return {name: _about(["n", *value.shape[1:]], precision, INPUTS[name]) for name, value in example.items()}
+
+
+def _about(shape: list[Any], kind: str, meaning: str, **unit: str) -> dict[str, Any]:
+    return {"shape": shape, "type": kind, **unit, "meaning": meaning}
 
 
 IN_AIR = ("TAS", *FUEL, "distance_nm")
@@ -105,31 +100,16 @@ IN_AIR = ("TAS", *FUEL, "distance_nm")
 def _outputs(sampler: SamplerGraph, precision: Precision) -> dict[str, Any]:
     n_levels = len(sampler.descents.decoder.levels_fl)
     air = ", in standard air whatever the temperature of the context" if sampler.n_context else ""
-    profiles = {
-        name: {
-            "shape": ["n", n_levels],
-            "type": precision,
-            "unit": COLUMNS[name].unit,
-            "meaning": f"{COLUMNS[name].meaning}{air if name in IN_AIR else ''}; NaN above the entry level",
-        }
-        for name in PROFILES
-    }
-    level = COLUMNS["level_fl"]
+    profiles = {name: f"{COLUMNS[name].meaning}{air if name in IN_AIR else ''}" for name in PROFILES}
     return {
-        "level_fl": {
-            "shape": [n_levels],
-            "type": precision,
-            "unit": level.unit,
-            "meaning": "flight levels, ascending",
+        "level_fl": _about([n_levels], precision, "flight levels, ascending", unit=COLUMNS["level_fl"].unit),
+        **{
+            name: _about(["n", n_levels], precision, f"{meaning}; NaN above the entry level", unit=COLUMNS[name].unit)
+            for name, meaning in profiles.items()
         },
-        **profiles,
-        "accepted": {"shape": ["n"], "type": "bool", "meaning": "whether the draw keeps every rule; drop it if not"},
-        "broken": {"shape": ["n", len(ALL_RULES)], "type": "bool", "meaning": "which of `rules` the draw breaks"},
-        "weights": {
-            "shape": ["n", sampler.dimension],
-            "type": precision,
-            "meaning": "standardised weights; an output of the sampler alone",
-        },
+        "accepted": _about(["n"], "bool", "whether the draw keeps every rule; drop it if not"),
+        "broken": _about(["n", len(ALL_RULES)], "bool", "which of `rules` the draw breaks"),
+        "weights": _about(["n", sampler.dimension], precision, "standardised weights; an output of the sampler alone"),
     }
 
 

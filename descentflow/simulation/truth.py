@@ -21,17 +21,7 @@ FIRST_DAY = datetime(2024, 3, 4, tzinfo=UTC)
 DAY_S = 86400
 _FIRST_ADDRESS, _N_ADDRESSES = 0xF10000, 0xEFFFF
 _START_STREAM = 3
-_FLOWN: tuple[str, ...] = (
-    "altitude_m",
-    "height_m",
-    "cas_mps",
-    "mach",
-    "tas_mps",
-    "groundspeed_mps",
-    "rate_mps",
-    "gamma",
-)
-_FLOWN += ("drag_n", "thrust_n")
+_FLOWN = tuple(f.name for f in fields(Flown) if f.name not in ("time_s", "label", "flying"))
 
 
 @dataclass(frozen=True)

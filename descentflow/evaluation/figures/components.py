@@ -84,10 +84,6 @@ def weight_deviations(basis: FunctionalBasis) -> Tensor | None:
     return (projected.square().sum(1) + basis.noise_variance * basis.spacing_m).sqrt()
 
 
-def _plain(values: Tensor) -> Tensor:
-    return values
-
-
 def _knots(values: Tensor) -> Tensor:
     return values / KT_MPS
 

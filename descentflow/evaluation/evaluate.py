@@ -11,12 +11,13 @@ from descentflow.core.arguments import Count, checked_arguments
 from descentflow.core.errors import DataError
 from descentflow.core.threads import one_thread_where_they_spin
 from descentflow.densities.checkpoint import as_density
+from descentflow.densities.density import Density
 from descentflow.densities.mixture_parameters import NO_CONTEXT
 from descentflow.evaluation.evaluation_report import Evaluation
 from descentflow.evaluation.level_flight_beside import sampled_level_flight
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.scores import score
-from descentflow.generation.rejection import Sampler, sample_descents
+from descentflow.generation.rejection import sample_descents
 from descentflow.physics.nominal_descent import nominal_descent
 from descentflow.representation.encode_flights import encode_flights, tell_other_types
 from descentflow.representation.own_air import AirSource
@@ -114,7 +115,7 @@ def evaluate(
 
 
 def evaluate_profiles(
-    model: Sampler,
+    model: Density,
     representation: Representation,
     real: Profiles,
     *,

@@ -13,7 +13,7 @@ from descentflow.densities.density import Density
 from descentflow.densities.weight_draws import MixtureDraw
 from descentflow.exports.columns import FUEL
 from descentflow.generation.sample_tables import flown_quantities
-from descentflow.representation.decoder.trajectories import Trajectories, fly, through_air_m
+from descentflow.representation.decoder.trajectories import Trajectories, integrate_on, through_air_m
 from descentflow.representation.own_air import check_standard_air
 from descentflow.representation.plausibility import RULES, Plausibility
 from descentflow.representation.representation import Representation
@@ -113,7 +113,7 @@ class DescentGraph(nn.Module):
         weights = weights.double()
         residual = None if neighbour is None else self.decoder.residuals.draw(weights, entry, neighbour)
         drag_n, cas_mps = self.decoder.curves(weights, residual)
-        time_s, mach, tas_mps, rate_mps = fly(self.grid, drag_n, cas_mps, entry)
+        time_s, mach, tas_mps, rate_mps = integrate_on(self.grid, drag_n, cas_mps, entry)
         values = (time_s, cas_mps, mach, tas_mps, rate_mps, drag_n)
         return Trajectories(self.decoder.levels_fl, entry, *values, self.decoder.aircraft)
 

@@ -6,7 +6,6 @@ shares of plausible flights, and drawing them anew would bias those shares. The 
 """
 
 from collections.abc import Callable
-from typing import Protocol
 
 import torch
 from torch import Tensor
@@ -14,6 +13,7 @@ from torch import Tensor
 from descentflow.air.level_air import LevelAir
 from descentflow.core.counter_random import DrawNumbers
 from descentflow.core.errors import SamplingError
+from descentflow.densities.density import Density
 from descentflow.densities.mixture_parameters import NO_CONTEXT
 from descentflow.generation.samples import RejectionReport, Samples
 from descentflow.physics.performance_model import PerformanceModel
@@ -28,44 +28,20 @@ DRAWN = torch.zeros(0, dtype=torch.int64)
 """In place of levels of entry: they are drawn as the training flights entered."""
 
 
-class Sampler(Protocol):
-    """Whatever draws standardised weights repeatably.
-
-    Example:
-        >>> from descentflow.densities.checkpoint import load_model
-        >>> model: Sampler = load_model("best.ckpt")
-        >>> torch.equal(model.sample(3, seed=1), model.sample(3, seed=1))
-        True
-    """
-
-    def sample(self, n: int, seed: int, context: Tensor) -> Tensor:
-        """Draw (n, d) weights, row i for row i of context (n, c)."""
-
-
-class AirWhereFlown(Protocol):
-    """An air that depends on where a descent is flown.
-
-    Example:
-        >>> class Warm:
-        ...     def fly(self, aircraft, flown):
-        ...         return flown_in(aircraft, flown, LevelAir.uniform(flown.levels_fl, 10.0))
-        >>> warm: AirWhereFlown = Warm()
-    """
-
-    def fly(self, aircraft: PerformanceModel, flown: Trajectories) -> Trajectories:
-        """Descents that were flown in standard air, flown in this one."""
+FlyWhere = Callable[[PerformanceModel, Trajectories], Trajectories]
+"""Descents that were flown in standard air, flown in an air that depends on where they are."""
 
 
 @torch.no_grad()
 def sample_descents(
-    model: Sampler,
+    model: Density,
     parts: Representation,
     n: int,
     seed: int,
     *,
     context: Tensor = NO_CONTEXT,
     entry: Tensor = DRAWN,
-    air: LevelAir | AirWhereFlown | None = None,
+    air: LevelAir | FlyWhere | None = None,
     draw_budget: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Samples:
@@ -85,8 +61,8 @@ def sample_descents(
             as the training flights entered.
         air: Airs (k, L) that descents are flown in; standard air if absent. A sample's is that of its context where
             there are as many airs as contexts, that of the flight of its entry level where there are as many airs as
-            entry levels, else drawn. Or an air that depends on where they are flown; the samples then do not hold
-            theirs.
+            entry levels, else drawn. Or a function that flies them in an air which depends on the place; the samples
+            then do not hold theirs.
         draw_budget: Most draws; 100 for each descent wanted (at least 10,000) if absent.
         progress: Progress callback: called with the number of descents newly accepted.
 
@@ -143,13 +119,13 @@ class _Wanted:
 
     def __init__(
         self,
-        model: Sampler,
+        model: Density,
         parts: Representation,
         n: int,
         seed: int,
         context: Tensor,
         entry: Tensor,
-        air: LevelAir | AirWhereFlown | None,
+        air: LevelAir | FlyWhere | None,
     ) -> None:
         """Choose entry levels and airs."""
         self.model, self.parts, self.seed, self.context, self.air = model, parts, seed, context, air
@@ -191,5 +167,5 @@ class _Wanted:
         if isinstance(self.air, LevelAir):
             flown = flown_in(decoder.aircraft, flown, self.air.rows(self.air_row[samples]))
         elif self.air is not None:
-            flown = self.air.fly(decoder.aircraft, flown)
+            flown = self.air(decoder.aircraft, flown)
         return weights, flown

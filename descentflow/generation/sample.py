@@ -95,7 +95,7 @@ def sample(
             seed,
             context=encoded,
             entry=entry_levels(representation, contexts, entry_fl),
-            air=airs if along is None else along,
+            air=airs if along is None else along.fly,
             draw_budget=draw_budget,
             progress=progress,
         )

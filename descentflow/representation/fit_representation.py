@@ -176,7 +176,7 @@ def fit_residuals(decoder: DescentDecoder, train: Profiles) -> Residuals:
     shown, generator = decoder.drag_scale.observed(train), torch.Generator().manual_seed(0)
     some = torch.arange(0, len(train), -(-len(train) // MOST_FLIGHTS))
     curves, numbers = [], []
-    for basis, values, kept in zip(decoder.bases.values(), shown.values, decoder.profiles(weights), strict=True):
+    for basis, values, kept in zip(decoder.bases.values(), shown.values, decoder.scaled_profiles(weights), strict=True):
         left = torch.where(shown.mask, values - kept, 0.0)
         curves.append(_as_large_as_left(basis, left, shown.mask))
         numbers.append(_drawn_numbers(curves[-1], basis.noise_variance, left[some], shown.mask[some], generator))

@@ -80,7 +80,7 @@ class LinearCurves:
         >>> from descentflow.densities.checkpoint import load_model
         >>> curves = linear_curves(load_model("best.ckpt").representation.decoder)
         >>> at_mean = torch.zeros(1, curves.loadings.shape[1], dtype=torch.float64)
-        >>> mean = curves.profiles(at_mean)
+        >>> mean = curves.scaled_profiles(at_mean)
         >>> seen = torch.ones_like(mean[0], dtype=torch.bool)
         >>> found = curves.information(Observed(mean, seen))
         >>> bool((found.shift.abs() < 1e-3).all())  # an observed mean profile does not move the weights
@@ -128,8 +128,8 @@ class LinearCurves:
         precisions = white + white[:, :d].mT @ gain
         return Information((precisions + precisions.mT) / 2, shift + torch.cat(moved), groups.group)
 
-    def profiles(self, u: Tensor) -> tuple[Tensor, ...]:
-        """The profiles, each (n, L), of (n, D)."""
+    def scaled_profiles(self, u: Tensor) -> tuple[Tensor, ...]:
+        """Drag on its scale and CAS, each (n, L), of u (n, D)."""
         return (self.offset + u @ self.loadings.T).chunk(2, dim=1)
 
 

@@ -116,7 +116,6 @@ class Representation(nn.Module):
         *,
         residual: Tensor | None = None,
         draws: DrawNumbers = FIRST_DRAWS,
-        out: Trajectories | None = None,
     ) -> Trajectories:
         """Decode weights (n, d), with the effects of the correction if there is one.
 
@@ -125,7 +124,6 @@ class Representation(nn.Module):
             entry: (n,) index of the entry level; the top of the grid if absent.
             residual: (n, r + s) residual numbers, see the decoder.
             draws: Seed and numbers of these draws, which determine the flights that a partial effect changes.
-            out: Descents of the same shape whose arrays may take the result.
 
         Example:
             >>> from descentflow.densities.checkpoint import load_model
@@ -133,7 +131,7 @@ class Representation(nn.Module):
             >>> len(model.representation.fly(model.sample(4, seed=0)))
             4
         """
-        flown: Trajectories = self.decoder(weights, entry, out=out, residual=residual)
+        flown: Trajectories = self.decoder(weights, entry, residual=residual)
         return flown if self.correction is None else self.correction.apply(self.decoder.aircraft, flown, draws)
 
     def to_state(self) -> dict[str, Any]:

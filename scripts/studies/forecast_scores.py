@@ -1,6 +1,7 @@
 """Scores of a density as a forecast of each held-out flight, given its context or not: what conditioning is worth."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -112,7 +113,7 @@ def forecast_scores(
         raise DataError("no flight to score", expected="held-out flights", mend="pass other descents")
     parts, n = density.representation, len(flights)
     own = context if context.shape[1] else weights.new_zeros(n, 1)
-    model = density if context.shape[1] else _WithoutContext(density)
+    model: Any = density if context.shape[1] else _WithoutContext(density)
     samples = sample_descents(
         model,
         parts,

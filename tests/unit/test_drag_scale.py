@@ -113,7 +113,8 @@ def test_what_a_flight_shows_is_flown_as_it_was_observed(scale: str) -> None:
     flights = toys.flights(30, gappy=False, top_fl=390)
     for shown, air in ((flights, None), in_wind(flights)):
         decoder = parts(shown, drag_scale=scale).decoder
-        drag_n, cas_mps = decoder.flown(*decoder.drag_scale.observed(shown).values)
+        scaled, cas_mps = decoder.drag_scale.observed(shown).values
+        drag_n = decoder.drag_scale.drag_n(scaled, cas_mps)
         entry = torch.full((30,), len(flights.levels_fl) - 1)
         flown = integrate(toys.AIRCRAFT, flights.levels_fl, flights.altitude_m, drag_n, cas_mps, entry)
         found = flown if air is None else flown_in(toys.AIRCRAFT, flown, air)

@@ -195,15 +195,16 @@ def test_predictions_repeat_and_refuse_what_they_cannot_use() -> None:
 
 def test_few_continuations_are_counted_and_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     predictor, real = DescentPredictor(trained()), toys.flights(1, seed=1, gappy=False)
-    fly = predictor._fly
+    decoder = predictor.representation.decoder
+    fly = decoder.fly_scaled
 
-    def only_some_descend(drawn: Tensor, entry: int) -> Trajectories:
-        flown = fly(drawn, entry)
+    def only_some_descend(profiles: tuple[Tensor, ...], entry: Tensor) -> Trajectories:
+        flown = fly(profiles, entry)
         rate = flown.rate_mps.clone()
         rate[descending:, 0] = 1.0
         return replace(flown, rate_mps=rate)
 
-    monkeypatch.setattr(predictor, "_fly", only_some_descend)
+    monkeypatch.setattr(decoder, "fly_scaled", only_some_descend)
     descending = 49
     with pytest.raises(SamplingError, match=r"49 of 500 continuations.*50 at least"):
         predictor.predict(real, 300, 500)

@@ -49,7 +49,7 @@ def test_a_sample_has_the_residual_of_a_training_flight() -> None:
     model = GaussianDensity(parts.decoder.dimension)
     model.attach(parts)
     found, held = sample_descents(model, parts, 500, 0), parts.decoder.residuals
-    _, cas = parts.decoder.profiles(found.weights)
+    _, cas = parts.decoder.scaled_profiles(found.weights)
     left, speed = found.trajectories.cas_mps[:, 0] - cas[:, 0], held.curves(held.numbers)[1][:, 0]
     off = (left[:, None] - speed).abs()
     assert float(off.amin(1).max()) < 1e-9

@@ -95,7 +95,8 @@ class FreeTarget:
     def fly(self, u: Tensor, entry: Tensor) -> Trajectories:
         """Descents of weights and residual numbers (n, D)."""
         d = self.decoder.dimension
-        return self.decoder.fly(self.decoder.profiles(u[:, :d], u[:, d:]), entry)
+        flown: Trajectories = self.decoder(u[:, :d], entry, residual=u[:, d:])
+        return flown
 
 
 class ConditionedTarget:
@@ -150,7 +151,7 @@ class ConditionedTarget:
 
     def fly(self, u: Tensor, entry: Tensor) -> Trajectories:
         """Descents of latent numbers (n, D)."""
-        return self.decoder.fly(self.latent.curves.profiles(u), entry)
+        return self.decoder.fly_scaled(self.latent.curves.scaled_profiles(u), entry)
 
 
 def conditioned_target(request: Request, latent: LatentDensity, density: Density) -> ConditionedTarget:

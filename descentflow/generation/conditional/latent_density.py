@@ -43,7 +43,7 @@ class LatentDensity:
         >>> latent = latent_density(load_model("best.ckpt"))
         >>> offset, loadings = latent.cas
         >>> u = torch.randn(3, latent.means.shape[1]).double()
-        >>> np.allclose(offset + u.numpy() @ loadings, latent.curves.profiles(u)[1])
+        >>> np.allclose(offset + u.numpy() @ loadings, latent.curves.scaled_profiles(u)[1])
         True
     """
 
@@ -151,7 +151,7 @@ def _sample_curves(decoder: DescentDecoder) -> LinearCurves:
     """Profiles of the weights and residual numbers of samples, without noise."""
     d, size = decoder.dimension, decoder.dimension + decoder.residuals.n_numbers
     rows = torch.cat([torch.zeros(1, size), torch.eye(size)]).to(decoder.weight_mean)
-    values = torch.cat(decoder.profiles(rows[:, :d], rows[:, d:]), 1)
+    values = torch.cat(decoder.scaled_profiles(rows[:, :d], rows[:, d:]), 1)
     return LinearCurves(values[0], (values[1:] - values[0]).T, torch.zeros_like(values[0]), d)
 
 

@@ -76,7 +76,7 @@ class PointCondition:
         >>> request = Request(180, points=(PointAsked("time_s", 400.0, 400.0, (160.0, 160.0)),))
         >>> point = PointCondition(latent, decoder, request, free)
         >>> met, log_weight = point.meet(np.array([0]), u[:1], np.array([0.5]))
-        >>> flown = decoder.fly(latent.curves.profiles(met), torch.tensor([180]))
+        >>> flown = decoder.fly_scaled(latent.curves.scaled_profiles(met), torch.tensor([180]))
         >>> round(float(flown.time_s[0, 10]), 2), bool(np.isfinite(log_weight[0]))  # s
         (400.0, True)
     """
@@ -165,7 +165,7 @@ class PointCondition:
         return expected + sd * white, 0.5 * white**2 + 0.5 * np.log(2 * pi * sd**2) + log_between(low, high)
 
     def _flown(self, u: Tensor) -> Trajectories:
-        return self.decoder.fly(self.latent.curves.profiles(u), torch.full((len(u),), self.request.entry))
+        return self.decoder.fly_scaled(self.latent.curves.scaled_profiles(u), torch.full((len(u),), self.request.entry))
 
     def _since(self, flown: Trajectories) -> Tensor:
         return since_entry(flown, self.asked.name, self.request.deviation_k)

@@ -160,7 +160,8 @@ class DescentPredictor:
         # With the same numbers for all, what the ends of one flight's interval are off by, all flights' would be.
         generator = torch.Generator().manual_seed(seed_for_name(seed, flight.flight_ids[0]))
         drawn, effective = posterior.draw(n, generator)
-        flown = self._fly(drawn, int(mask.nonzero()[0]))
+        entry = torch.full((n,), int(mask.nonzero()[0]))
+        flown = self.representation.decoder.fly_scaled(self.curves.scaled_profiles(drawn), entry)
         # Not the sampler's bounds: an observed flight may lie outside what training flights did, and still goes on.
         good = ((flown.rate_mps < 0) | ~flown.mask).all(1)
         kept = int(good.sum())
@@ -193,9 +194,6 @@ class DescentPredictor:
                 mend="predict from a lower level",
             )
         return mask
-
-    def _fly(self, drawn: Tensor, entry: int) -> Trajectories:
-        return self.representation.decoder.fly(self.curves.profiles(drawn), torch.full((len(drawn),), entry))
 
 
 def _whole_below(flights: Profiles, last: int) -> list[int]:

@@ -125,12 +125,13 @@ class DescentDecoder(nn.Module):
             weights: (n, d).
             residual: (n, r + s) residual numbers, see :class:`~descentflow.representation.residuals.Residuals`.
         """
-        return self.flown(*self.profiles(weights, residual))
+        drag, cas_mps = self.scaled_profiles(weights, residual)
+        return self.drag_scale.drag_n(drag, cas_mps), cas_mps
 
-    def profiles(self, weights: Tensor, residual: Tensor | None = None) -> tuple[Tensor, Tensor]:
+    def scaled_profiles(self, weights: Tensor, residual: Tensor | None = None) -> tuple[Tensor, Tensor]:
         """Profiles (n, L) in the order of :attr:`bases`, linear in weights (n, d) and residual numbers (n, r + s).
 
-        Drag is on the scale on which it is linear, see :meth:`flown`.
+        Drag is on the scale on which it is linear (:class:`~descentflow.representation.drag_scale.DragScale`).
         """
         raw = weights * self.weight_scale.to(weights) + self.weight_mean.to(weights)
         n_drag = self.drag_basis.n_components
@@ -140,24 +141,14 @@ class DescentDecoder(nn.Module):
             drag, cas = drag + of_drag, cas + of_speed
         return drag, cas
 
-    def flown(self, drag_on_scale: Tensor, cas_mps: Tensor) -> tuple[Tensor, Tensor]:
-        """Drag in N and CAS, each (n, L), of profiles that are linear in weights."""
-        return self.drag_scale.drag_n(drag_on_scale, cas_mps), cas_mps
-
-    def fly(self, profiles: tuple[Tensor, ...], entry: Tensor, out: Trajectories | None = None) -> Trajectories:
-        """Fly profiles (n, L) that are linear in weights, see :meth:`profiles`, at the own mass in standard air."""
-        drag_n, cas_mps = self.flown(*profiles)
+    def fly_scaled(self, profiles: tuple[Tensor, ...], entry: Tensor) -> Trajectories:
+        """Fly profiles (n, L) as :meth:`scaled_profiles` gives them, at the own mass in standard air."""
+        drag, cas_mps = profiles
+        drag_n = self.drag_scale.drag_n(drag, cas_mps)
         grid = self.grid(drag_n)
-        return integrate(self.aircraft, self.levels_fl, grid.altitude_m, drag_n, cas_mps, entry, out=out, grid=grid)
+        return integrate(self.aircraft, self.levels_fl, grid.altitude_m, drag_n, cas_mps, entry, grid=grid)
 
-    def forward(
-        self,
-        weights: Tensor,
-        entry: Tensor | None = None,
-        *,
-        out: Trajectories | None = None,
-        residual: Tensor | None = None,
-    ) -> Trajectories:
+    def forward(self, weights: Tensor, entry: Tensor | None = None, *, residual: Tensor | None = None) -> Trajectories:
         """Fly weights (n, d) from their entry levels at the own mass in standard air, in the weights' precision.
 
         Other air is that of :func:`descentflow.representation.own_air.flown_in`; other masses and coefficients are
@@ -166,12 +157,11 @@ class DescentDecoder(nn.Module):
         Args:
             weights: (n, d) standardised weights.
             entry: (n,) index of the entry level; the top of the grid if absent.
-            out: Descents of the same shape whose arrays may take the result.
             residual: (n, r + s) residual numbers; without them the components fly alone.
         """
         if entry is None:
             entry = torch.full((len(weights),), len(self.levels_fl) - 1, device=weights.device)
-        return self.fly(self.profiles(weights, residual), entry, out)
+        return self.fly_scaled(self.scaled_profiles(weights, residual), entry)
 
     def to_state(self) -> dict[str, Any]:
         """Tensors and primitives from which :meth:`from_state` rebuilds the decoder."""

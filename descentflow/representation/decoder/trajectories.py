@@ -1,7 +1,7 @@
 """Batched integration of BADA's rate equation from drag and CAS on the grid (paper, equation 2)."""
 
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -173,40 +173,29 @@ def integrate(
         slope = slope_per_m(cas_mps, altitude_m) if exact_energy_share else torch.zeros_like(cas_mps)
         wind = torch.zeros_like(altitude_m) if wind_mps is None else slope_per_m(wind_mps, altitude_m)
         shares = _shares(aircraft, grid, cas_mps, deviation_k, wind, slope, exact_energy_share)
-        found = fly(grid, drag_n, cas_mps, entry, shares)
+        found = integrate_on(grid, drag_n, cas_mps, entry, shares)
     elif grid.is_plain and not drag_n.requires_grad and not cas_mps.requires_grad:
-        found = _fly_chunks(grid, drag_n, cas_mps, entry, out)
+        found = _in_chunks(grid, drag_n, cas_mps, entry, out)
     else:
-        found = fly(grid, drag_n, cas_mps, entry)
+        found = integrate_on(grid, drag_n, cas_mps, entry)
+    time_s, mach, tas_mps, rate_mps = found
     own: PerformanceModel | None = aircraft
     if mass_kg is not None:
         own = aircraft.at_mass(mass_kg) if grid.is_plain else None
-    return Trajectories(levels_fl, entry, found.time_s, cas_mps, found.mach, found.tas_mps, found.rate_mps, drag_n, own)
+    return Trajectories(levels_fl, entry, time_s, cas_mps, mach, tas_mps, rate_mps, drag_n, own)
 
 
-class Flown(NamedTuple):
-    """Time, Mach, TAS and rate, each (n, L), see :func:`fly`.
-
-    Example:
-        >>> Flown(*torch.zeros(4, 1, 2)).mach
-        tensor([[0., 0.]])
-    """
-
-    time_s: Tensor
-    mach: Tensor
-    tas_mps: Tensor
-    rate_mps: Tensor
-
-
-def fly(
+def integrate_on(
     grid: FlightGrid,
     drag_n: Tensor,
     cas_mps: Tensor,
     entry: Tensor,
     energy_shares: tuple[Tensor | None, Tensor | None] = (None, None),
     out: tuple[Tensor | None, ...] = NEW,
-) -> Flown:
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Integrate the rate over a grid: one expression of its inputs, to differentiate and to trace.
+
+    Time is summed from the lowest level upwards, where it is negative because the rate is.
 
     Args:
         grid: Of the L levels, in the profiles' precision.
@@ -216,11 +205,14 @@ def fly(
         energy_shares: Energy share factor at the levels and at both sides of the jumps; the grid's if absent.
         out: Arrays for the result, in its order, where nothing is differentiated or traced.
 
+    Returns:
+        Time, Mach number, TAS and rate, each (n, L).
+
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
         >>> grid = flight_grid(aircraft("A320"), torch.arange(150, 351).double() * 30.48)
         >>> drag_n = torch.full((1, 201), 45e3).double().requires_grad_()
-        >>> time_s = fly(grid, drag_n, torch.full((1, 201), 140.0).double(), torch.tensor([200])).time_s
+        >>> time_s = integrate_on(grid, drag_n, torch.full((1, 201), 140.0).double(), torch.tensor([200]))[0]
         >>> time_s[0, 0].backward()
         >>> round(time_s[0, 0].item() / 60), bool((drag_n.grad < 0).all())  # minutes; more drag is less time
         (8, True)
@@ -231,48 +223,33 @@ def fly(
     if grid.breaks.base:
         at_sides = grid.breaks.continued
         extra = level_rate(grid.sides, at_sides(drag_n), at_sides(cas_mps), energy_shares[1])[3]
-    climbed = climbed_s(grid, slowness, extra, of_time)
-    time_s = torch.sub(climbed, climbed.gather(1, entry[:, None]), out=of_time)
-    return Flown(time_s, mach, tas_mps, rate_mps)
-
-
-def climbed_s(grid: FlightGrid, slowness: Tensor, extra: Tensor, out: Tensor | None = None) -> Tensor:
-    """Time (n, L) from the lowest level up to each, negative because the rate is: it grows downwards.
-
-    Args:
-        grid: Of the levels.
-        slowness: (n, L) seconds per metre at the levels, negative.
-        extra: (n, b) the same at both sides of the jumps.
-        out: Array for the result, which may be that of the slowness.
-
-    Example:
-        >>> from descentflow.aircraft_types.registry import aircraft
-        >>> grid = flight_grid(aircraft("A320"), torch.arange(150, 153).double() * 30.48)
-        >>> climbed_s(grid, torch.full((1, 3), -0.1), torch.zeros(1, 0)).round(decimals=1)
-        tensor([[ 0.0000, -3.0000, -6.1000]])
-    """
     legs = grid.breaks.leg_times(slowness, extra, grid.half_step_m)
-    if out is None:
-        return torch.nn.functional.pad(legs.cumsum(1), (1, 0))
-    out[:, 0] = 0
-    torch.cumsum(legs, 1, out=out[:, 1:])
-    return out
+    if of_time is None:
+        climbed = torch.nn.functional.pad(legs.cumsum(1), (1, 0))
+    else:
+        climbed = of_time
+        climbed[:, 0] = 0
+        torch.cumsum(legs, 1, out=climbed[:, 1:])
+    return torch.sub(climbed, climbed.gather(1, entry[:, None]), out=of_time), mach, tas_mps, rate_mps
 
 
-def _fly_chunks(grid: FlightGrid, drag_n: Tensor, cas_mps: Tensor, entry: Tensor, out: Trajectories | None) -> Flown:
+def _in_chunks(
+    grid: FlightGrid, drag_n: Tensor, cas_mps: Tensor, entry: Tensor, out: Trajectories | None
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """The same without gradients, in chunks that the processor's caches hold.
 
     On the CPU the system may take longer to hand out new memory than the descents take to compute.
     """
-    new = (torch.empty_like(drag_n) for _ in range(4))
-    whole = Flown(*new) if out is None else Flown(out.time_s, out.mach, out.tas_mps, out.rate_mps)
+    reused = [None] * 4 if out is None else [out.time_s, out.mach, out.tas_mps, out.rate_mps]
+    time_s, mach, tas_mps, rate_mps = (torch.empty_like(drag_n) if one is None else one for one in reused)
+    whole = time_s, mach, tas_mps, rate_mps
     values = GPU_CHUNK_VALUES if drag_n.is_cuda else CHUNK_VALUES * torch.get_num_threads()
     size = max(values // drag_n.shape[1], 1)
     with torch.no_grad():
         for start in range(0, len(drag_n), size):
             part = slice(start, start + size)
             arrays = tuple(values[part] for values in whole)
-            fly(grid, drag_n[part], cas_mps[part], entry[part], out=arrays)
+            integrate_on(grid, drag_n[part], cas_mps[part], entry[part], out=arrays)
     return whole
 
 

@@ -11,9 +11,9 @@ from descentflow.core.arguments import Count, Output, checked_arguments
 from descentflow.core.workers import engine_of
 from descentflow.surveillance.cleaning.thresholds import Cleaning, cleaning_of
 from descentflow.surveillance.descents.prepared_descents import Descents
-from descentflow.surveillance.out_of_core.intake import take_in
-from descentflow.surveillance.out_of_core.resumable_run import clean_held, prepare_to
-from descentflow.surveillance.out_of_core.spill import Memory, Spill
+from descentflow.surveillance.intake import clean_held, take_in
+from descentflow.surveillance.out_of_core.resumable_run import prepare_to
+from descentflow.surveillance.out_of_core.spill import Memory
 from descentflow.surveillance.read_rows import read_table, source_of
 from descentflow.surveillance.request import Request, description
 from descentflow.surveillance.rows.addresses import named_types, types_held
@@ -100,8 +100,9 @@ def prepare(
         return prepare_to(Path(out), request, Memory(memory_bytes), engine_of(engine, workers), report_progress)
     files = request.files()
     report_progress("reading rows")
-    intake = take_in([*request.tables, *files], format, Spill.unbounded(), columns=request.columns)
-    outcome = clean_held(intake, request, engine_of(None, workers).workers, report_progress)
+    held: list[pl.DataFrame] = []
+    intake = take_in([*request.tables, *files], request, held.append)
+    outcome = clean_held(held, intake, request, engine_of(None, workers).workers, report_progress)
     metadata = description(request.facts(files), intake.report, outcome.levels)
     shown_rows = next(iter(outcome.dropped_rows), None)
     return Descents(outcome.levels, metadata, dropped_rows=shown_rows, level_flight=outcome.level_flight)

@@ -19,7 +19,7 @@ from surveillance_toys import fleet, written
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.workers import Engine
 from descentflow.surveillance.descents.prepared_descents import read_descents
-from descentflow.surveillance.out_of_core import intake, job
+from descentflow.surveillance.out_of_core import groups, job
 from descentflow.surveillance.out_of_core import partitions as engines
 from descentflow.surveillance.prepare import Cleaning, prepare
 
@@ -102,9 +102,9 @@ def test_groups_that_were_read_are_not_read_again(rows: Path, tmp_path: Path, mo
     folder.mkdir()
     for number, part in enumerate(frame.iter_slices(len(frame) // 5 + 1)):
         part.write_parquet(folder / f"{number}.parquet")
-    monkeypatch.setattr(intake, "GROUP_BYTES", 1)
+    monkeypatch.setattr(groups, "GROUP_BYTES", 1)
     read: list[str] = []
-    take_in = intake.take_in
+    take_in = groups.take_in
 
     def interrupted(files, *args):  # type: ignore[no-untyped-def]
         if len(read) == 2:
@@ -112,7 +112,7 @@ def test_groups_that_were_read_are_not_read_again(rows: Path, tmp_path: Path, mo
         read.append(files[0].name)
         return take_in(files, *args)
 
-    monkeypatch.setattr(intake, "take_in", interrupted)
+    monkeypatch.setattr(groups, "take_in", interrupted)
     with pytest.raises(KeyboardInterrupt):
         prepare([folder], out=tmp_path / "s", memory_bytes=MEMORY)
     read.append("interrupted")
@@ -124,7 +124,7 @@ def test_groups_that_were_read_are_not_read_again(rows: Path, tmp_path: Path, mo
 def test_a_group_without_a_row_is_counted_unless_all_are_so(
     rows: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(intake, "GROUP_BYTES", 1)
+    monkeypatch.setattr(groups, "GROUP_BYTES", 1)
     empty = written(pl.read_parquet(rows).clear(), tmp_path / "empty.parquet")
     prepared = prepare([empty, rows], out=tmp_path / "d.parquet")
     assert prepared.report.notes["groups of files without a row"] == 1

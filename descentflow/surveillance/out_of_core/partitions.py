@@ -11,9 +11,9 @@ from descentflow.core.files import whole_file
 from descentflow.core.workers import Engine
 from descentflow.surveillance.cleaning.chain import Work, clean
 from descentflow.surveillance.descents.store import KEY, ROW_GROUP
-from descentflow.surveillance.out_of_core.intake import Intake
+from descentflow.surveillance.intake import Intake
 from descentflow.surveillance.out_of_core.job import PARTS
-from descentflow.surveillance.out_of_core.spill import Memory, partitions
+from descentflow.surveillance.out_of_core.spill import Bucket, Memory, partitions
 from descentflow.surveillance.request import Request
 from descentflow.surveillance.rows.drop_report import DropReport
 
@@ -74,13 +74,20 @@ def _clean_partition(partition: Partition, work: Work) -> None:
 
 
 def clean_partitions(
-    request: Request, intake: Intake, folder: Path, memory: Memory, engine: Engine, progress: Callable[[str], None]
+    request: Request,
+    intake: Intake,
+    buckets: Sequence[Bucket],
+    folder: Path,
+    memory: Memory,
+    engine: Engine,
+    progress: Callable[[str], None],
 ) -> Cleaned:
     """Clean partition after partition into files of levels; those of an earlier run are kept.
 
     Args:
         request: What is to be prepared.
-        intake: Rows in buckets on disk; its report takes the steps of the cleaning.
+        intake: Facts of the rows; its report takes the steps of the cleaning.
+        buckets: The rows on disk.
         folder: Folder of work.
         memory: Bound on what is held.
         engine: Where partitions are cleaned.
@@ -90,17 +97,17 @@ def clean_partitions(
         DataError: If one of the shares of aircraft has more rows than fit in memory, or no usable row was left.
 
     Example:
-        >>> from descentflow.surveillance.out_of_core.intake import read_groups
+        >>> from descentflow.surveillance.out_of_core.groups import read_groups
         >>> request, memory, engine = Request(["rows.parquet"]), Memory(4_000_000), Engine()
         >>> folder = Path("parts.work")
-        >>> intake = read_groups(request.files(), None, folder, memory, engine, lambda stage: None)
-        >>> cleaned = clean_partitions(request, intake, folder, memory, engine, lambda stage: None)
+        >>> intake, _, buckets = read_groups(request, request.files(), folder, memory, engine, lambda stage: None)
+        >>> cleaned = clean_partitions(request, intake, buckets, folder, memory, engine, lambda stage: None)
         >>> len(cleaned.levels) > 1, cleaned.report.steps[-1].flights_left
         (True, 120)
     """
     (folder / PARTS).mkdir(exist_ok=True)
     size = memory.partition_bytes(engine.workers)
-    planned = _plan(intake, folder, size, memory)
+    planned = _plan(buckets, folder, size, memory)
     tasks = [Partition(files, folder / PARTS / f"{number:05d}.parquet") for number, (files, _) in enumerate(planned)]
     work = request.work(intake.columns, intake.names)
     large = [task for task, (_, in_memory) in zip(tasks, planned, strict=True) if in_memory > size]
@@ -123,13 +130,13 @@ def clean_partitions(
     return Cleaned([pl.scan_parquet(task.target) for task in tasks], intake.report, shown, beside(LEVEL_FLIGHT))
 
 
-def _plan(intake: Intake, folder: Path, size: int, memory: Memory) -> list[tuple[tuple[Path, ...], int]]:
+def _plan(buckets: Sequence[Bucket], folder: Path, size: int, memory: Memory) -> list[tuple[tuple[Path, ...], int]]:
     """Files and size in memory of each partition; as planned before if this is a rerun, whatever the memory now."""
     path = folder / "partitions.json"
     if not path.exists():
         planned = [
             {"files": [file.relative_to(folder).as_posix() for file in bucket.files], "bytes": bucket.bytes}
-            for bucket in partitions(intake.buckets, size, memory.rows_bytes)
+            for bucket in partitions(buckets, size, memory.rows_bytes)
         ]
         with whole_file(path) as temporary:
             temporary.write_text(json.dumps(planned))

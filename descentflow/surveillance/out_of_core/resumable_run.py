@@ -10,14 +10,14 @@ import polars as pl
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.files import OF_THE_DISK, check_output, system_number
 from descentflow.core.workers import Engine
-from descentflow.surveillance.cleaning.chain import Outcome, clean
 from descentflow.surveillance.cleaning.report_checks import nothing_left
 from descentflow.surveillance.descents import store
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
-from descentflow.surveillance.out_of_core.intake import Intake, read_groups, take_in
+from descentflow.surveillance.intake import clean_held, take_in
+from descentflow.surveillance.out_of_core.groups import read_groups
 from descentflow.surveillance.out_of_core.job import fingerprint, job_folder, remove_work, work_folder
 from descentflow.surveillance.out_of_core.partitions import Cleaned, clean_partitions
-from descentflow.surveillance.out_of_core.spill import Memory, Spill
+from descentflow.surveillance.out_of_core.spill import Bucket, Memory
 from descentflow.surveillance.request import Request, description
 from descentflow.surveillance.rows.drop_report import some_flights
 
@@ -77,12 +77,19 @@ def prepare_to(out: Path, request: Request, memory: Memory, engine: Engine, prog
         with job_folder(out, facts) as folder:
             progress("reading rows")
             # Rows given in memory are there already: nothing is saved by putting them on disk.
-            intake = (
-                take_in([*request.tables, *files], request.format, Spill.unbounded(), columns=request.columns)
-                if request.tables
-                else read_groups(files, request.format, folder, memory, engine, progress, request.columns)
-            )
-            cleaned = _cleaned(intake, request, folder, memory, engine, progress)
+            held: list[pl.DataFrame] = []
+            buckets: list[Bucket] = []
+            if request.tables:
+                intake = take_in([*request.tables, *files], request, held.append)
+            else:
+                intake, held, buckets = read_groups(request, files, folder, memory, engine, progress)
+            if buckets and not intake.report.steps[-1].rows_left:
+                raise nothing_left(intake.report, request.cleaning)
+            if buckets:
+                cleaned = clean_partitions(request, intake, buckets, folder, memory, engine, progress)
+            else:
+                one = clean_held(held, intake, request, engine.workers, progress)
+                cleaned = Cleaned([one.levels.lazy()], intake.report, one.dropped_rows, [one.level_flight])
             return _written(out, cleaned, request, facts, folder, progress)
     except Exception as error:
         if not isinstance(error, OSError) and system_number(error) not in OF_THE_DISK:
@@ -128,48 +135,6 @@ def _check_ending(out: Path) -> None:
             expected="a name that ends in .parquet, or that of a folder for a store of Parquet files by type",
             mend=f"choose {out.with_suffix('.parquet').name}, which other libraries read",
         )
-
-
-def clean_held(intake: Intake, request: Request, threads: int, progress: Callable[[str], None]) -> Outcome:
-    """Clean rows that are held in memory, and complete the report of the intake.
-
-    Args:
-        intake: What was read; its rows are released as soon as they are put together.
-        request: What is to be prepared.
-        threads: Batches of flights that are cleaned at the same time.
-        progress: Progress callback.
-
-    Raises:
-        DataError: If no row is usable, or no descent is left.
-
-    Example:
-        >>> from descentflow.surveillance.out_of_core.intake import take_in
-        >>> from descentflow.surveillance.out_of_core.spill import Spill
-        >>> request = Request(["rows.parquet"])
-        >>> intake = take_in(request.files(), None, Spill.unbounded())
-        >>> clean_held(intake, request, 1, lambda stage: None).levels["flight_id"].n_unique()
-        120
-    """
-    progress("telling flights apart")
-    rows = pl.concat(intake.held, how="diagonal")
-    intake.held.clear()
-    outcome = clean(rows, request.work(intake.columns, intake.names), threads=threads, progress=progress)
-    request.account(intake.report, [(outcome.report, outcome.present, outcome.untyped)])
-    if outcome.levels.is_empty():
-        raise nothing_left(intake.report, request.cleaning)
-    return outcome
-
-
-def _cleaned(
-    intake: Intake, request: Request, folder: Path, memory: Memory, engine: Engine, progress: Progress
-) -> Cleaned:
-    """Rows that were read as levels: at once if they are held, else partition by partition."""
-    if not intake.buckets:
-        outcome = clean_held(intake, request, engine.workers, progress)
-        return Cleaned([outcome.levels.lazy()], intake.report, outcome.dropped_rows, [outcome.level_flight])
-    if not intake.report.steps[-1].rows_left:
-        raise nothing_left(intake.report, request.cleaning)
-    return clean_partitions(request, intake, folder, memory, engine, progress)
 
 
 def _written(

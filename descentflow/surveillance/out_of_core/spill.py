@@ -91,11 +91,6 @@ class Spill:
         self._bytes = 0
         self._number = 0
 
-    @classmethod
-    def unbounded(cls) -> "Spill":
-        """One that holds all rows in memory."""
-        return cls(Path(), limit_bytes=2**62)
-
     def add(self, rows: pl.DataFrame) -> None:
         """Add rows after those added before."""
         self.held.append(rows)

@@ -9,7 +9,7 @@ from typing import Any
 from descentflow.aircraft_types.bada3.apf_file import write_apf
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
 from descentflow.aircraft_types.bada3.opf_file import write_opf
-from descentflow.aircraft_types.bada4.acm_writer import changed_acm
+from descentflow.aircraft_types.bada4.acm_file import changed_acm
 from descentflow.aircraft_types.bada4.bada4_directory import GLOBAL_PARAMETERS
 from descentflow.aircraft_types.open_types.open_aircraft import open_type
 from descentflow.core.errors import ConfigError

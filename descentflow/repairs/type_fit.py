@@ -6,14 +6,19 @@ from typing import Protocol, Self
 
 import numpy as np
 import polars as pl
+import torch
 
+from descentflow.core.errors import DataError
 from descentflow.core.tensors import Number
+from descentflow.diagnosis.inference.flight_effects import FlightShapes, differing
 from descentflow.diagnosis.inference.linear_gaussian import Array
+from descentflow.diagnosis.inference.moments import moments
+from descentflow.diagnosis.inference.signatures import Signatures
+from descentflow.diagnosis.inference.two_sides import compare
+from descentflow.effects import EFFECTS
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.repairs.flight_evidence import Evidence, flight_evidence
 from descentflow.repairs.mixed_model import Flights, Posterior, fit, stacked
-from descentflow.repairs.sisters import groups_of
-from descentflow.repairs.unusual_flights import unusual_shifts
 
 ROUNDS = 3
 """Gauss-Newton steps: ln rate is close to linear in these parameters."""
@@ -22,6 +27,27 @@ LARGE_SHIFT = 0.03
 Where brakes are out in most bands, what is found of them is taken out instead."""
 LEAST_IDLE = -3.0
 """Idle thrust relative to the file's, minus one: below, engines would brake more than they idle."""
+
+
+FAMILIES = (
+    ("A318", "A319", "A320", "A321", "A19N", "A20N", "A21N"),
+    ("B736", "B737", "B738", "B739", "B37M", "B38M", "B39M", "B3XM"),
+    ("E170", "E75S", "E75L"),
+    ("E190", "E195", "E290", "E295"),
+    ("A332", "A333", "A338", "A339"),
+    ("A343", "A345", "A346"),
+    ("A359", "A35K"),
+    ("B762", "B763", "B764"),
+    ("B772", "B773", "B77L", "B77W"),
+    ("B788", "B789", "B78X"),
+    ("AT43", "AT45", "AT72", "AT75", "AT76"),
+)
+"""Types whose files are likely to be wrong alike: of one family, or of one generation of engines."""
+NEW_ENGINES = (
+    ("A19N", "A20N", "A21N", "B37M", "B38M", "B39M", "B3XM", "E290", "E295"),
+    ("A338", "A339", "A359", "A35K", "B788", "B789", "B78X", "BCS1", "BCS3"),
+)
+"""Turbofans with a bypass ratio of nine and more."""
 
 
 class Repairable(PerformanceModel, Protocol):
@@ -110,9 +136,64 @@ def type_flights(frame: pl.DataFrame, aircraft: Repairable, around: pl.DataFrame
     return TypeFlights(aircraft, evidence, shifts, shares)
 
 
+def unusual_shifts(evidence: Evidence, aircraft: PerformanceModel) -> tuple[Array, dict[str, float]]:
+    """Expected shift (n, K) of ln rate by what each flight does of its own, and the share of the flights by effect.
+
+    Flights are compared with the equations of the aircraft, each in its own shape about the mean of all, so a drag that
+    all flights have at all levels is no brake. Where no band has ten flights, they are taken as they are.
+
+    Args:
+        evidence: Flights of one type.
+        aircraft: Coefficients.
+
+    Example:
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> found = flight_evidence(pl.read_parquet("descents.parquet"), aircraft("A320"))
+        >>> shifts, shares = unusual_shifts(found, aircraft("A320"))
+        >>> shifts.shape, shares
+        ((120, 11), {})
+    """
+    found = np.zeros(evidence.log_rate.shape)
+    log_rate = evidence.quantities.physics["log_rate"]
+    physics = {**evidence.quantities.physics, "log_rate": torch.where(evidence.seen, log_rate, torch.nan)}
+    try:
+        compared = compare(None, replace(evidence.quantities, physics=physics), aircraft)
+    except DataError:
+        return found, {}
+    if "rate" not in compared.quantities():
+        return found, {}
+    known = moments(compared)
+    shapes = FlightShapes(compared, known, differing(EFFECTS))
+    names = [one.name for one in shapes.candidates(Signatures(compared, known))]
+    if names:
+        found[np.ix_(shapes.real.index, shapes.rates.bands)] = shapes.shifts_by_flight(names)
+    shares = shapes.fit(shapes.real, tuple(names)).shares if names else {}
+    return found, {name: float(share) for name, share in shares.items()}
+
+
 def codes_of(types: Sequence[TypeFlights]) -> list[str]:
     """Designators of the types, each once; the flights of a type may be in several parts, of a place each."""
     return list(dict.fromkeys(one.aircraft.typecode for one in types))
+
+
+def groups_of(typecodes: Sequence[str]) -> np.ndarray:
+    """Groups (3, T): all types alike, those of a family, and those of a generation of engines; none for one type alone.
+
+    Example:
+        >>> groups_of(["A320", "A20N", "B738"]).tolist()
+        [[0, 0, 0], [0, 0, 1], [0, 1, 0]]
+        >>> groups_of(["A320"]).shape
+        (0, 1)
+    """
+    if len(typecodes) == 1:
+        return np.zeros((0, 1), dtype=int)
+    # A type of no family is one of its own.
+    names = [next((family[0] for family in FAMILIES if code in family), code) for code in typecodes]
+    family = [names.index(name) for name in names]
+    renumbered = [sorted(set(family)).index(number) for number in family]
+    return np.array(
+        [[0] * len(typecodes), renumbered, [int(any(code in some for some in NEW_ENGINES)) for code in typecodes]]
+    )
 
 
 def linearised(types: Sequence[TypeFlights], theta: Array) -> Flights:

@@ -2,6 +2,5 @@
 
 Reading order: :mod:`~descentflow.aircraft_types.bada3.bada_directory` (a folder of files), then a file format:
 :mod:`~descentflow.aircraft_types.bada3.opf_file`, :mod:`~descentflow.aircraft_types.bada3.apf_file`,
-:mod:`~descentflow.aircraft_types.bada3.gpf_file`, :mod:`~descentflow.aircraft_types.bada3.synonym_file`, all on
-:mod:`~descentflow.aircraft_types.bada3.fixed_columns`.
+:mod:`~descentflow.aircraft_types.bada3.gpf_file`, all on :mod:`~descentflow.aircraft_types.bada3.fixed_columns`.
 """

@@ -1,13 +1,13 @@
-"""BADA 3 directories: a licence holder's files in, aircraft out; each kind of file has a module of its own."""
+"""BADA 3 directories: a licence holder's files in, aircraft out; files of coefficients have modules of their own."""
 
 from difflib import get_close_matches
 from pathlib import Path
 
 from descentflow.aircraft_types.bada3.apf_file import DESCENT, Apf, read_apf
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
+from descentflow.aircraft_types.bada3.fixed_columns import data_lines, read_lines
 from descentflow.aircraft_types.bada3.gpf_file import read_gpf
 from descentflow.aircraft_types.bada3.opf_file import Opf, read_opf
-from descentflow.aircraft_types.bada3.synonym_file import read_synonym
 from descentflow.aircraft_types.standard_descent import STANDARD, GlobalParameters
 from descentflow.core.errors import AircraftError, UnknownTypeError
 
@@ -161,6 +161,38 @@ def _synonyms(folder: Path) -> dict[str, str]:
             mend="unpack the release there and keep the names of its files",
         )
     return {name.rstrip("_"): name for name in names}
+
+
+def read_synonym(path: str | Path) -> dict[str, str]:
+    """Read SYNONYM.NEW, the list of types and the files that stand for them, by its columns (manual, section 6.3).
+
+    Args:
+        path: File ``SYNONYM.NEW``.
+
+    Returns:
+        By type code the name of its OPF and APF files without the suffix, underscores kept.
+
+    Raises:
+        AircraftError: If a line is out of its columns or a type stands twice; the message names file and line.
+
+    Example:
+        >>> _ = Path("SYNONYM.NEW").write_text(f"CD * {'A20N':<6} {'AIRBUS':<19} {'A320 neo':<24} {'A320__':<6}  Y /")
+        >>> read_synonym("SYNONYM.NEW")["A20N"]
+        'A320__'
+    """
+    found: dict[str, str] = {}
+    for line in data_lines(read_lines(Path(path))):
+        mark, typecode, file, icao = line.cut(3, 4), line.cut(5, 11), line.cut(57, 63), line.cut(65, 66)
+        gaps = line.text[4:5] + line.text[11:12] + line.text[56:57] + line.text[63:65]
+        if mark not in ("-", "*") or not typecode or not file or icao not in ("Y", "N") or gaps.strip():
+            line.fail(
+                f"type {typecode!r} and file {file!r}",
+                "CD, - or *, type, maker, model, file and Y or N in their columns",
+            )
+        if typecode in found:
+            line.fail(f"type {typecode} a second time", "each type once")
+        found[typecode] = file
+    return found
 
 
 def _limits(folder: Path) -> GlobalParameters:

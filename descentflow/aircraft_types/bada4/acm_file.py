@@ -1,6 +1,6 @@
 """XML files of BADA 4 (versions 4.2 and 4.3): ACM of one aircraft model, and GPF of all."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from math import isfinite
 from pathlib import Path
@@ -252,6 +252,47 @@ def _speeds(root: Element, phase: str) -> tuple[float, ...]:
         if one.text("name") == phase:
             return tuple(one.above_zero(name) for name in ("CAS1", "CAS2", "M"))
     return ()
+
+
+SPEEDS = {"des_cas_low_kt": "CAS1", "des_cas_high_kt": "CAS2", "des_mach": "M"}
+"""Speed of the descent -> its element."""
+
+
+def changed_acm(file: Path, speeds: dict[str, float], parasitic: float, induced: float, idle: float) -> bytes:
+    """The file with factors in the numbers of clean drag and idle thrust, and speeds; all else as it stands.
+
+    Args:
+        file: Of :func:`read_acm`, which has checked it.
+        speeds: Of the first schedule, by the name of the coefficient.
+        parasitic: Factor of the drag without lift, five numbers ``d``.
+        induced: Factor of the drag by lift, the other ten.
+        idle: Factor of the idle thrust, the numbers ``ti``.
+
+    Raises:
+        AircraftError: If the file cannot be read.
+
+    Example:
+        >>> changed_acm(Path("A320-231.xml"), {"des_mach": 0.78}, 1.05, 1.0, 0.9)
+        Traceback (most recent call last):
+        descentflow.core.errors.AircraftError: A320-231.xml: ...
+    """
+    tree = read_xml(file, "an XML file (ACM) of BADA 4", remove_comments=False).node.getroottree()
+    idles = tree.findall("PFM/*/LIDL/CT/ti")
+    (path, n), *_ = Wing.PLACES["drag"]
+    _scale(tree.findall(path), [parasitic] * 5 + [induced] * (n - 5))
+    _scale(idles, [idle] * len(idles))
+    phases = tree.find("ARPM/SpeedScheduleList/SpeedSchedule").findall("SpeedPhase")
+    descent = next(one for one in phases if (one.findtext("name") or "").strip() == "Descent")
+    for name, value in speeds.items():
+        descent.find(SPEEDS[name]).text = f"{value:g}"
+    etree = optional_library("lxml.etree", "bada4")
+    return bytes(etree.tostring(tree, xml_declaration=True, encoding="utf-8"))
+
+
+def _scale(nodes: Sequence[Any], factors: Sequence[float]) -> None:
+    for node, factor in zip(nodes, factors, strict=True):
+        if factor != 1:
+            node.text = repr(float(node.text) * factor)
 
 
 def read_gpf(file: str | Path) -> GlobalParameters:

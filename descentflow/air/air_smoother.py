@@ -11,7 +11,7 @@ Source: Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), 
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import torch
@@ -59,9 +59,16 @@ class Smoothed(NamedTuple):
         return Smoothed(self.flights, zero, zero, zero)
 
 
-@dataclass(frozen=True)
-class AirSmoother:
-    """Departures of one quantity of the air from a line along flights, and the reports' white noise, in its unit.
+def smoothed(reports: AirReports, departure: float, altitude_m: Tensor) -> Smoothed:
+    """Profiles on levels of the flights that show enough bands, with what the smoothing leaves unknown.
+
+    Args:
+        reports: Observations of the flights.
+        departure: Spread of the departures from a line, in their unit.
+        altitude_m: (L,) pressure altitudes.
+
+    Raises:
+        DataError: If no flight shows enough bands.
 
     Example:
         >>> from descentflow.air.air_reports import temperature_reports
@@ -69,79 +76,48 @@ class AirSmoother:
         >>> from descentflow.measurements.quantity_registry import CHANNELS
         >>> import polars as pl
         >>> grid = grid_of(pl.read_parquet("descents.parquet"), 150, 340, CHANNELS)
-        >>> reports = temperature_reports(grid)
-        >>> found = AirSmoother.learnt(reports, departure=2.0).smooth(reports, grid.altitude_m)
+        >>> found = smoothed(temperature_reports(grid), 2.0, grid.altitude_m)
         >>> found.values.shape, bool((found.error > 0).all())
         (torch.Size([120, 191]), True)
     """
+    enough = torch.nonzero(reports.seen.sum(1) >= MIN_BANDS)[:, 0]
+    if not len(enough):
+        raise DataError(
+            "no flight that reports its air",
+            expected=f"true airspeed and what goes with it over {MIN_BANDS * 500:,} ft or more",
+            mend="use rows with Mode S reports (TAS, Mach, groundspeed), or fit with data.air=standard",
+        )
+    parts = [_profiles(_rows(reports, some), departure, altitude_m) for some in torch.split(enough, SMOOTHED_FLIGHTS)]
+    return Smoothed(enough, *(torch.cat(column) for column in zip(*parts, strict=True)))
 
-    departure: float
-    noise: float
 
-    @classmethod
-    def learnt(cls, reports: AirReports, departure: float) -> "AirSmoother":
-        """Take the white noise from the flights: robustly, of each band about the median of those around.
+def _profiles(reports: AirReports, departure: float, altitude_m: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    bands_m, seen = reports.altitude_m, reports.seen[:, None, :]
+    # Bands that are not seen stand apart with variance one.
+    both = seen & reports.seen[:, :, None]
+    identity = torch.eye(len(bands_m), dtype=torch.float64)
+    whole = _kernel(bands_m, bands_m, departure) + reports.rounding + (reports.scatter**2 + MIN_NOISE**2) * identity
+    factor = torch.linalg.cholesky(torch.where(both, whole, identity))
+    cross = _kernel(altitude_m, bands_m, departure)
+    rise = (_kernel(altitude_m + 1.0, bands_m, departure) - _kernel(altitude_m - 1.0, bands_m, departure)) / 2.0
+    left = torch.where(reports.seen, reports.values, 0.0)
+    values = ((cross * seen) @ torch.cholesky_solve(left[:, :, None], factor))[:, :, 0]
+    known, explained = (
+        torch.linalg.solve_triangular(factor, (each * seen).transpose(1, 2), upper=False).square().sum(1)
+        for each in (cross, rise)
+    )
+    own = torch.diagonal(_kernel(altitude_m, altitude_m, departure))
+    # The variance of the slope of a trend, and of a Matern 5/2 departure: s^2 5 / (3 l^2).
+    slope = (DIFFUSE / TREND_M) ** 2 + 5 / 3 * (departure / LENGTH_M) ** 2
+    return values, (own - known).clamp(min=0).sqrt(), (slope - explained).clamp(min=0).sqrt()
 
-        Args:
-            reports: Observations.
-            departure: Spread of the departures, in their unit.
 
-        Raises:
-            DataError: If no flight shows enough bands.
-        """
-        enough = reports.seen.sum(1) >= MIN_BANDS
-        if not bool(enough.any()):
-            raise DataError(
-                "no flight that reports its air",
-                expected=f"true airspeed and what goes with it over {MIN_BANDS * 500:,} ft or more",
-                mend="use rows with Mode S reports (TAS, Mach, groundspeed), or fit with data.air=standard",
-            )
-        return cls(departure, reports.scatter)
-
-    def smooth(self, reports: AirReports, altitude_m: Tensor) -> Smoothed:
-        """Profiles on levels (L,) of the flights that show enough bands, with what the smoothing leaves unknown.
-
-        Args:
-            reports: Observations of the flights.
-            altitude_m: (L,) pressure altitudes.
-        """
-        enough = torch.nonzero(reports.seen.sum(1) >= MIN_BANDS)[:, 0]
-        parts = [self._smoothed(_rows(reports, block), altitude_m) for block in torch.split(enough, SMOOTHED_FLIGHTS)]
-        empty = torch.zeros(0, len(altitude_m), dtype=torch.float64)
-        columns = [torch.cat(column) for column in zip(*parts, strict=True)] if parts else [empty] * 3
-        return Smoothed(enough, *columns)
-
-    def _smoothed(self, reports: AirReports, altitude_m: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        factor = torch.linalg.cholesky(self._covariance(reports))
-        cross = self._kernel(altitude_m, reports.altitude_m)
-        step = torch.tensor(1.0, dtype=torch.float64)
-        rise = (
-            self._kernel(altitude_m + step, reports.altitude_m) - self._kernel(altitude_m - step, reports.altitude_m)
-        ) / (2 * step)
-        left = torch.where(reports.seen, reports.values, 0.0)
-        solved = torch.cholesky_solve(left[:, :, None], factor)
-        seen = reports.seen[:, None, :]
-        values = ((cross * seen) @ solved)[:, :, 0]
-        known = torch.linalg.solve_triangular(factor, (cross * seen).transpose(1, 2), upper=False).square().sum(1)
-        explained = torch.linalg.solve_triangular(factor, (rise * seen).transpose(1, 2), upper=False).square().sum(1)
-        own = torch.diagonal(self._kernel(altitude_m, altitude_m))
-        # The variance of the slope of a trend, and of a Matern 5/2 departure: s^2 5 / (3 l^2).
-        slope = (DIFFUSE / TREND_M) ** 2 + 5 / 3 * (self.departure / LENGTH_M) ** 2
-        return values, (own - known).clamp(min=0).sqrt(), (slope - explained).clamp(min=0).sqrt()
-
-    def _kernel(self, first: Tensor, second: Tensor) -> Tensor:
-        """Covariance of the quantity at altitudes (A,) and (B,): level, trend and departure."""
-        away = math.sqrt(5.0) * (first[:, None] - second[None, :]).abs() / LENGTH_M
-        rough = self.departure**2 * (1 + away + away.square() / 3) * torch.exp(-away)
-        line = (first[:, None] - MIDDLE_M) * (second[None, :] - MIDDLE_M) / TREND_M**2
-        return DIFFUSE**2 * (1 + line) + rough
-
-    def _covariance(self, reports: AirReports) -> Tensor:
-        """Covariance (n, B, B) of the observations; bands that are not seen stand apart with variance one."""
-        both = reports.seen[:, :, None] & reports.seen[:, None, :]
-        whole = self._kernel(reports.altitude_m, reports.altitude_m) + reports.rounding
-        identity = torch.eye(len(reports.altitude_m), dtype=torch.float64)
-        return torch.where(both, whole + (self.noise**2 + MIN_NOISE**2) * identity, identity)
+def _kernel(first: Tensor, second: Tensor, departure: float) -> Tensor:
+    """Covariance of the quantity at altitudes (A,) and (B,): level, trend and departure."""
+    away = math.sqrt(5.0) * (first[:, None] - second[None, :]).abs() / LENGTH_M
+    rough = departure**2 * (1 + away + away.square() / 3) * torch.exp(-away)
+    line = (first[:, None] - MIDDLE_M) * (second[None, :] - MIDDLE_M) / TREND_M**2
+    return DIFFUSE**2 * (1 + line) + rough
 
 
 def _rows(reports: AirReports, index: Tensor) -> AirReports:

@@ -1,4 +1,4 @@
-"""The air of flights as their own reports have it."""
+"""The air of flights as their own reports have it, on levels and as a table."""
 
 from dataclasses import dataclass
 
@@ -7,10 +7,11 @@ import polars as pl
 import torch
 from torch import Tensor
 
-from descentflow.air.air_reports import AirReports, tailwind_reports, temperature_reports
-from descentflow.air.air_smoother import DEPARTURE_K, DEPARTURE_MPS, AirSmoother, Smoothed
+from descentflow.air.air_reports import tailwind_reports, temperature_reports
+from descentflow.air.air_smoother import DEPARTURE_K, DEPARTURE_MPS, smoothed
 from descentflow.air.level_air import LevelAir
 from descentflow.core.errors import DataError
+from descentflow.core.units import KT_MPS
 from descentflow.measurements.level_channels import LevelGrid
 
 CHANNELS = ("IAS", "vertical_rate", "TAS", "Mach", "groundspeed", "track", "heading")
@@ -80,8 +81,8 @@ def measured_airs(frame: pl.DataFrame, levels_fl: Tensor, *, wind: bool | None =
             mend="prepare rows with Mode S reports, or fit with data.air=standard",
         )
     blows = wind is not False and "groundspeed" in grid.values
-    warm = _smoothed(temperature_reports(grid), DEPARTURE_K, grid)
-    blown = _smoothed(tailwind_reports(grid), DEPARTURE_MPS, grid) if blows else warm.still()
+    warm = smoothed(temperature_reports(grid), DEPARTURE_K, grid.altitude_m)
+    blown = smoothed(tailwind_reports(grid), DEPARTURE_MPS, grid.altitude_m) if blows else warm.still()
     both = warm.flights[torch.isin(warm.flights, blown.flights)]
     warm, blown = warm.of(both), blown.of(both)
     known = (warm.error <= MAX_ERROR_K) & (blown.slope_error_per_m <= MAX_GROWTH_ERROR_PER_S)
@@ -89,10 +90,6 @@ def measured_airs(frame: pl.DataFrame, levels_fl: Tensor, *, wind: bool | None =
     air = LevelAir(held(warm.values, known), held(blown.values, known))
     without = len(grid.flight_ids) - len(both)
     return FlightAirs(names, air, known, warm.error, blown.slope_error_per_m, blown.error, without, blows)
-
-
-def _smoothed(reports: AirReports, departure: float, grid: LevelGrid) -> Smoothed:
-    return AirSmoother.learnt(reports, departure).smooth(reports, grid.altitude_m)
 
 
 def held(values: Tensor, known: Tensor) -> Tensor:
@@ -110,3 +107,49 @@ def _grid(frame: pl.DataFrame, low_fl: float, high_fl: float) -> LevelGrid | Non
     names = [name for name in CHANNELS if name in frame.columns]
     frame = frame.with_columns(pl.col(name).cast(pl.Float64).replace(np.inf, None).fill_nan(None) for name in names)
     return LevelGrid.of_frame(frame, low_fl, high_fl, names)
+
+
+STEP_FL = 10
+"""Between rows of a flight: air is known in bands of 500 ft, and smooth."""
+PLACES = ("latitude", "longitude", "track")
+
+
+def air_table(frame: pl.DataFrame) -> pl.DataFrame:
+    """Temperature and wind of flights by their own reports, where both are known well enough to fly in.
+
+    Args:
+        frame: Prepared descents with TAS, and groundspeed for the wind.
+
+    Returns:
+        A row for each flight and 1,000 ft: ``flight_id timestamp level_fl``, the place where rows have it,
+        ``deviation_k`` (from the standard atmosphere) with ``deviation_error_k``, and ``tailwind`` (kt along the track)
+        with ``tailwind_error``. Errors are standard errors; the wind is missing where no groundspeed is reported.
+
+    Raises:
+        DataError: If no flight reports its air.
+
+    Example:
+        >>> found = air_table(pl.read_parquet("descents.parquet"))
+        >>> found["flight_id"].n_unique(), bool((found["deviation_error_k"] < 10).all())
+        (120, True)
+    """
+    low, high = frame["level_fl"].to_numpy().min(), frame["level_fl"].to_numpy().max()
+    levels = torch.arange(int(low), int(high) + 1)
+    airs = measured_airs(frame, levels)
+    shown = airs.known & (levels % STEP_FL == 0)
+    row, level = torch.nonzero(shown, as_tuple=True)
+    wind = {"tailwind": airs.air.tailwind_mps / KT_MPS, "tailwind_error": airs.tailwind_error_mps / KT_MPS}
+    values = {"deviation_k": airs.air.deviation_k, "deviation_error_k": airs.deviation_error_k, **wind}
+    table = pl.DataFrame(
+        {
+            "flight_id": [airs.flight_ids[i] for i in row.tolist()],
+            "level_fl": pl.Series(levels[level].numpy()).cast(frame.schema["level_fl"]),
+            **{name: value[row, level].numpy() for name, value in values.items()},
+        }
+    )
+    if not airs.wind:
+        table = table.with_columns(pl.lit(None, pl.Float64).alias(name) for name in wind)
+    # Levels that a flight skipped have no time of their own.
+    place = [name for name in PLACES if name in frame.columns]
+    seen = frame.select("flight_id", "timestamp", "level_fl", *place)
+    return seen.join(table, on=["flight_id", "level_fl"], maintain_order="left")

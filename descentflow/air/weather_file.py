@@ -64,7 +64,7 @@ class WeatherFile:
             variable = reduce(lambda one, other: one.fillna(other), versions)
             found = layout.values_of(variable.transpose(*self._places), name, self.path)
         for along, (axis, place) in enumerate(self._places.items()):
-            if not same(found.take(place.again, along), found.take(place.first, along)):
+            if not same(found, found.take(place.first, along)):
                 raise layout.unusable(f"{self.path}: two values of {variable.name} at a place that {axis} has twice")
         return found[np.ix_(*(place.order for place in self._places.values()))]
 

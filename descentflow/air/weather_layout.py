@@ -50,18 +50,15 @@ class Axis(NamedTuple):
     values: Array
     order: NDArray[np.int64]
     """Position of each in the file."""
-    again: NDArray[np.int64]
-    """Positions in the file that repeat a place."""
     first: NDArray[np.int64]
-    """Those that they repeat."""
+    """Of each position in the file, the first one of the same place."""
 
     @classmethod
     def of(cls, values: Array, period: float = np.inf) -> "Axis":
         """The axis of a file's values, of which 0.0001 is the smallest step."""
         key = np.round(values, 4)
         _, order, back = np.unique(key % period, return_index=True, return_inverse=True)
-        again = np.flatnonzero(order[back] != np.arange(len(values)))
-        return cls(values[order], order, again, order[back][again])
+        return cls(values[order], order, order[back])
 
     @classmethod
     def eastwards(cls, longitude: Array) -> "Axis":
@@ -69,7 +66,7 @@ class Axis(NamedTuple):
 
         So a region across Greenwich or the date line is one region, however its longitudes are counted.
         """
-        _, order, again, first = cls.of(longitude, 360.0)
+        _, order, first = cls.of(longitude, 360.0)
         gaps = (longitude[np.roll(order, -1)] - longitude[order]) % 360
         globe = len(order) > 1 and gaps.max() <= gaps.min() + 1e-3
         start = np.argmin((longitude[order] + 180) % 360) if globe else np.argmax(gaps) + 1
@@ -78,7 +75,7 @@ class Axis(NamedTuple):
         values = west + (longitude[order] - longitude[order[0]]) % 360
         if globe:
             values, order = np.append(values, west + 360), np.append(order, order[0])
-        return cls(values, order, again, first)
+        return cls(values, order, first)
 
 
 def axis_name(data: Any, axis: str, path: str) -> str | None:

@@ -149,7 +149,7 @@ def run(
         print(write_level_flight(descents, level_flight, bada_dir))
         print(f"wrote {level_flight}")
     if air_table:
-        from descentflow.air.air_table import air_table as air_of
+        from descentflow.air.measured_air import air_table as air_of
         from descentflow.core.tabular import write_table
 
         write_table(air_of(descents.frame), air_table)

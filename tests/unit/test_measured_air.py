@@ -8,10 +8,9 @@ from torch import Tensor
 
 import descentflow as df
 from descentflow.air.air_reports import temperature_reports
-from descentflow.air.air_table import air_table
 from descentflow.air.energy_in_air import drag_in_air, in_air, rate_in_air
 from descentflow.air.level_air import LevelAir
-from descentflow.air.measured_air import FlightAirs, measured_airs
+from descentflow.air.measured_air import FlightAirs, air_table, measured_airs
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.errors import DataError
 from descentflow.core.units import FL_M, KT_MPS

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 import xarray
 
+from descentflow.air.weather_field import Points
 from descentflow.core.units import FL_M
 from descentflow.physics.atmosphere import isa_temperature_k, pressure_altitude_m
 
@@ -48,6 +49,13 @@ def weather(
                                   for i, (name, axis) in enumerate(axes.items())})  # fmt: skip
     data[NAMES[1]].attrs["units"] = "hPa"
     return data
+
+
+def some_points(hours: float) -> tuple[Points, np.ndarray]:
+    """Points within the hours after :data:`START`, and how many hours after it each is."""
+    rng = np.random.default_rng(1)
+    after, *places = (rng.uniform(*ends, 200) for ends in ((0, hours), (110, 400), (45, 59), (-7, 17)))
+    return Points(START.astype(float) + 3600 * after, *places), after
 
 
 def written(data: xarray.Dataset, path: Path) -> Path:

@@ -13,7 +13,7 @@ import pytest
 pytest.importorskip("xarray", reason="xarray is an extra of descentflow (wind)")
 
 import xarray
-from weather_toys import START, linear, linear_wind, weather, written, written_as_grib
+from weather_toys import START, linear, linear_wind, some_points, weather, written, written_as_grib
 
 from descentflow.air.weather_field import Points, weather_field
 from descentflow.core.errors import DataError
@@ -29,15 +29,8 @@ def whole() -> xarray.Dataset:
     return weather(linear, linear_wind, hours=HOURS)
 
 
-def some_points(n: int = 200) -> tuple[Points, np.ndarray]:
-    rng = np.random.default_rng(1)
-    hours = rng.uniform(0, 24, n)
-    places = rng.uniform(110, 400, n), rng.uniform(45, 59, n), rng.uniform(-7, 17, n)
-    return Points(START.astype(float) + 3600 * hours, *places), hours
-
-
 def read(path: Path) -> tuple[np.ndarray, ...]:
-    points, _ = some_points()
+    points, _ = some_points(24)
     with weather_field(path) as field:
         found = field.at(points)
         field.check(points)
@@ -45,7 +38,7 @@ def read(path: Path) -> tuple[np.ndarray, ...]:
 
 
 def expected() -> tuple[object, ...]:
-    points, hours = some_points()
+    points, hours = some_points(24)
     return linear(hours, *points[1:]), *linear_wind(hours, *points[1:])
 
 
@@ -155,9 +148,9 @@ REFUSED: dict[str, tuple[Change, str]] = {
 def test_a_field_whose_meaning_is_certain_is_given_back(name: str, tmp_path: Path) -> None:
     path = written(CERTAIN[name](whole()), tmp_path / "era5.nc")
     np.testing.assert_allclose(read(path), expected(), rtol=0, atol=1e-6)
-    points, _ = some_points()
+    points, _ = some_points(24)
     wind = read_wind_field(path).at(250.0, points.latitude, points.longitude, points.unix_s)
-    np.testing.assert_allclose(wind, linear_wind(some_points()[1], 250.0, *points[2:]), rtol=0, atol=1e-6)
+    np.testing.assert_allclose(wind, linear_wind(some_points(24)[1], 250.0, *points[2:]), rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", REFUSED)

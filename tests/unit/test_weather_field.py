@@ -10,7 +10,7 @@ import torch
 pytest.importorskip("xarray", reason="xarray is an extra of descentflow (wind)")
 
 import xarray
-from weather_toys import START, levels_fl, linear, linear_wind, weather, written
+from weather_toys import START, levels_fl, linear, linear_wind, some_points, weather, written
 
 import descentflow as df
 from descentflow.air.field_air import along_track, field_airs, paths_of_flights
@@ -35,16 +35,9 @@ LEVELS = torch.arange(150, 341).double()
 WARM = WorldConfig(deviation_mean_k=10.0)
 
 
-def some_points(n: int = 300) -> tuple[Points, np.ndarray]:
-    rng = np.random.default_rng(3)
-    hours = rng.uniform(0, 160, n)
-    places = rng.uniform(110, 400, n), rng.uniform(45, 59, n), rng.uniform(-7, 17, n)
-    return Points(START.astype(float) + 3600 * hours, *places), hours
-
-
 def test_a_rough_field_is_interpolated_as_xarray_does(tmp_path: Path) -> None:
     data = weather(lambda h, *_: np.random.default_rng(0).normal(0, 5, h.shape))
-    points, _ = some_points()
+    points, _ = some_points(160)
     with weather_field(written(data, tmp_path / "era5.nc")) as field:
         found = field.at(points)[0]
         assert not field.wind
@@ -66,7 +59,7 @@ def test_files_of_other_times_and_variables_are_one_field(tmp_path: Path) -> Non
     written(data[["t"]].isel(valid_time=slice(0, 14)), tmp_path / "b.nc")
     written(data[["t"]].isel(valid_time=slice(14, None)), tmp_path / "a.nc")
     written(data[["u", "v"]], tmp_path / "wind.nc")
-    points, hours = some_points()
+    points, hours = some_points(160)
     with weather_field(tmp_path) as field:
         np.testing.assert_allclose(field.at(points)[0], linear(hours, *points[1:]), rtol=0, atol=1e-9)
         assert field.wind

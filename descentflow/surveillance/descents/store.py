@@ -9,17 +9,18 @@ import itertools
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import isfinite
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+import orjson
 import polars as pl
 from polars.io.plugins import register_io_source
 
-from descentflow.core.errors import DataError
+from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.files import whole_file
 from descentflow.core.parquet_pages import check_pages
+from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.unpacking import whole_input
 
 SCHEMA_VERSION = 1
@@ -38,19 +39,10 @@ DESCRIPTION_TYPES: dict[str, tuple[type, ...]] = {
 MEND = "pass the Parquet file or the folder that `descentflow prepare` wrote"
 
 
-def _no_number(name: str) -> float:
-    raise ValueError(name)
-
-
-def _finite(text: str) -> float:
-    value = float(text)
-    return value if isfinite(value) else _no_number(text)
-
-
 def described(text: str, path: str | Path) -> dict[str, Any]:
     """The description of a prepared table."""
     try:
-        found = json.loads(text, parse_constant=_no_number, parse_float=_finite)
+        found = orjson.loads(text)  # which has no number that is not finite
     except ValueError:
         found = None
     if not isinstance(found, dict):
@@ -72,19 +64,10 @@ def described(text: str, path: str | Path) -> dict[str, Any]:
 
 def _is_report(report: dict[str, Any]) -> bool:
     """True for a report of ``prepare``: counts of rows and flights by step, and notes of what changed."""
-    if not report:
-        return True
-    steps, notes = report.get("steps"), report.get("notes")
-    if set(report) != {"steps", "notes"} or not isinstance(steps, list) or not isinstance(notes, dict):
+    try:
+        return not report or all(isinstance(number, int) for number in DropReport.from_dict(report).notes.values())
+    except (KeyError, TypeError, ValueError, ConfigError):
         return False
-    counts = {"rows_dropped": int, "rows_left": int, "flights_dropped": int | None, "flights_left": int | None}
-    return all(isinstance(number, int) for number in notes.values()) and all(
-        isinstance(step, dict)
-        and set(step) == {"step", *counts}
-        and isinstance(step["step"], str)
-        and all(isinstance(step[name], kind) for name, kind in counts.items())
-        for step in steps
-    )
 
 
 MANIFEST = "_descentflow.json"

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
+from descentflow.core.arguments import checked_settings
 from descentflow.reporting.in_notebook import InNotebook
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ MAX_NAMED_STEPS = 4
 """Steps that a summary names."""
 
 
+@checked_settings
 @dataclass(frozen=True)
 class Step:
     """Rows that one step dropped and left; flights are None before they are identified.

@@ -353,27 +353,19 @@ def steps_of(rows: pl.DataFrame) -> pl.DataFrame:
     rows = rows.filter(~pl.col("altitude").is_in(FILLS)).sort(*names, "timestamp", maintain_order=True)
     possible = pl.col("vertical_rate").is_between(*POSSIBLE["vertical_rate"])
     seen = rows.select(
+        *names,
         altitude=pl.col("altitude").cast(pl.Float64),
         reported=pl.when(possible).then(pl.col("vertical_rate")).cast(pl.Float64),
         time_us=pl.col("timestamp").dt.epoch("us").fill_null(0),
         flight=pl.any_horizontal(pl.col(name).ne_missing(pl.col(name).shift()) for name in names).cum_sum(),
     )
-    altitude, reported, time_us, flight = (seen[name].to_numpy() for name in seen.columns)
-    before = _row_before(time_us, flight)
-    seconds = (time_us - time_us[before]) / 1e6
-    with np.errstate(all="ignore"):
-        change = (altitude - altitude[before]) / seconds * 60
-    chosen = (flight == flight[before]) & (seconds >= SHORTEST_STEP_S) & (seconds <= LONGEST_STEP_S) & (change != 0)
-    chosen &= (np.abs(change) < UNREAL_FPM) & np.isfinite(reported)
-    steps = rows.select(names).with_columns(change=pl.Series(change), reported=pl.Series(reported))
-    return steps.filter(pl.Series(chosen, dtype=pl.Boolean))
-
-
-def _row_before(time_us: NDArray[np.int64], flight: NDArray[np.uint32]) -> NDArray[np.int64]:
-    """Position (n,) of the last row that is old enough for a step; the first row's, where there is none.
-
-    Rows are sorted by flight and time, so one search in a clock that runs on from flight to flight finds all.
-    """
-    elapsed = np.diff(time_us, prepend=time_us[:1]).clip(min=0)
-    clock = np.cumsum(np.where(np.diff(flight, prepend=flight[:1]) > 0, int(1e6 * LONGEST_STEP_S) + 1, elapsed))
-    return np.maximum(np.searchsorted(clock, clock - int(1e6 * SHORTEST_STEP_S), side="right") - 1, 0)
+    begins = seen.select("flight", "time_us", begin_us="time_us", begin="altitude")
+    # The last row that is old enough for a step.
+    both = seen.with_columns(pl.col("time_us") - int(1e6 * SHORTEST_STEP_S)).join_asof(
+        begins, on="time_us", by="flight", check_sortedness=False
+    )
+    seconds = (pl.col("time_us") - pl.col("begin_us")) / 1e6 + SHORTEST_STEP_S
+    change = (pl.col("altitude") - pl.col("begin")) / seconds * 60
+    return both.filter(
+        seconds <= LONGEST_STEP_S, change != 0, change.abs() < UNREAL_FPM, pl.col("reported").is_finite()
+    ).select(*names, change=change, reported="reported")

@@ -22,6 +22,10 @@ from descentflow.surveillance.rows.drop_report import DropReport
 DAY_S = 86_400.0
 
 
+def named(rows: pl.DataFrame, gap_s: float = 900.0) -> pl.DataFrame:
+    return name_flights(rows, gap_s, names_shared(names_given(rows)), DropReport())
+
+
 def test_a_name_that_comes_again_gives_as_many_descents_as_no_name() -> None:
     days = pl.concat(flight(address, start_s=day * DAY_S) for address in ("4ca001", "4ca002") for day in range(3))
     without = prepare(days)
@@ -37,16 +41,16 @@ def test_a_name_that_comes_again_gives_as_many_descents_as_no_name() -> None:
 def test_names_of_parts_are_made_of_name_address_and_time_and_are_shared_with_nobody() -> None:
     rows = rows_at([0.0, 900.0, 1801.0], "AB1", altitude=[3.0, 2.0, 1.0])
     first, part = "AB1_4ca001_20240301T100000", "AB1_4ca001_20240301T103001"
-    assert name_flights(rows)["flight_id"].to_list() == [first, first, part]
+    assert named(rows)["flight_id"].to_list() == [first, first, part]
     own = rows.with_columns(flight_id=pl.lit("4ca001_20240301T090000"))
-    assert name_flights(own)["flight_id"].to_list() == [part.removeprefix("AB1_").replace("103001", "100000")] * 2 + [
+    assert named(own)["flight_id"].to_list() == [part.removeprefix("AB1_").replace("103001", "100000")] * 2 + [
         part.removeprefix("AB1_")
     ]
     elsewhere = rows.with_columns(flight_id=pl.lit(part), icao24=pl.lit("4ca002"))
     assert names_shared(names_given(elsewhere)).to_list() == [part], (
         "another aircraft's flight may be called so already"
     )
-    assert PART_OF not in separated(rows, 1e9).columns
+    assert PART_OF not in separated(rows, 1e9, DropReport()).columns
 
 
 def test_a_flight_with_a_long_gap_before_its_descent_keeps_its_name() -> None:
@@ -59,8 +63,8 @@ def test_a_flight_with_a_long_gap_before_its_descent_keeps_its_name() -> None:
 def test_flights_of_other_names_in_between_are_no_silence() -> None:
     names = ["AB1", "AB2", "AB1", "AB2"]
     rows = rows_at([0.0, 500.0, 1000.0, 1500.0], altitude=[4.0, 3.0, 2.0, 1.0]).with_columns(flight_id=pl.Series(names))
-    assert separated(rows, 1000.0)["flight_id"].to_list() == names
-    assert separated(rows, 999.0)["flight_id"].n_unique() == 4
+    assert separated(rows, 1000.0, DropReport())["flight_id"].to_list() == names
+    assert separated(rows, 999.0, DropReport())["flight_id"].n_unique() == 4
 
 
 def test_a_flight_over_midnight_is_one_in_the_traces_of_two_days(tmp_path: Path) -> None:

@@ -16,7 +16,12 @@ from descentflow.surveillance.cleaning.flights import (
     with_types,
 )
 from descentflow.surveillance.cleaning.rates import local_slope, with_rate
+from descentflow.surveillance.rows.addresses import types_held
 from descentflow.surveillance.rows.drop_report import DropReport
+
+
+def named(rows: pl.DataFrame, gap_s: float = 900.0) -> pl.DataFrame:
+    return name_flights(rows, gap_s, names_shared(names_given(rows)), DropReport())
 
 
 def test_unusable_rows_and_duplicates_count_each_kind_of_bad_row_once() -> None:
@@ -50,9 +55,9 @@ def test_unusable_rows_and_duplicates_count_each_kind_of_bad_row_once() -> None:
 
 def test_flights_are_named_by_address_and_first_time_and_end_with_silence() -> None:
     rows = rows_at([0.0, 900.0, 1801.0], altitude=[1.0, 2.0, 3.0]).drop("flight_id")
-    named = name_flights(rows)
-    assert named["flight_id"].to_list() == ["4ca001_20240301T100000"] * 2 + ["4ca001_20240301T103001"]
-    assert name_flights(rows, gap_s=1e9)["flight_id"].n_unique() == 1
+    given = named(rows)
+    assert given["flight_id"].to_list() == ["4ca001_20240301T100000"] * 2 + ["4ca001_20240301T103001"]
+    assert named(rows, 1e9)["flight_id"].n_unique() == 1
 
 
 def test_names_given_are_kept_missing_ones_made_and_shared_ones_parted() -> None:
@@ -60,19 +65,20 @@ def test_names_given_are_kept_missing_ones_made_and_shared_ones_parted() -> None
         [rows_at([0.0, 10.0], "AB1", altitude=[1.0, 2.0]), rows_at([5.0, 15.0], "AB1", altitude=[3.0, 4.0])]
     )
     rows = rows.with_columns(icao24=pl.Series(["4ca001", "4ca001", "4ca002", "4ca002"]))
-    assert name_flights(rows.head(2))["flight_id"].to_list() == ["AB1", "AB1"]
-    assert name_flights(rows)["flight_id"].to_list() == ["AB1_4ca001"] * 2 + ["AB1_4ca002"] * 2
+    assert named(rows.head(2))["flight_id"].to_list() == ["AB1", "AB1"]
+    assert named(rows)["flight_id"].to_list() == ["AB1_4ca001"] * 2 + ["AB1_4ca002"] * 2
     blank = rows.head(2).with_columns(flight_id=pl.lit(None, pl.String))
-    assert name_flights(blank)["flight_id"].n_unique() == 1
+    assert named(blank)["flight_id"].n_unique() == 1
 
 
 def test_types_of_the_rows_go_before_those_of_the_table() -> None:
     rows = pl.DataFrame({"icao24": ["00000a", "00000b", "00000c"], "typecode": ["b738", None, None]})
+    rows = rows.with_columns(flight_id=pl.Series(["x", "y", "z"]))
     table = pl.DataFrame({"icao24": [" A", "B ", "b"], "typecode": ["A320", "a319 ", "A321"]})
-    assert with_types(rows, table)["typecode"].to_list() == ["B738", "A319", None]
-    assert with_types(rows.drop("typecode"), None)["typecode"].to_list() == [None] * 3
+    assert with_types(rows, types_held(table), DropReport())["typecode"].to_list() == ["B738", "A319", None]
+    assert with_types(rows.drop("typecode"), None, DropReport())["typecode"].to_list() == [None] * 3
     with pytest.raises(DataError, match="without typecode"):
-        with_types(rows, table.drop("typecode"))
+        types_held(table.drop("typecode"))
 
 
 def test_types_wanted_are_kept_in_any_case_of_letters() -> None:

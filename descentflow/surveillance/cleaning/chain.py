@@ -101,7 +101,7 @@ def clean(
     shared = pl.Series(work.shared, dtype=pl.String)
     gap_s = work.rules.flight_gap_s
     rows = without_other_clocks(in_order(rows, report), gap_s, report)
-    rows = name_flights(rows, gap_s, shared=shared, report=report)
+    rows = name_flights(rows, gap_s, shared, report)
     silences = rows.select("flight_id", PART_OF).drop_nulls().unique() if PART_OF in rows.columns else None
     rows = rows.drop(PART_OF, strict=False)
     report.by_flight = True

@@ -9,8 +9,6 @@ import numpy as np
 import polars as pl
 
 from descentflow.surveillance.cleaning.filters import Index
-from descentflow.surveillance.cleaning.thresholds import Cleaning
-from descentflow.surveillance.rows.addresses import named_types
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED, ROWS_WITHOUT
 
@@ -86,18 +84,11 @@ def names_shared(pairs: pl.DataFrame) -> pl.Series:
     return pairs.unique().filter(pl.col("flight_id").is_duplicated() | foreign)["flight_id"].unique().sort()
 
 
-def name_flights(
-    rows: pl.DataFrame,
-    gap_s: float = Cleaning.flight_gap_s,
-    *,
-    shared: pl.Series | None = None,
-    report: DropReport | None = None,
-) -> pl.DataFrame:
+def name_flights(rows: pl.DataFrame, gap_s: float, shared: pl.Series, report: DropReport) -> pl.DataFrame:
     """Fill `flight_id` where it is missing with the address and the time of the flight's first row.
 
     Silence ends a flight, with a name or without (:mod:`~descentflow.surveillance.cleaning.flights`).
     """
-    shared = names_shared(names_given(rows)) if shared is None else shared
     named = rows
     if len(shared):
         own = pl.col("flight_id") + "_" + pl.col("icao24")
@@ -126,7 +117,7 @@ OVER_MIDNIGHT = "legs of traces that go on in the next day's trace, joined over 
 """Notes in the report."""
 
 
-def separated(rows: pl.DataFrame, gap_s: float, report: DropReport | None = None) -> pl.DataFrame:
+def separated(rows: pl.DataFrame, gap_s: float, report: DropReport) -> pl.DataFrame:
     """Rows in which a name stands for one flight: it ends with silence, as an address without a name does.
 
     A `flight_id` that comes again (a flight number that is flown every day, a number that begins anew in each file)
@@ -134,7 +125,6 @@ def separated(rows: pl.DataFrame, gap_s: float, report: DropReport | None = None
     """
     if "flight_id" not in rows.columns or rows["flight_id"].null_count() == len(rows):
         return rows
-    report = report or DropReport()
     begins = rows.select(_begins(gap_s)).to_series()
     stretches = _over_midnight(_stretches(rows, begins), gap_s, report)
     silent = (pl.col("first") - pl.col("last").shift()).over("icao24", "flight_id") > _micros(gap_s)
@@ -224,8 +214,8 @@ NO_TYPES = ("ZZZZ", "XXXX", "UNKN", "UNKNOWN", "NONE", "NULL", "NAN", "N/A", "NA
 """Spellings of no type: ZZZZ is ICAO's (Doc 8643) for one without a designator."""
 
 
-def with_types(rows: pl.DataFrame, types: pl.DataFrame | None, report: DropReport | None = None) -> pl.DataFrame:
-    """Join a table of types (`icao24,typecode`); a type in the rows themselves has precedence.
+def with_types(rows: pl.DataFrame, types: pl.DataFrame | None, report: DropReport) -> pl.DataFrame:
+    """Join a table of types (:func:`~descentflow.surveillance.rows.addresses.named_types`); those of rows come first.
 
     What stands for no type (`ZZZZ`, `XXXX`) is none. A flight has one type
     (:func:`~descentflow.surveillance.cleaning.flights.one_type_each`).
@@ -234,10 +224,8 @@ def with_types(rows: pl.DataFrame, types: pl.DataFrame | None, report: DropRepor
         rows = rows.with_columns(pl.lit(None, pl.String).alias("typecode"))
     typecode = pl.col("typecode").str.to_uppercase()
     rows = rows.with_columns(pl.when(~typecode.is_in(NO_TYPES)).then(typecode).alias("typecode"))
-    if "flight_id" in rows.columns:
-        rows = one_type_each(rows, report or DropReport())
+    rows = one_type_each(rows, report)
     if types is not None:
-        types = named_types(types, "a types table")
         table = types.select(
             "icao24",
             pl.col("typecode").cast(pl.String).str.strip_chars().alias("_type"),

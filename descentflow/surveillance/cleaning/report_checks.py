@@ -9,7 +9,6 @@ from descentflow.core.errors import DataError, warn
 from descentflow.surveillance.cleaning.flights import FLIGHTS_OF_SEVERAL_TYPES, NO_TYPES, OTHER_VALUES
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.cleaning.two_clocks import ROWS_OF_OTHER_CLOCK
-from descentflow.surveillance.rows.addresses import named_types
 from descentflow.surveillance.rows.drop_report import DropReport, Step
 from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED, ROWS_WITHOUT
 from descentflow.surveillance.rows.values_beside import JOIN_MEND, OF_OTHER_ROWS, VALUES_APART
@@ -94,7 +93,7 @@ def check_left(
 
 def _no_address_named(types: pl.DataFrame, untyped: Mapping[str, int]) -> DataError:
     """The error where a table of types and the rows have no address in common, with what each of them has."""
-    listed = named_types(types, "a types table")["icao24"].drop_nulls().unique().sort()
+    listed = types["icao24"].drop_nulls().unique().sort()
     shared = sum(address in untyped for address in listed)
     busiest = sorted(untyped, key=lambda address: (-untyped[address], address))[:5]
     often = ", ".join(f"{address} ({untyped[address]:,} rows)" for address in busiest)

@@ -25,8 +25,6 @@ Example:
     >>> print(df.evaluate(model, descents, n=500))
 """
 
-import os
-import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -34,17 +32,6 @@ from descentflow.core import threads  # noqa: F401 (before anything loads torch)
 from descentflow.core.errors import DescentflowError
 from descentflow.core.version import __version__
 from descentflow.densities.kinds import KINDS
-
-
-def _one_thread_in_a_copy() -> None:
-    """Keep torch to one thread in a forked copy of this process: others are not copied, and it would wait for them."""
-    set_num_threads = getattr(sys.modules.get("torch"), "set_num_threads", None)
-    if set_num_threads is not None:
-        set_num_threads(1)
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_one_thread_in_a_copy)
 
 if TYPE_CHECKING:
     from descentflow.aircraft_types.registry import aircraft

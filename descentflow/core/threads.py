@@ -1,9 +1,13 @@
-"""Number of torch's threads, and how they wait: imported before torch, which is imported where it is asked."""
+"""Threads of torch and Polars, which a forked copy of a process lacks; imported before torch."""
 
 import os
+import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
+from pathlib import Path
+
+from descentflow.core.errors import ConfigError
 
 SPIN = "torch" in sys.modules and not os.environ.keys() & {"OMP_WAIT_POLICY", "OMP_NUM_THREADS"}
 """True if torch was loaded first with the default wait policy: its idle threads then spin and slow other work."""
@@ -44,3 +48,40 @@ def one_thread_where_they_spin() -> Iterator[None]:
     """
     with one_thread() if SPIN else nullcontext():
         yield
+
+
+class _Copy:
+    """Forked copy of a process: it lacks the threads of Polars if they had begun there, and keeps torch to one."""
+
+    begun = lacks_threads = False
+
+    @classmethod
+    def before(cls) -> None:
+        tasks = Path("/proc/self/task")
+        names = [(one / "comm").read_text() for one in tasks.iterdir()] if tasks.is_dir() else []
+        cls.begun = any(re.match(r"polars-\d", name) for name in names) if names else "polars" in sys.modules
+
+    @classmethod
+    def after(cls) -> None:
+        cls.lacks_threads |= cls.begun
+        set_num_threads = getattr(sys.modules.get("torch"), "set_num_threads", None)
+        if set_num_threads is not None:
+            set_num_threads(1)
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(before=_Copy.before, after_in_child=_Copy.after)
+
+
+def check_not_forked() -> None:
+    """Refuse to work on tables in a forked copy: Polars would wait for threads that it has not, without an end.
+
+    Raises:
+        ConfigError: If this process was forked after Polars had begun its threads.
+    """
+    if _Copy.lacks_threads:
+        raise ConfigError(
+            "a table in a process that was forked after Polars had begun its threads, which would wait for ever",
+            expected="a process begun afresh, or forked before anything was read",
+            mend="take multiprocessing.get_context('spawn')",
+        )

@@ -12,6 +12,7 @@ from descentflow.core.arguments import Count, NotNegativeInt, Output, checked_ar
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_output, whole_file
 from descentflow.core.tabular import to_pandas
+from descentflow.core.threads import check_not_forked
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.simulation.cause_values import Values
 from descentflow.simulation.causes.injection import Injection
@@ -190,6 +191,7 @@ def simulate(
         >>> warm.flights.select("planted_temperature_deviation_k", "deviation_k").row(0)
         (14.8..., 14.8...)
     """
+    check_not_forked()
     if out is not None:
         world_files(out, truth_out)
     kind = find_aircraft(aircraft, bada_dir) if isinstance(aircraft, str) else aircraft

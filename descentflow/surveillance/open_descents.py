@@ -8,6 +8,7 @@ import polars as pl
 
 from descentflow.core.errors import ConfigError, DataError, warn
 from descentflow.core.tabular import held_table, is_pandas
+from descentflow.core.threads import check_not_forked
 from descentflow.surveillance.cleaning.thresholds import Cleaning, differences_in_words, different_settings
 from descentflow.surveillance.descents.check_descents import checked_descents
 from descentflow.surveillance.descents.prepared_descents import (
@@ -48,6 +49,7 @@ class FlightSource:
         Raises:
             DataError: If there is nothing there, it cannot be read, or prepared files and others are put together.
         """
+        check_not_forked()
         self.source, self.columns, self.say = source, columns or {}, progress or (lambda _: None)
         self.prepared = _prepared(source)
 

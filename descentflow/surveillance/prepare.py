@@ -8,6 +8,7 @@ from typing import Any
 import polars as pl
 
 from descentflow.core.arguments import Count, Output, checked_arguments
+from descentflow.core.threads import check_not_forked
 from descentflow.core.workers import engine_of
 from descentflow.surveillance.cleaning.thresholds import Cleaning, cleaning_of
 from descentflow.surveillance.descents.prepared_descents import Descents
@@ -85,6 +86,7 @@ def prepare(
         >>> prepare(pl.read_parquet("rows.parquet"), typecode="A320").flights
         {'A320': 120}
     """
+    check_not_forked()
     rules = cleaning if isinstance(cleaning, Cleaning) else cleaning_of(cleaning or {}, "cleaning")
     request = Request(
         rows=[source_of(one) for one in (rows if isinstance(rows, Sequence) and not isinstance(rows, str) else [rows])],

@@ -12,7 +12,7 @@ import pytest
 import torch
 from torch import Tensor
 from torch.distributions import MultivariateNormal
-from toys import normal
+from toys import normal, write_descents_file
 
 import descentflow
 from descentflow.densities import GaussianDensity, GaussianMixtureDensity, MaskedAffineFlowDensity
@@ -101,6 +101,31 @@ def test_a_forked_process_does_not_wait_for_threads_that_it_has_not() -> None:
     words = [sys.executable, "-W", "ignore::DeprecationWarning", "-c", FORKED]
     found = subprocess.run(words, capture_output=True, text=True, check=True, env=environment, cwd=folder, timeout=120)
     assert found.stdout.split() == ["1", "0"], "the parent keeps its own"
+
+
+FORKED_AFTER_POLARS = """
+import multiprocessing, sys, descentflow, polars
+def read(path):
+    return descentflow.read_descents(path).flights
+if __name__ == "__main__":
+    polars.read_parquet(sys.argv[1]).sort("IAS")  # makes the threads of Polars
+    for kind in "spawn", "fork":
+        with multiprocessing.get_context(kind).Pool(1) as pool:
+            print(pool.map_async(read, [sys.argv[1]]).get(timeout=60))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux forks by default")
+def test_a_forked_process_refuses_tables_that_polars_would_wait_for(tmp_path: Path) -> None:
+    descents = write_descents_file(tmp_path / "descents.parquet", 30)
+    script = tmp_path / "forked.py"
+    script.write_text(FORKED_AFTER_POLARS)
+    environment = {**os.environ, "PYTHONPATH": str(Path(descentflow.__file__).parents[1])}
+    words = [sys.executable, "-W", "ignore::DeprecationWarning", str(script), str(descents)]
+    found = subprocess.run(words, capture_output=True, text=True, env=environment, timeout=120)
+    assert found.stdout.startswith("[{'A320': ")
+    assert found.stdout.count("\n") == 1, "only the process that was begun afresh answers"
+    assert "a process begun afresh" in found.stderr
 
 
 RANDOM = {"rand", "randn", "randint", "randperm", "multinomial", "normal", "bernoulli", "rand_like", "randn_like"}

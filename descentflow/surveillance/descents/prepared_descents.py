@@ -12,6 +12,7 @@ from descentflow.core.errors import DataError
 from descentflow.core.files import whole_file
 from descentflow.core.parquet_pages import check_pages
 from descentflow.core.tabular import to_dataset, to_pandas
+from descentflow.core.threads import check_not_forked
 from descentflow.reporting.in_notebook import InNotebook
 from descentflow.surveillance.cleaning.thresholds import Cleaning, differences_in_words, kept_cleaning
 from descentflow.surveillance.descents.check_descents import checked_descents
@@ -248,6 +249,7 @@ def read_descents(path: str | Path) -> Descents:
         >>> read_descents("descents.parquet").frame.select("flight_id", "level_fl", "IAS").shape
         (20528, 3)
     """
+    check_not_forked()
     frame, metadata = read_store(Path(path)) if Path(path).is_dir() else _read_file(path)
     if metadata.get("schema_version") != SCHEMA_VERSION:
         raise DataError(

@@ -62,4 +62,5 @@ class AirspeedBias(Effect):
 
 
 def _bias_kt(theta: Tensor, mach: Tensor) -> Tensor:
-    return theta[0] + theta[1] * (mach - 0.65) / 0.1
+    bias_kt, growth_kt = theta.unbind()
+    return bias_kt + growth_kt * (mach - 0.65) / 0.1

@@ -1,21 +1,33 @@
 """Descents flown along a geometric path: the rate follows groundspeed and no longer thrust and drag."""
 
+from typing import NamedTuple
+
 import torch
 from torch import Tensor
 
-from descentflow.effects.effect import FlightChange, Parameter, Shift
+from descentflow.effects.effect import AT_BOUND, FlightChange, Parameter, Shift
 from descentflow.effects.flight_law import MOST_SPREAD, DiffersByFlight, Learnt, Windows, positive_size, spread_of
 from descentflow.effects.flight_state import FlightState
 from descentflow.physics.airspeed import cas_to_tas_mps
 
 LEAST_SHALLOWER = 0.005
 """Paths are planned to be flown with some thrust in hand."""
+MOST_SHALLOWER = 0.6
+"""Bound of a fit."""
 FIRST_LAW = (0.5, 0.08, 0.05)
 """Share, and mean and spread of how much shallower, from which laws start."""
 SMOOTH_M = 1800.0
 """Height over which what a flight has beyond the polar changes, and its noise does not."""
 LEAST_SPREAD = 0.005
 """Least spread between flights of how much shallower: paths are planned in tenths of a degree, some 3 %."""
+
+
+class PathLaw(NamedTuple):
+    """Parameters by name, in their order in theta (3,)."""
+
+    share: Tensor
+    shallower: Tensor
+    spread: Tensor
 
 
 class GeometricPath(DiffersByFlight):
@@ -34,7 +46,16 @@ class GeometricPath(DiffersByFlight):
     description = "a fixed path over the ground instead of an idle descent"
     parameters = (
         Parameter("share", 0.0, 1.0, "1", 0.1, label="share of the flights on a path", shown_as="flights"),
-        Parameter("shallower", 0.0, 0.6, "1", 0.05, 0.1, label="shallower than the idle path by", shown_as="percent"),
+        Parameter(
+            "shallower",
+            0.0,
+            MOST_SHALLOWER,
+            "1",
+            0.05,
+            0.1,
+            label="shallower than the idle path by",
+            shown_as="percent",
+        ),
         spread_of("spread_shallower", 0.25, "1", 0.02, "spread of that between flights on a path", "percent"),
     )
     splits = ("groundspeed",)
@@ -43,19 +64,22 @@ class GeometricPath(DiffersByFlight):
 
     def plausible(self, state: FlightState, theta: Tensor) -> bool:
         """All flights may hold one; a path at the very angle that idle allows is a fit driven to its bound."""
-        return float(theta[0]) > 0.0 and LEAST_SHALLOWER < float(theta[1]) < self.parameters[1].high - 1e-6
+        law = PathLaw(*theta)
+        return float(law.share) > 0.0 and LEAST_SHALLOWER < float(law.shallower) < MOST_SHALLOWER - AT_BOUND
 
     def mixture(self, theta: Tensor) -> tuple[float, Tensor]:
         """Flights hold it or do not."""
-        return float(theta[0]), torch.stack([torch.ones_like(theta[0]), theta[1], theta[2]])
+        law = PathLaw(*theta)
+        return float(law.share), torch.stack(law._replace(share=torch.ones_like(law.share)))
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """From the idle path's angle to one held, shallower by a share than the shallowest of the idle path."""
-        return {"rate": theta[0] * (_to_the_shallowest(state, state.beyond_polar, state.beyond_polar) - theta[1])}
+        law, beyond = PathLaw(*theta), state.beyond_polar
+        return {"rate": law.share * (_to_the_shallowest(state, beyond, beyond) - law.shallower)}
 
     def law_starts(self, state: FlightState, theta: Tensor) -> list[Tensor]:
         """Some flights on paths of their own; a law goes on as it is."""
-        return [theta if float(theta[2]) > 0.0 else torch.tensor(FIRST_LAW, dtype=torch.float64)]
+        return [theta if float(PathLaw(*theta).spread) > 0.0 else torch.tensor(FIRST_LAW, dtype=torch.float64)]
 
     def windows(self, state: FlightState, theta: Tensor, beyond: Tensor) -> Windows:
         """One window, the whole flight; which angle it holds is its size."""
@@ -71,7 +95,8 @@ class GeometricPath(DiffersByFlight):
 
     def size(self, theta: Tensor) -> tuple[float, float, float]:
         """Share on a path, and how much shallower."""
-        return float(theta[0]), float(theta[1]), float(theta[2])
+        share, shallower, spread = theta.tolist()
+        return share, shallower, spread
 
     def learn(self, state: FlightState, theta: Tensor, learnt: Learnt) -> Tensor:
         """Share, mean and spread."""
@@ -82,7 +107,8 @@ class GeometricPath(DiffersByFlight):
 
     def own_change(self, state: FlightState, theta: Tensor, uniform: Tensor) -> FlightChange:
         """A path of each flight's own."""
-        shallower = positive_size(uniform[:, 0], theta[1], theta[2])[:, None]
+        law = PathLaw(*theta)
+        shallower = positive_size(uniform[:, 0], law.shallower, law.spread)[:, None]
         own = torch.as_tensor(state.beyond_polar).expand_as(state.cas_mps)
         return FlightChange(flown={"rate": _to_the_shallowest(state, _smooth(state, own), own) - shallower})
 

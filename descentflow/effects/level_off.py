@@ -27,5 +27,6 @@ class LevelOff(Effect):
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Time spent in short gaps of altitude, and their number."""
+        time_level_s, gaps = theta
         each = torch.ones_like(state.cas_mps[:, 0])
-        return {"level": theta[0] * each, "level_gaps": theta[1] * each}
+        return {"level": time_level_s * each, "level_gaps": gaps * each}

@@ -2,6 +2,7 @@
 
 import math
 from copy import copy
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -18,6 +19,10 @@ NARROWEST_FL = 25.0
 """Brakes that are out over less than 2,500 ft are no procedure, and look like the change from Mach to CAS."""
 ANSWERS_FL = 1.25
 """An aircraft takes some three seconds to answer to brakes that run out or in, at 2,500 ft/min."""
+MOST_DRAG = 2.0
+"""Largest drag added, as a share of CD0."""
+LEAST_SHARE = 0.05
+"""Least share of the flights: fewer are a few odd ones."""
 LEAST_DRAG = 0.1
 """Share of CD0 below which nothing is out: small drag over a wide band is something else, of no fixed altitude."""
 RUN_OUT_M = 90.0
@@ -28,7 +33,7 @@ FROM_TOP_FL = 5.0
 GRID_FL = 10.0
 """Step of the levels at which windows of single flights end."""
 FINE_FL = 2.5
-"""The same about a law whose spreads are below that, where a coarser step would be a bias."""
+"""Step of these levels about a law whose spreads are below that, where a coarser step would be a bias."""
 LEAST_SPREAD_FL = FINE_FL
 """Least spread of own windows: less is one window for all, and no step of the grid would be passed."""
 LEAST_SPREAD_EXTRA = 0.02
@@ -36,10 +41,43 @@ LEAST_SPREAD_EXTRA = 0.02
 FIRST_LAW = (0.4, 0.3, 40.0, 20.0, 0.3)
 """Drag, share of the flights, spread of the middle and of the height of own windows, and spread of the drag, from which
 laws start: wide enough for any procedure."""
-BEFORE = 1.0
-"""Flights' worth of the law before, in the spreads of the next: no spread falls to zero by chance."""
+PRIOR_FLIGHTS = 1.0
+"""Pseudo-flights of the law before, in the spreads of the next: no spread falls to zero by chance."""
 NODES = ((-2.857, -1.356, 0.0, 1.356, 2.857), (0.0112574, 0.2220759, 0.5333333, 0.2220759, 0.0112574))
 """Gauss and Hermite's nodes and weights for a normal law (Abramowitz and Stegun, table 25.10, scaled)."""
+
+
+class BrakeLaw(NamedTuple):
+    """Parameters by name, in their order in theta (8,)."""
+
+    extra_cd0: Tensor
+    low_fl: Tensor
+    high_fl: Tensor
+    share: Tensor
+    ln_ratio_noise: Tensor
+    spread_middle_fl: Tensor
+    spread_height_fl: Tensor
+    spread_extra: Tensor
+
+    @property
+    def extra_where_out(self) -> Tensor:
+        """Drag that is added in the flights that have brakes out."""
+        return self.extra_cd0 / self.share
+
+    @property
+    def middle_fl(self) -> Tensor:
+        """Middle of the mean window."""
+        return (self.high_fl + self.low_fl) / 2
+
+    @property
+    def height_fl(self) -> Tensor:
+        """Height of the mean window."""
+        return self.high_fl - self.low_fl
+
+    @property
+    def is_one_window(self) -> bool:
+        """True where all flights have the same window."""
+        return float(self.spread_middle_fl) == 0.0 and float(self.spread_height_fl) == 0.0
 
 
 class SpeedBrake(WindowedEffect, DiffersByFlight):
@@ -67,7 +105,7 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
         Parameter(
             "extra_cd0",
             0.0,
-            2.0,
+            MOST_DRAG,
             "1",
             0.1,
             0.0,
@@ -79,7 +117,7 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
         Parameter("high_fl", 0.0, 600.0, "FL", 10.0, inexact=ANSWERS_FL, label="upper end"),
         Parameter(
             "share",
-            0.05,
+            LEAST_SHARE,
             1.0,
             "1",
             0.1,
@@ -110,12 +148,12 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
 
         A share of the flights that was driven to its least is of a few odd ones, and of no procedure.
         """
-        _, high = self.range_fl(state)
-        height = float(theta[2] - theta[1])
-        felt = float(theta[0] / theta[3]) >= LEAST_DRAG and float(theta[0]) < self.parameters[0].high - AT_BOUND
-        shared = float(theta[3]) > self.parameters[3].low + AT_BOUND
-        whole = NARROWEST_FL <= height <= self.longest_fl(state) and float(theta[2]) < high - FROM_TOP_FL
-        return felt and shared and whole
+        law, (_, top) = BrakeLaw(*theta), self.range_fl(state)
+        felt = float(law.extra_where_out) >= LEAST_DRAG
+        bounded = float(law.extra_cd0) < MOST_DRAG - AT_BOUND
+        shared = float(law.share) > LEAST_SHARE + AT_BOUND
+        within = NARROWEST_FL <= float(law.height_fl) <= self.longest_fl(state)
+        return felt and bounded and shared and within and float(law.high_fl) < top - FROM_TOP_FL
 
     def may_be(self, state: FlightState, theta: Tensor) -> tuple[str, ...]:
         """Turns, where no heading is known, each flight has its own drag, and a bank of an airliner adds as much.
@@ -124,9 +162,10 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
         """
         if state.turned_more is not None or not self.is_law(theta):
             return ()
-        within = state.mask * self.within(state, theta[1], theta[2])["rate"]
+        law = BrakeLaw(*theta)
+        within = state.mask * self.within(state, law.low_fl, law.high_fl)["rate"]
         bank = log_rate(state, induced=1 + math.tan(math.radians(MOST_BANK_DEG)) ** 2) - state.own_log_rate
-        brakes = self.whole_change(state, theta[0] / theta[3])
+        brakes = self.whole_change(state, law.extra_where_out)
         return ("turn",) if float((within * (brakes - AS_MEASURED[1] * bank)).sum()) <= 0 else ()
 
     def whole_change(self, state: FlightState, size: Tensor) -> Tensor:
@@ -135,38 +174,40 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Rate by the energy equation within the window, on the share that flies it; mean over own windows."""
-        change = theta[3] * self.whole_change(state, theta[0] / theta[3])
-        shown = {quantity: weight * change for quantity, weight in self._mean_within(state, theta).items()}
+        law = BrakeLaw(*theta)
+        change = law.share * self.whole_change(state, law.extra_where_out)
+        shown = {quantity: weight * change for quantity, weight in self._mean_within(state, law).items()}
         # Edges of a window are steps of the rate, which count as short-scale noise.
-        return {**shown, "noise_rate": theta[4] * torch.ones_like(change[:, 0])}
+        return {**shown, "noise_rate": law.ln_ratio_noise * torch.ones_like(change[:, 0])}
 
-    def _mean_within(self, state: FlightState, theta: Tensor) -> dict[str, Tensor]:
+    def _mean_within(self, state: FlightState, law: BrakeLaw) -> dict[str, Tensor]:
         """Weight of each band in the mean over the windows of the law."""
-        _, low, high, _, _, middle, height, _ = theta
-        if not bool(middle > 0) and not bool(height > 0):
-            return self.within(state, low, high)
+        if law.is_one_window:
+            return self.within(state, law.low_fl, law.high_fl)
         total: dict[str, Tensor] = {}
         for x, u in zip(*NODES, strict=True):
             for y, v in zip(*NODES, strict=True):
-                half = (0.5 * (high - low + y * height)).clamp(min=0.0)
-                centre = 0.5 * (high + low) + x * middle
+                half = (0.5 * (law.height_fl + y * law.spread_height_fl)).clamp(min=0.0)
+                centre = law.middle_fl + x * law.spread_middle_fl
                 for quantity, weight in self.within(state, centre - half, centre + half).items():
                     total[quantity] = total.get(quantity, 0.0) + u * v * weight
         return total
 
     def mixture(self, theta: Tensor) -> tuple[float, Tensor]:
         """Flights have them out or do not."""
-        share = theta[3]
-        own = torch.stack([theta[0] / share, theta[1], theta[2], torch.ones_like(share), theta[4] / share])
-        return float(share), torch.cat([own, theta[5:]])
+        law = BrakeLaw(*theta)
+        share, noise = law.share, law.ln_ratio_noise / law.share
+        own = law._replace(extra_cd0=law.extra_where_out, share=torch.ones_like(share), ln_ratio_noise=noise)
+        return float(share), torch.stack(own)
 
     def law_starts(self, state: FlightState, theta: Tensor) -> list[Tensor]:
         """One window for all, as it is, and windows of each flight's own about its middle; a law goes on as it is."""
-        if float(theta[7]) > 0.0:
+        mean = BrakeLaw(*theta)
+        if float(mean.spread_extra) > 0.0:
             return [theta]
         size, share, middle, height, spread = FIRST_LAW
-        size = max(float(theta[0] / theta[3]), size) if float(theta[3]) < 1.0 else size
-        low, high = theta[1:3].tolist()
+        size = max(float(mean.extra_where_out), size) if float(mean.share) < 1.0 else size
+        low, high = float(mean.low_fl), float(mean.high_fl)
         # Noise that the mean fit gives to brakes may be of anything: flights would get brakes where they are not seen.
         alike = [size * share, low, high, share, 0.0, 0.0, 0.0, spread * size]
         own = [size * share, low, high, share, 0.0, middle, height, spread * size]
@@ -174,27 +215,24 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
 
     def windows(self, state: FlightState, theta: Tensor, beyond: Tensor) -> Windows:
         """The law's window, or all windows of the grid where each flight has its own."""
-        size, _, _ = self.size(theta)
+        law, (size, _, _) = BrakeLaw(*theta), self.size(theta)
         shape = self.whole_change(state, torch.tensor(size, dtype=torch.float64)) / size
-        ends, lower, upper = self._windows(state, theta)
+        ends, lower, upper = self._windows(state, law)
         inset = self.inset_fl / 2
         first, second = (self.below(state, at) for at in (ends + inset, ends - inset))
         slots = tuple((quantity, band) for quantity in first for band in range(shape.shape[1]))
         # Edges of a window are short-scale noise, the more the larger the drag: all upper rows have it.
-        noise = torch.full_like(shape[:, :1], float(theta[4] / theta[0]))
+        noise = torch.full_like(shape[:, :1], float(law.ln_ratio_noise / law.extra_cd0))
         shape = torch.cat([shape] * len(first) + [noise], 1)
         rows = [torch.cat(list(part.values()), 1) for part in (first, second)]
         table = torch.cat([torch.nn.functional.pad(row, (0, 1), value=k) for k, row in enumerate(rows)])
         names = (*slots, ("noise_rate", -1))
         return Windows(names, shape, torch.zeros_like(shape), table, lower, upper + len(ends))
 
-    def _is_one_window(self, theta: Tensor) -> bool:
-        return float(theta[5]) == 0.0 and float(theta[6]) == 0.0
-
-    def _windows(self, state: FlightState, theta: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def _windows(self, state: FlightState, law: BrakeLaw) -> tuple[Tensor, Tensor, Tensor]:
         """Ends (E,) of windows, and which of them are the lower and the upper one of each (W,)."""
-        if self._is_one_window(theta):
-            return theta[1:3], torch.tensor([0]), torch.tensor([1])
+        if law.is_one_window:
+            return torch.stack([law.low_fl, law.high_fl]), torch.tensor([0]), torch.tensor([1])
         low, high = self.range_fl(state)
         ends = torch.arange(low, high + self.grid_fl / 2, self.grid_fl, dtype=torch.float64)
         height = ends - ends[:, None]
@@ -208,66 +246,60 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
 
     def sought_about(self, theta: Tensor) -> "SpeedBrake":
         """The same with a finer grid about a law of nearly one window."""
-        if self._is_one_window(theta) or float(theta[5:7].max()) >= GRID_FL:
+        law = BrakeLaw(*theta)
+        if law.is_one_window or max(float(law.spread_middle_fl), float(law.spread_height_fl)) >= GRID_FL:
             return self
         found = copy(self)
-        found.grid_fl, found._about = FINE_FL, (float(theta[1] + theta[2]) / 2, float(theta[2] - theta[1]))
+        found.grid_fl, found._about = FINE_FL, (float(law.middle_fl), float(law.height_fl))
         return found
 
     def log_prior(self, state: FlightState, theta: Tensor) -> Tensor:
         """Normal laws of the middle and the height of a window."""
-        ends, lower, upper = self._windows(state, theta)
+        law = BrakeLaw(*theta)
+        ends, lower, upper = self._windows(state, law)
         if len(lower) == 1:
             return torch.zeros(1, dtype=torch.float64)
         middle, height = (ends[upper] + ends[lower]) / 2, ends[upper] - ends[lower]
-        usual, tall = (theta[2] + theta[1]) / 2, theta[2] - theta[1]
-        log = -0.5 * ((middle - usual) / theta[5]) ** 2 - 0.5 * ((height - tall) / theta[6]) ** 2
+        log = -0.5 * ((middle - law.middle_fl) / law.spread_middle_fl) ** 2
+        log = log - 0.5 * ((height - law.height_fl) / law.spread_height_fl) ** 2
         return log - log.logsumexp(0)
 
     def size(self, theta: Tensor) -> tuple[float, float, float]:
         """Share of the flights with brakes out, and the drag that they add in those."""
-        return float(theta[3]), float(theta[0] / theta[3]), float(theta[7])
+        law = BrakeLaw(*theta)
+        return float(law.share), float(law.extra_where_out), float(law.spread_extra)
 
     def learn(self, state: FlightState, theta: Tensor, learnt: Learnt) -> Tensor:
         """Share, drag and windows of the flights with brakes out."""
-        share, (size, spread) = learnt.share, learnt.mean_and_spread()
-        share = min(max(share, self.parameters[3].low), 1.0)
-        found = theta.clone()
-        size = max(size, LEAST_DRAG / 2)
-        found[3], found[0] = share, size * share
-        found[4] = float(theta[4] / theta[3]) * share
-        found[7] = min(max(spread, LEAST_SPREAD_EXTRA), MOST_SPREAD * size)
-        ends, lower, upper = self._windows(state, theta)
+        before, (size, spread) = BrakeLaw(*theta), learnt.mean_and_spread()
+        share, size = min(max(learnt.share, LEAST_SHARE), 1.0), max(size, LEAST_DRAG / 2)
+        found = {name: float(value) for name, value in before._asdict().items()}
+        found |= {"share": share, "extra_cd0": size * share}
+        found["ln_ratio_noise"] = float(before.ln_ratio_noise / before.share) * share
+        found["spread_extra"] = min(max(spread, LEAST_SPREAD_EXTRA), MOST_SPREAD * size)
+        ends, lower, upper = self._windows(state, before)
         if len(lower) > 1:
-            middle, height = (ends[upper] + ends[lower]) / 2, ends[upper] - ends[lower]
-            (usual, apart), (tall, taller) = (
-                _mean_and_spread(values, learnt.taken, float(before))
-                for values, before in ((middle, theta[5]), (height, theta[6]))
-            )
-            found[1], found[2], found[5], found[6] = usual - tall / 2, usual + tall / 2, apart, taller
-        return self.clamp(found)
+            middles, heights = (ends[upper] + ends[lower]) / 2, ends[upper] - ends[lower]
+            middle, of_middle = _mean_and_spread(middles, learnt.taken, float(before.spread_middle_fl))
+            height, of_height = _mean_and_spread(heights, learnt.taken, float(before.spread_height_fl))
+            found |= {"low_fl": middle - height / 2, "high_fl": middle + height / 2}
+            found |= {"spread_middle_fl": of_middle, "spread_height_fl": of_height}
+        return self.clamp(torch.tensor(list(found.values()), dtype=theta.dtype))
 
     def own_change(self, state: FlightState, theta: Tensor, uniform: Tensor) -> FlightChange:
         """The rate in a window of each flight's own."""
-        own, inset = self._own_windows(theta, uniform), self.inset_fl / 2
-        within = self.below(state, own[:, 2] - inset)["rate"] - self.below(state, own[:, 1] + inset)["rate"]
-        return FlightChange(flown={"rate": within * self.whole_change(state, own[:, :1])})
-
-    def _own_windows(self, whole: Tensor, uniform: Tensor) -> Tensor:
-        """Parameters (n, k) of each flight's own window and drag."""
-        own = whole.expand(len(uniform), -1).clone()
+        law, inset = BrakeLaw(*theta), self.inset_fl / 2
         place, tall = torch.special.ndtri(uniform[:, :2].clamp(min=1e-12)).unbind(1)
-        middle = (whole[2] + whole[1]) / 2 + (place * whole[5] if float(whole[5]) > 0 else 0.0)
-        height = whole[2] - whole[1] + (tall * whole[6] if float(whole[6]) > 0 else 0.0)
-        half = height.clamp(min=NARROWEST_FL) / 2 if self.is_law(whole) else height / 2
-        own[:, 0], own[:, 1], own[:, 2] = positive_size(uniform[:, 2], whole[0], whole[7]), middle - half, middle + half
-        own[:, 5:] = 0.0
-        return own
+        middle, height = law.middle_fl + place * law.spread_middle_fl, law.height_fl + tall * law.spread_height_fl
+        half = height.clamp(min=NARROWEST_FL) / 2
+        extra = positive_size(uniform[:, 2], law.extra_cd0, law.spread_extra)
+        within = self.below(state, middle + half - inset)["rate"] - self.below(state, middle - half + inset)["rate"]
+        return FlightChange(flown={"rate": within * self.whole_change(state, extra[:, None])})
 
 
 def _mean_and_spread(values: Tensor, weight: Tensor, before: float) -> tuple[float, float]:
     """Weighted mean and standard deviation of values (W,), with a little of the spread before."""
     total = weight.sum().clamp(min=1e-9)
     mean = (weight * values).sum() / total
-    variance = ((weight * (values - mean) ** 2).sum() + BEFORE * before**2) / (total + BEFORE)
+    variance = ((weight * (values - mean) ** 2).sum() + PRIOR_FLIGHTS * before**2) / (total + PRIOR_FLIGHTS)
     return float(mean), max(float(variance) ** 0.5, LEAST_SPREAD_FL)

@@ -29,8 +29,8 @@ class SpeedSchedule(Effect):
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """CAS of the schedule with the change minus that without: the slower of Mach and CAS decides."""
-        plan, altitude = state.schedule, state.altitude_m
+        (cas_kt, mach), plan, altitude = theta, state.schedule, state.altitude_m
         # Flights that have the change in them already are moved back.
         sign = -1.0 if state.affected else 1.0
-        moved = plan.at(altitude, sign * theta[1], sign * theta[0] * KT_MPS)
+        moved = plan.at(altitude, sign * mach, sign * cas_kt * KT_MPS)
         return {"cas": sign * (moved - plan.at(altitude)) / KT_MPS}

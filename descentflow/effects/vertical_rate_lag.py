@@ -68,15 +68,16 @@ class VerticalRateLag(Effect):
         that it would be compared with, and a regression on it is biased (endogeneity: Wooldridge, Introductory
         Econometrics, chapter 15).
         """
+        lag_s, ln_ratio_noise = theta
         change = state.rate_change_per_s
         if change is None:
             rate = state.schedule_log_rate.exp()
-            late = usual = _late(rate, state, float(theta[0])) - rate.log()
+            late = usual = _late(rate, state, float(lag_s)) - rate.log()
         else:
-            late = _exceeds(theta[0] * torch.where(change.isfinite(), change, state.schedule_change_per_s))
+            late = _exceeds(lag_s * torch.where(change.isfinite(), change, state.schedule_change_per_s))
             mean = state.usual_rate_change_per_s
-            usual = late if mean is None else _exceeds(theta[0] * mean).expand_as(late)
-        return {"rate": usual, "lag": late, "noise_rate": theta[1] * torch.ones_like(late[:, 0])}
+            usual = late if mean is None else _exceeds(lag_s * mean).expand_as(late)
+        return {"rate": usual, "lag": late, "noise_rate": ln_ratio_noise * torch.ones_like(late[:, 0])}
 
 
 def _exceeds(share: Tensor) -> Tensor:

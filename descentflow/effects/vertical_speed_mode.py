@@ -43,5 +43,7 @@ class VerticalSpeedMode(Effect):
 
     def shift(self, state: FlightState, theta: Tensor) -> Shift:
         """Gaps in the levels and time lost in them; what cleaning leaves of held rates is slower, at any level."""
-        each = torch.ones_like(state.cas_mps[:, 0])
-        return {"missing": theta[0] * each, "slow": theta[1] * each, "rate": -theta[2] * torch.ones_like(state.cas_mps)}
+        levels_cut_out, slower_in_gaps, shallower = theta
+        rate = -shallower * torch.ones_like(state.cas_mps)
+        each = torch.ones_like(rate[:, 0])
+        return {"missing": levels_cut_out * each, "slow": slower_in_gaps * each, "rate": rate}

@@ -5,6 +5,7 @@ from pathlib import Path
 from shlex import quote
 from typing import Any
 
+from descentflow.diagnosis.findings.cause_found import Cause
 from descentflow.diagnosis.findings.costs_found import Measured
 from descentflow.diagnosis.findings.findings import SEEN, Curve, DetectionLimit, Findings
 from descentflow.diagnosis.findings.inputs_found import InputUsed, Provenance
@@ -21,6 +22,7 @@ from descentflow.diagnosis.report.page_tables import (
 from descentflow.diagnosis.report.sizes import reported_text
 from descentflow.diagnosis.report.trade_units import at_level, between, in_trade, level_range, trade_number
 from descentflow.effects import EFFECTS, UNKNOWN
+from descentflow.effects.effect import NONE
 from descentflow.measurements.quantity_registry import label_of
 from descentflow.reporting.pages import drawing, rendered
 
@@ -222,6 +224,7 @@ def _shared(found: Findings) -> dict[str, Any]:
         "known_flights": found.dropped.get(SEEN, 0),
         "standing": _standing(found),
         "stand_in": str(used) if used and used.stand_in else "",
+        "airs_of_simulator": [_air_of_simulator(one) for one in found.causes if not one.inherited],
         "decide": _deciding(found),
         "repair": repair_command(found),
         "worth_a_look": found.flights_worth_a_look if found.verdict in ("unknown", "partial") else [],
@@ -306,6 +309,16 @@ def _aligned(rows: Sequence[Sequence[str]]) -> str:
         for row in rows
     ]
     return "\n".join(f"  {line}".rstrip() for line in lines)
+
+
+def _air_of_simulator(cause: Cause) -> str:
+    """Air of the simulator's flights where the air is a cause: ``unknown``, ``standard``, or its ``own``."""
+    effect = EFFECTS.get(cause.effect)
+    if effect is None or not effect.is_air:
+        return ""
+    if not cause.on_both_sides:
+        return "unknown"
+    return "own" if abs(cause.on_both_sides[0].simulator) >= NONE * effect.parameters[0].scale else "standard"
 
 
 def _levels_drawn(curves: Mapping[str, Curve]) -> list[str]:

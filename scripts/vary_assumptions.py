@@ -15,7 +15,7 @@ from descentflow.diagnosis.diagnosis_inputs import Inputs
 from descentflow.diagnosis.inference.assumptions import ASSUMED, Assumptions
 from descentflow.diagnosis.inference.explain import explain
 from descentflow.diagnosis.inference.two_sides import compare
-from descentflow.diagnosis.reference_flights import both_sides
+from descentflow.diagnosis.measured_sides import both_sides
 from descentflow.diagnosis.verdict import verdict_of
 from descentflow.effects import EFFECTS
 from descentflow.measurements.quantity_registry import CHANNELS
@@ -58,7 +58,7 @@ def main() -> None:
     sides, usual = both_sides(opened.simulator, opened.frame, CHANNELS), ""
     for name, assumed in every():
         with one_thread(), torch.inference_mode():
-            found = explain(compare(sides.reference, sides.real, opened.simulator.aircraft, assumed), EFFECTS)
+            found = explain(compare(sides.simulated, sides.real, opened.simulator.aircraft, assumed), EFFECTS)
         sizes = [f"{effect} {float(theta[0]):.3g}" for effect, theta in found.theta.items()]
         answer = ", ".join([verdict_of(found), *sizes])
         usual = usual or answer

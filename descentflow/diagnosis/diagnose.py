@@ -18,7 +18,7 @@ from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.diagnosis_steps import diagnose_compared
 from descentflow.diagnosis.earlier_report import check_no_other_report
 from descentflow.diagnosis.inference.two_sides import compare
-from descentflow.diagnosis.reference_flights import both_sides
+from descentflow.diagnosis.measured_sides import both_sides
 from descentflow.diagnosis.report.gap_report import FILES, GapReport
 from descentflow.diagnosis.report.what_is_left import OWN_FLIGHTS, left_out_channels
 from descentflow.effects import EFFECTS, Effect, checked_catalogue
@@ -173,12 +173,12 @@ def diagnose_prepared(frame: pl.DataFrame, settings: Settings, dropped: Mapping[
     settings.progress("measuring flights")
     sides = both_sides(simulator, frame, settings.channels)
     real, source, given = sides.real, sides.source, frame["flight_id"].n_unique()
-    compared = compare(sides.reference, real, simulator.aircraft)
+    compared = compare(sides.simulated, real, simulator.aircraft)
     counts = {
         "flights_given": given,
         "flights_off_the_grid": given - len(real),
         "flights_compared": len(real),
-        "simulator_flights": 0 if sides.reference is None else len(sides.reference),
+        "simulator_flights": 0 if sides.simulated is None else len(sides.simulated),
         **dropped,
     }
     report = diagnose_compared(compared, settings, source, counts, frame)

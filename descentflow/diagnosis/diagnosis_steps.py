@@ -128,7 +128,7 @@ def diagnose_compared(
 
 def _left(compared: Compared, settings: Settings, theta: Mapping[str, Tensor]) -> Tensor:
     """Entries (n, p) once the simulator has the causes."""
-    if compared.has_reference:
+    if compared.has_simulated:
         mass_kg, cleaning = compared.state.mass_kg, settings.simulator.cleaning
         return corrected_entries(compared, AddedEffects(settings.catalogue, theta, mass_kg, cleaning, settings.seed))
     # Nominal descents have no flights of their own: the causes are taken off the real ones.

@@ -18,7 +18,7 @@ MIN_AIRCRAFT = 5
 """Of either side: each fold of the cross-validation holds out whole aircraft."""
 NEEDED = ("IAS", "vertical_rate")
 """Channels without which there is no descent to compare."""
-SHOWS = {"Mach": "mismatch", "TAS": "tas", "groundspeed": "wind", "geoaltitude": "height"}
+SHOWN_BY = {"Mach": "mismatch", "TAS": "tas", "groundspeed": "wind", "geoaltitude": "height"}
 """Channel -> a quantity that cannot be measured without it."""
 REAL, SIMULATED = "real", "simulator"
 """Names of the sides where one lacks a channel."""
@@ -31,7 +31,7 @@ class MeasuredSides:
     """Measurements of both sides' flights, by the same instrument.
 
     Attributes:
-        reference: The simulator's flights; None for a nominal descent.
+        simulated: The simulator's flights; None for a nominal descent.
         real: Real flights, in the same quantities.
         source: Where the former come from: ``training flights``, ``simulator flights`` or ``physics``.
         lacked: Channel -> the side that lacks it, where one side alone does; it is left out on both.
@@ -41,11 +41,11 @@ class MeasuredSides:
         >>> from descentflow.measurements.quantity_registry import CHANNELS
         >>> opened = Inputs("descents.parquet", "best.ckpt").open()
         >>> sides = both_sides(opened.simulator, opened.frame, CHANNELS)
-        >>> sides.source, len(sides.reference), len(sides.real), sides.lacked
+        >>> sides.source, len(sides.simulated), len(sides.real), sides.lacked
         ('training flights', 96, 120, {})
     """
 
-    reference: Quantities | None
+    simulated: Quantities | None
     real: Quantities
     source: str
     lacked: Mapping[str, str] = field(default_factory=dict)
@@ -88,7 +88,7 @@ def both_sides(simulator: Simulator, frame: pl.DataFrame, channels: Sequence[str
             f"a checkpoint with {error.args[0]}", expected="one of this version of descentflow", mend="fit it again"
         ) from error
     check_count(own, len(own), low, high, whose="training flights of the checkpoint")
-    lacked = {c: REAL for c, q in SHOWS.items() if c in channels and q in own.values and q not in real.values}
+    lacked = {c: REAL for c, q in SHOWN_BY.items() if c in channels and q in own.values and q not in real.values}
     return MeasuredSides(kept_channels(own, real), real, "training flights", lacked)
 
 
@@ -158,7 +158,7 @@ def check_count(found: Quantities, given: int, low: float, high: float, whose: s
         )
 
 
-def kept_channels(reference: Quantities, real: Quantities) -> Quantities:
+def kept_channels(simulated: Quantities, real: Quantities) -> Quantities:
     """The simulator's flights with the quantities that the real ones show: a channel left out is left out of both.
 
     Example:
@@ -169,8 +169,8 @@ def kept_channels(reference: Quantities, real: Quantities) -> Quantities:
         True
     """
     names = set(real.values)
-    values = {name: value for name, value in reference.values.items() if name in names}
-    physics = dict(reference.physics)
+    values = {name: value for name, value in simulated.values.items() if name in names}
+    physics = dict(simulated.physics)
     if "wind" not in names:
         physics["tailwind_mps"] = torch.zeros_like(physics["tailwind_mps"])
-    return replace(reference, values=values, physics=physics)
+    return replace(simulated, values=values, physics=physics)

@@ -13,7 +13,7 @@ from descentflow.core.errors import AircraftError, CheckpointError, ConfigError,
 from descentflow.diagnosis.diagnose import diagnose
 from descentflow.diagnosis.diagnosis_inputs import Inputs
 from descentflow.diagnosis.findings.read_gap import read_gap
-from descentflow.diagnosis.reference_flights import both_sides
+from descentflow.diagnosis.measured_sides import both_sides
 from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.effects import EFFECTS
 from descentflow.measurements.quantity_registry import CHANNELS
@@ -133,7 +133,7 @@ def test_a_channel_that_one_side_lacks_is_left_out_and_named(real: Descents, sim
     opened = Inputs(with_frame(real, real.frame.drop("groundspeed")), simulator).open()
     sides = both_sides(opened.simulator, opened.frame, CHANNELS)
     assert sides.lacked == {"groundspeed": "real"}
-    assert set(sides.real.values) == set(sides.reference.values)
+    assert set(sides.real.values) == set(sides.simulated.values)
 
 
 @pytest.mark.parametrize(

@@ -7,11 +7,11 @@ import torch
 from scipy.optimize import minimize
 
 from descentflow.diagnosis.inference.assumptions import ASSUMED
-from descentflow.diagnosis.inference.reference_coefficients import (
-    ReferenceCoefficients,
+from descentflow.diagnosis.inference.simulator_coefficients import (
+    SimulatorCoefficients,
     _spread,
-    reference_coefficients,
     scaled,
+    simulator_coefficients,
 )
 from descentflow.effects.example_flights import example_flights
 from descentflow.effects.flight_state import FlightState, log_rate
@@ -52,7 +52,7 @@ def test_the_optimum_is_that_of_a_general_optimiser(flown: tuple[FlightState, to
     best = minimize(
         lambda x: float(minus_log_posterior(torch.tensor(x))), [0.0] * 15, method="BFGS", options={"gtol": 1e-4}
     )
-    found = reference_coefficients(state, seen, alone)
+    found = simulator_coefficients(state, seen, alone)
     # Differences of the optimiser's gradient limit it to some 1e-3 of a prior's spread.
     torch.testing.assert_close(found.ln_factors, torch.tensor(best.x[:4]), atol=3e-3, rtol=0)
     spread = found.covariance.diagonal().sqrt()
@@ -63,7 +63,7 @@ def test_the_optimum_is_that_of_a_general_optimiser(flown: tuple[FlightState, to
 
 def test_what_flew_is_within_what_is_claimed(flown: tuple[FlightState, torch.Tensor]) -> None:
     state, seen = flown
-    found = reference_coefficients(state, seen, torch.arange(100))
+    found = simulator_coefficients(state, seen, torch.arange(100))
     off = found.ln_factors - TRUE
     # Chi-squared of four: beyond 18.5 once in a thousand.
     assert float(off @ torch.linalg.solve(found.covariance, off)) < 18.5
@@ -73,7 +73,7 @@ def test_what_flew_is_within_what_is_claimed(flown: tuple[FlightState, torch.Ten
 def test_the_common_scale_stays_as_open_as_before(flown: tuple[FlightState, torch.Tensor]) -> None:
     """No rate tells the scale of mass, drag and thrust: along it the data add nothing to the prior."""
     state, seen = flown
-    found = reference_coefficients(state, seen, torch.arange(100))
+    found = simulator_coefficients(state, seen, torch.arange(100))
     gauge = torch.tensor([1.0, 1.0, -1.0, 1.0], dtype=torch.float64)
     torch.testing.assert_close(log_rate(scaled(state, gauge * 0.2)), log_rate(state))
     prior = torch.diag(torch.tensor(ASSUMED.coefficient_spread, dtype=torch.float64) ** -2)
@@ -84,5 +84,5 @@ def test_the_common_scale_stays_as_open_as_before(flown: tuple[FlightState, torc
 def test_flights_of_which_no_rate_was_seen_leave_the_prior() -> None:
     state = example_flights(5)
     blank = torch.full((5, 11), torch.nan, dtype=torch.float64)
-    found = reference_coefficients(state, blank, torch.arange(5))
-    torch.testing.assert_close(found.covariance, ReferenceCoefficients.unknown().covariance)
+    found = simulator_coefficients(state, blank, torch.arange(5))
+    torch.testing.assert_close(found.covariance, SimulatorCoefficients.unknown().covariance)

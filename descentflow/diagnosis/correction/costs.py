@@ -69,15 +69,15 @@ def costs_of(compared: Compared, left: Tensor | None, seed: int) -> list[Cost]:
         return []
     c, real, generator = compared, compared.real, torch.Generator().manual_seed(seed)
     of_real = _fleets(c.airframe[real], generator)
-    own, of_own = (~real, _fleets(c.airframe[~real], generator)) if c.has_reference else (real, of_real)
+    own, of_own = (~real, _fleets(c.airframe[~real], generator)) if c.has_simulated else (real, of_real)
     every = flown(c, c.y)
     # Nominal BADA flies each flight's own speed at the polar's rate: a rate of zero beyond the polar.
-    normal = every if c.has_reference else flown(c, 0.0 * c.y)
+    normal = every if c.has_simulated else flown(c, 0.0 * c.y)
     sides = [_Side(normal, own, *of_own), _Side(every, real, *of_real)]
     after = []
     if left is not None:
         both = flown(c, left)
-        after = [_Side(both if c.has_reference else normal, own, *of_own), _Side(both, real, *of_real)]
+        after = [_Side(both if c.has_simulated else normal, own, *of_own), _Side(both, real, *of_real)]
     known = [name for name in LABELS if name in every and bool(normal[name][own].isfinite().any())]
     found, half = [], compared.band_fl / 2
     for chosen in [bands, *_thirds(bands)] if len(bands) >= PARTS else [bands]:
@@ -107,7 +107,7 @@ def costs_of(compared: Compared, left: Tensor | None, seed: int) -> list[Cost]:
 def profile_of(compared: Compared) -> list[LevelMeans]:
     """Mean profile of the simulator in each band where a rate is compared, from below."""
     bands = sorted(e.band for e in compared.entries if e.quantity == "rate")
-    table = flown(compared, compared.y if compared.has_reference else 0.0 * compared.y)
+    table = flown(compared, compared.y if compared.has_simulated else 0.0 * compared.y)
     simulator = simulator_rows(compared)
     rate, seconds, distance = (table[name][simulator].nanmean(0) for name in ("rate", "time", "air_distance"))
     cas = torch.where(table["rate"].isfinite(), compared.state.cas_mps / KT_MPS, torch.nan)[simulator].nanmean(0)
@@ -179,7 +179,7 @@ def flown(compared: Compared, y: Tensor) -> dict[str, Tensor]:
         found["cas"] = torch.where(rate.isfinite(), cas_mps / KT_MPS, torch.nan)
     if "tas" in quantities:
         found["tas"] = torch.where(rate.isfinite(), tas / KT_MPS, torch.nan)
-    sides = [compared.real, ~compared.real] if compared.has_reference else [compared.real]
+    sides = [compared.real, ~compared.real] if compared.has_simulated else [compared.real]
     # Without wind measured on each side there is no distance over ground.
     if "wind" in quantities and all(bool((state.tailwind_mps[side] != 0).any()) for side in sides):
         level = (tas**2 - crossed.nan_to_num(0.0) ** 2).clamp(min=0.0).sqrt()
@@ -194,7 +194,7 @@ def flown(compared: Compared, y: Tensor) -> dict[str, Tensor]:
 
 def simulator_rows(compared: Compared) -> Tensor:
     """Flights (n,) with the simulator's speeds: its own, or all where it flies each flight's own speed."""
-    return ~compared.real if compared.has_reference else compared.real
+    return ~compared.real if compared.has_simulated else compared.real
 
 
 def _fleets(airframe: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor]:

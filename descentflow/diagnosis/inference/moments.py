@@ -64,7 +64,7 @@ def moments(compared: Compared) -> Moments:
     error = np.diag(negligible**2) + np.outer(bend, bend) / 4.0
     step = np.array([assumed.rounding.get(name, 0.0) for name in quantity])
     difference, departures, sums = -bend, np.full_like(y, np.nan), []
-    for side, sign in ((real, 1.0), (~real, -1.0)) if compared.has_reference else ((real, 1.0),):
+    for side, sign in ((real, 1.0), (~real, -1.0)) if compared.has_simulated else ((real, 1.0),):
         mean = np.nanmean(y[side], 0)
         difference = difference + sign * mean
         departures[side] = y[side] - mean
@@ -139,7 +139,7 @@ def spread_of_speeds(compared: Compared, quantity: np.ndarray) -> Array:
 
     CAS is the lower of a schedule's CAS and of that of its Mach number: its mean is not that of the mean schedule.
     """
-    if not compared.has_reference:
+    if not compared.has_simulated:
         return np.zeros(len(quantity))
     state, plan = compared.state, compared.state.schedule
     sides = []

@@ -128,7 +128,7 @@ RAISED_BY_CAUSES = ("noise_rate", "noise_altitude", "noise_groundspeed")
 def free_in_every_set(compared: Compared) -> Tensor:
     """Entries (p,) that are free in every set of effects."""
     own = compared.y[~compared.real].numpy()
-    alike = np.nanstd(own, 0) == 0.0 if compared.has_reference else np.zeros(len(compared.entries), dtype=bool)
+    alike = np.nanstd(own, 0) == 0.0 if compared.has_simulated else np.zeros(len(compared.entries), dtype=bool)
     flags = [
         QUANTITIES[entry.quantity].is_noise or (entry.quantity in OF_LEVEL_OFFS and bool(same))
         for entry, same in zip(compared.entries, alike, strict=True)

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from descentflow.diagnosis.inference.linear_gaussian import Array
 from descentflow.diagnosis.inference.moments import Moments
-from descentflow.diagnosis.inference.reference_coefficients import scaled
+from descentflow.diagnosis.inference.simulator_coefficients import scaled
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.effects import Effect
 from descentflow.effects.flight_state import FlightState

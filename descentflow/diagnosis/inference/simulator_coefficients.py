@@ -2,7 +2,7 @@ r"""Mass, drag and idle thrust of the aircraft that a simulator flies, as its ow
 
 An effect's signature is taken with some aircraft's coefficients, and the simulator's are not known: it may fly another
 polar, another mass, another idle thrust. So they are parameters,
-:math:`\psi = \ln(m, C_{D0}, C_{D2}, T_\mathrm{idle})` minus those of the reference, with a prior as wide as open
+:math:`\psi = \ln(m, C_{D0}, C_{D2}, T_\mathrm{idle})` minus those of the type, with a prior as wide as open
 sources differ. The simulator's own rates say what they can,
 
 .. math:: \ln R_i = f_i(\psi) + b + e_i, \quad b \sim N(0, B), \quad e_i \sim N(0, S), \quad \psi \sim N(0, \Lambda_0),
@@ -30,11 +30,11 @@ MOVED = 1e-3
 
 
 @dataclass(frozen=True)
-class ReferenceCoefficients:
-    """Logarithms (4,) of what mass, CD0, CD2 and idle thrust are times the reference's, and their covariance (4, 4).
+class SimulatorCoefficients:
+    """Logarithms (4,) of what mass, CD0, CD2 and idle thrust are times the type's, and their covariance (4, 4).
 
     Example:
-        >>> known = ReferenceCoefficients.unknown()
+        >>> known = SimulatorCoefficients.unknown()
         >>> known.ln_factors.tolist(), known.covariance.diagonal().sqrt().tolist()
         ([0.0, 0.0, 0.0, 0.0], [0.12, 0.23, 0.1, 0.8])
     """
@@ -43,7 +43,7 @@ class ReferenceCoefficients:
     covariance: Tensor
 
     @classmethod
-    def unknown(cls, assumed: Assumptions = ASSUMED) -> "ReferenceCoefficients":
+    def unknown(cls, assumed: Assumptions = ASSUMED) -> "SimulatorCoefficients":
         """Before any flight was seen."""
         prior = torch.tensor(assumed.coefficient_spread, dtype=torch.float64)
         return cls(torch.zeros(4, dtype=torch.float64), torch.diag(prior**2))
@@ -52,8 +52,8 @@ class ReferenceCoefficients:
         """Columns (4, 4) that span the covariance: each is one standard deviation of an independent part of it.
 
         Example:
-            >>> found = ReferenceCoefficients.unknown().directions()
-            >>> torch.allclose(found @ found.T, ReferenceCoefficients.unknown().covariance)
+            >>> found = SimulatorCoefficients.unknown().directions()
+            >>> torch.allclose(found @ found.T, SimulatorCoefficients.unknown().covariance)
             True
         """
         values, vectors = torch.linalg.eigh(self.covariance)
@@ -61,11 +61,11 @@ class ReferenceCoefficients:
         return found
 
     def applied(self, state: FlightState) -> FlightState:
-        """Flights of the reference aircraft, looked at with these coefficients.
+        """Flights of the type, looked at with these coefficients.
 
         Example:
             >>> from descentflow.effects.example_flights import example_flights
-            >>> heavier = ReferenceCoefficients(torch.tensor([0.1, 0.0, 0.0, 0.0]), torch.eye(4))
+            >>> heavier = SimulatorCoefficients(torch.tensor([0.1, 0.0, 0.0, 0.0]), torch.eye(4))
             >>> round(heavier.applied(example_flights()).mass_kg / example_flights().mass_kg, 3)
             1.105
         """
@@ -86,13 +86,13 @@ def scaled(state: FlightState, ln_factors: Tensor) -> FlightState:
     return replace(state, aircraft=aircraft, mass_kg=state.mass_kg * mass)
 
 
-def reference_coefficients(
+def simulator_coefficients(
     state: FlightState, log_rate_seen: Tensor, airframe: Tensor, assumed: Assumptions = ASSUMED
-) -> ReferenceCoefficients:
+) -> SimulatorCoefficients:
     """Coefficients that a simulator's own flights show: the most probable ones, and the covariance about them.
 
     Args:
-        state: The flights (n, K), with the reference aircraft's coefficients and mass.
+        state: The flights (n, K), with the type's coefficients and its reference mass.
         log_rate_seen: (n, K) ln of the rate, m/s; NaN where not seen.
         airframe: (n,) aircraft: what its flights share counts once.
         assumed: Constants.
@@ -102,12 +102,12 @@ def reference_coefficients(
         >>> state = example_flights(60)
         >>> noise = 0.03 * torch.randn(60, 11, generator=torch.Generator().manual_seed(0)).double()
         >>> seen = log_rate(state, mass=1.2) + noise
-        >>> found = reference_coefficients(state, seen, torch.arange(60))
+        >>> found = simulator_coefficients(state, seen, torch.arange(60))
         >>> apart = [float((log_rate(scaled(state, x)) - seen).mean()) for x in (torch.zeros(4), found.ln_factors)]
         >>> [round(x, 2) for x in apart]  # of ln rate, before and after: the equations may be off as well
         [0.07, -0.02]
     """
-    known = ReferenceCoefficients.unknown(assumed)
+    known = SimulatorCoefficients.unknown(assumed)
     bands = torch.nonzero(log_rate_seen.isfinite().sum(0) >= 2)[:, 0]
     if not len(bands):
         return known
@@ -130,7 +130,7 @@ def reference_coefficients(
         information = torch.einsum("npj,npk->jk", columns, products) - cross.T @ within[:, :4] + prior
         gradient = torch.einsum("npj,np->j", products, rest) - cross.T @ within[:, 4] - prior @ ln_factors
         ln_factors = ln_factors + torch.linalg.solve(information, gradient)
-    return ReferenceCoefficients(ln_factors, torch.linalg.inv(information))
+    return SimulatorCoefficients(ln_factors, torch.linalg.inv(information))
 
 
 def _by_aircraft(values: Tensor, airframe: Tensor) -> Tensor:

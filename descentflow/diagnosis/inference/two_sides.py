@@ -10,7 +10,7 @@ from descentflow.core.errors import DataError
 from descentflow.core.units import FL_M
 from descentflow.diagnosis.inference.assumptions import ASSUMED, Assumptions
 from descentflow.diagnosis.inference.compared_state import by_own_turns, report_delay_s, state_of, turned_more
-from descentflow.diagnosis.inference.reference_coefficients import ReferenceCoefficients, reference_coefficients
+from descentflow.diagnosis.inference.simulator_coefficients import SimulatorCoefficients, simulator_coefficients
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.measurements.quantities import Quantities
 from descentflow.measurements.quantity_registry import BY_BAND, OF_FLIGHT, QUANTITIES
@@ -56,7 +56,7 @@ class Compared:
     """(n,) number of the day on which each began; its own for each aircraft where days are not known."""
     state: FlightState
     band_fl: float
-    coefficients: ReferenceCoefficients = field(default_factory=ReferenceCoefficients.unknown)
+    coefficients: SimulatorCoefficients = field(default_factory=SimulatorCoefficients.unknown)
     """Of the aircraft that the simulator flies, as far as known; ``state`` is taken with them."""
     names: tuple[str, ...] = ()
     """Identifiers of the real flights, in their order; empty where they are not known."""
@@ -64,7 +64,7 @@ class Compared:
     """Constants of the diagnosis."""
 
     @property
-    def has_reference(self) -> bool:
+    def has_simulated(self) -> bool:
         """True if the simulator has flights of its own; else physics claims what is normal."""
         return not bool(self.real.all())
 
@@ -103,7 +103,7 @@ class Compared:
     def difference(self, y: Tensor) -> Tensor:
         """Mean (p,) of the real flights minus that of the simulator's, or minus zero where physics claims so."""
         mean = y[self.real].nanmean(0)
-        return mean - y[~self.real].nanmean(0).nan_to_num(0.0) if self.has_reference else mean
+        return mean - y[~self.real].nanmean(0).nan_to_num(0.0) if self.has_simulated else mean
 
     def quantities(self) -> tuple[str, ...]:
         """Quantities that are compared, each once, in order."""
@@ -130,12 +130,12 @@ class Compared:
 
 
 def compare(
-    reference: Quantities | None, real: Quantities, aircraft: PerformanceModel, assumed: Assumptions = ASSUMED
+    simulated_flights: Quantities | None, real: Quantities, aircraft: PerformanceModel, assumed: Assumptions = ASSUMED
 ) -> Compared:
     """Join both sides.
 
     Args:
-        reference: The simulator's flights; None for a simulator that claims the polar's rate at the reference mass.
+        simulated_flights: The simulator's; None where it claims the polar's rate at the reference mass.
         real: Real flights, on the same bands.
         aircraft: Coefficients of the simulator.
         assumed: Constants.
@@ -152,15 +152,15 @@ def compare(
         >>> compare(flights.rows(first), flights.rows(~first), aircraft("A320")).quantities()[:4]
         ('rate', 'lag', 'cas', 'mismatch')
     """
-    both, n_before = (_joined(reference, real), len(reference)) if reference else (real, 0)
+    both, n_before = (_joined(simulated_flights, real), len(simulated_flights)) if simulated_flights else (real, 0)
     state = state_of(both, aircraft, float(aircraft.mass_reference_kg), assumed)
     is_real = torch.arange(len(both)) >= n_before
     settled = both.physics["depth_m"] >= assumed.settled_m
-    coefficients = ReferenceCoefficients.unknown(assumed)
-    if reference:
-        own = state_of(reference, aircraft, state.mass_kg, assumed)
-        seen = torch.where(settled[:n_before], reference.physics["log_rate"], torch.nan)
-        coefficients = reference_coefficients(own, seen, reference.airframe, assumed)
+    coefficients = SimulatorCoefficients.unknown(assumed)
+    if simulated_flights:
+        own = state_of(simulated_flights, aircraft, state.mass_kg, assumed)
+        seen = torch.where(settled[:n_before], simulated_flights.physics["log_rate"], torch.nan)
+        coefficients = simulator_coefficients(own, seen, simulated_flights.airframe, assumed)
     state = coefficients.applied(state)
     values = dict(both.values)
     expected = log_rate(state)
@@ -172,7 +172,7 @@ def compare(
     values["lag"] = torch.where(settled, values["lag"], torch.nan)
     if state.rate_change_per_s is not None:
         state = replace(state, usual_rate_change_per_s=state.rate_change_per_s[is_real].nanmean(0).nan_to_num(0.0))
-    if reference:
+    if simulated_flights:
         beyond = values["rate"][~is_real].nanmean(0).nan_to_num(0.0)
         delay = report_delay_s(state.rows(torch.nonzero(~is_real)[:, 0]), values["lag"][~is_real])
         state = replace(state, beyond_polar=beyond, report_delay_s=delay)
@@ -180,13 +180,13 @@ def compare(
     # Where the simulator's flights measured nothing, flights of mean zero with the real spread are its claim.
     stand_in = torch.arange(n_before) % len(real)
     for name in (*BY_BAND, *OF_FLIGHT):
-        if name not in values or not (reference or name in CLAIMED_ZERO):
+        if name not in values or not (simulated_flights or name in CLAIMED_ZERO):
             continue
         table = values[name] if name in BY_BAND else values[name][:, None]
         for band in range(table.shape[1]):
             column = table[:, band]
             simulated = column[~is_real]
-            anchored = bool(reference) and _enough(simulated)
+            anchored = bool(simulated_flights) and _enough(simulated)
             # What a few of the simulator's flights show is not enough to compare, and no claim of physics either.
             claimed = name in CLAIMED_ZERO and not bool(simulated.isfinite().any())
             if not _enough(column[is_real]) or not (anchored or claimed):

@@ -183,7 +183,7 @@ def on_both_sides(compared: Compared, effect: Effect) -> BothSides:
         compared: Flights of both sides; a nominal descent has none of any effect.
         effect: Of which it is asked.
     """
-    if not compared.has_reference:
+    if not compared.has_simulated:
         return BothSides()
     found = [_of_side(compared, effect, side) for side in (compared.real, ~compared.real)]
     if not all(found):

@@ -79,7 +79,7 @@ def flights_worth_a_look(compared: Compared, left: Tensor, profile: list[LevelMe
         At most :data:`MOST_FLIGHTS`; none where flights have no identifiers or no quantity by level is compared.
     """
     real = left[compared.real]
-    normal = left[~compared.real].nanmean(0).nan_to_num(0.0) if compared.has_reference else 0.0 * left[0]
+    normal = left[~compared.real].nanmean(0).nan_to_num(0.0) if compared.has_simulated else 0.0 * left[0]
     rest = real - normal
     mean = rest.nanmean(0).nan_to_num(0.0)
     at = _largest(compared, mean)

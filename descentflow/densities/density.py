@@ -195,6 +195,7 @@ class Density(nn.Module, ABC):
         factor = torch.linalg.cholesky(torch.cov(drawn.T) + 1e-6 * torch.eye(self.dimension).to(drawn))
         return widened(Mixture(drawn.new_ones(1), drawn.mean(0)[None], factor[None]))
 
+    @checked_arguments
     def n_flights(self, weights: Tensor) -> int:
         """Number of flights of these weights (n, d).
 
@@ -209,6 +210,7 @@ class Density(nn.Module, ABC):
             )
         return len(weights)
 
+    @checked_arguments
     def rows_of_context(self, context: Tensor | None, n: int) -> Tensor:
         """The context (n, c) of n flights, checked; c is 0 for a density without context.
 

@@ -1,9 +1,7 @@
 """The folder beside an output in which an unfinished `prepare` keeps its parts, so that a rerun resumes from them."""
 
-import glob
 import hashlib
 import json
-import secrets
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -57,7 +55,6 @@ def job_folder(out: Path, facts: dict[str, Any]) -> Iterator[Path]:
         False
     """
     folder = work_folder(out)
-    _remove_retired(folder)
     with _alone(folder, out):
         folder.mkdir(exist_ok=True)
         _describe(folder, facts, out)
@@ -87,7 +84,6 @@ def remove_work(out: Path) -> None:
         (False, False)
     """
     folder = work_folder(out)
-    _remove_retired(folder)
     if folder.is_dir() or _lock_of(folder).exists():
         with suppress(ConfigError), _alone(folder, out):
             _remove(folder)
@@ -99,7 +95,7 @@ def _lock_of(folder: Path) -> Path:
 
 @contextmanager
 def _alone(folder: Path, out: Path) -> Iterator[None]:
-    """Hold the lock of the work, which lies beside its folder: that is renamed before it is removed."""
+    """Hold the lock of the work, which lies beside its folder."""
     claim = Claim(_lock_of(folder))
     if not claim.take():
         raise ConfigError(
@@ -114,21 +110,10 @@ def _alone(folder: Path, out: Path) -> Iterator[None]:
 
 
 def _remove(folder: Path) -> None:
-    """Rename the folder, then remove its files: half of them would pass for work that a rerun can go on with."""
-    retired = folder.with_name(f"{_retired(folder)}{secrets.token_hex(4)}")
-    with suppress(OSError):  # a full disk may not take another name: what ended the run is reported, and not this
-        folder = folder.replace(retired)
+    """Remove the folder, its description first: without it, what is left is no work that a rerun can go on with."""
+    with suppress(OSError):
+        (folder / DESCRIPTION).unlink()
     shutil.rmtree(folder, ignore_errors=True)
-
-
-def _remove_retired(folder: Path) -> None:
-    """Remove folders that runs were removing when they were killed."""
-    for left in folder.parent.glob(f"{glob.escape(_retired(folder))}*"):
-        shutil.rmtree(left, ignore_errors=True)
-
-
-def _retired(folder: Path) -> str:
-    return f".{folder.name[:50]}-done-"
 
 
 def _describe(folder: Path, facts: dict[str, Any], out: Path) -> None:
@@ -140,7 +125,7 @@ def _describe(folder: Path, facts: dict[str, Any], out: Path) -> None:
         left = "unreadable"
     if left == mark:
         return
-    if _has_parts(folder):
+    if left and _has_parts(folder):
         raise ConfigError(
             f"an unfinished run in {folder} was made of other inputs or settings",
             expected=f"those of {description}, with which it goes on",

@@ -103,23 +103,18 @@ def held_out(types: Sequence[TypeFlights], finish: Finish) -> HeldOut:
     mine, before = types[0], types[0].aircraft
     names = np.unique(mine.tails)
     fold = np.random.default_rng(0).permutation(len(names)) % min(FOLDS, len(names))
-    after: dict[str, list[Array]] = {"seconds": [], "rate": [], "cas": []}
-    order, gains = [], []
+    seconds, rate, cas = np.empty(len(mine.tails)), np.empty(mine.log_rate.shape), np.empty(mine.log_rate.shape)
+    gains = []
     for k in range(fold.max() + 1):
         out = np.isin(mine.tails, names[fold == k])
         kept, left = mine.rows(np.flatnonzero(~out)), mine.rows(np.flatnonzero(out))
         found = fit_types([kept, *types[1:]])
-        flown = _flown(left, finish(kept, found.of(0)[0]))
-        for name, part in zip(after, flown, strict=True):
-            after[name].append(part)
-        order.append(np.flatnonzero(out))
+        seconds[out], rate[out], cas[out] = _flown(left, finish(kept, found.of(0)[0]))
         one = found.only(0)
         about = linearised([left], one.mean)
         prior = before_flights(about, found.sizes)
         was, now = (predictive_log_density(linearised([left], each.mean), each) for each in (prior, one))
         gains.append(now - was)
-    place = np.argsort(np.concatenate(order))
-    seconds, rate, cas = (np.concatenate(part)[place] for part in after.values())
     seconds_before, rate_before, cas_before = _flown(mine, before)
     own_rate = np.exp(mine.log_rate) / FPM_MPS
     own_seconds = np.nansum(mine.evidence.state.width_m / np.exp(mine.log_rate), axis=1)

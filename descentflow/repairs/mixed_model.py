@@ -300,19 +300,20 @@ def predictive_log_density(flights: Flights, found: Posterior) -> Array:
     return np.array(densities)
 
 
-def stacked(
-    parts: Sequence[tuple[Array, Array, Array, np.ndarray, np.ndarray, Array]], kinds: Sequence[int], groups: np.ndarray
-) -> Flights:
-    """Flights in parts of a type each, ``y x by_mass seen tail altitude_m``, on the bands of all of them."""
-    altitude = np.unique(np.concatenate([part[5] for part in parts]).round(3))
-    whole: list[list[Array]] = [[], [], [], [], [], []]
-    for kind, (y, x, by_mass, seen, tail, own) in zip(kinds, parts, strict=True):
-        at = np.searchsorted(altitude, own.round(3))
-        for place, value in enumerate((y, x, by_mass, seen)):
-            wide = np.zeros((len(y), len(altitude), *value.shape[2:]), dtype=value.dtype)
-            wide[:, at] = np.where(seen.reshape(*seen.shape, *[1] * (value.ndim - 2)), value, 0)
-            whole[place].append(wide)
-        whole[4].append(np.full(len(y), kind))
-        whole[5].append(tail)
-    y, x, by_mass, seen, kind_of, tails = (np.concatenate(part) for part in whole)
-    return Flights(y, x, by_mass, seen.astype(bool), kind_of, tails, altitude, groups)
+def joined(parts: Sequence[Flights], groups: np.ndarray) -> Flights:
+    """Flights of several parts, with aircraft of their own, on the bands of all of them."""
+    altitude = np.unique(np.concatenate([part.altitude_m for part in parts]).round(3))
+
+    def wide(part: Flights, name: str) -> Array:
+        values: Array = getattr(part, name)
+        found = np.zeros((len(values), len(altitude), *values.shape[2:]), dtype=values.dtype)
+        found[:, np.searchsorted(altitude, part.altitude_m.round(3))] = values
+        return found
+
+    y, x, by_mass, seen = (
+        np.concatenate([wide(part, name) for part in parts]) for name in ("y", "x", "by_mass", "seen")
+    )
+    firsts = np.cumsum([0, *(int(part.tail.max()) + 1 for part in parts)])
+    tails = [part.tail + first for part, first in zip(parts, firsts[:-1], strict=True)]
+    kinds = np.concatenate([part.kind for part in parts])
+    return Flights(y, x, by_mass, seen, kinds, np.concatenate(tails), altitude, groups)

@@ -18,7 +18,7 @@ from descentflow.diagnosis.inference.two_sides import compare
 from descentflow.effects import EFFECTS
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.repairs.flight_evidence import Evidence, flight_evidence
-from descentflow.repairs.mixed_model import Flights, Posterior, fit, stacked
+from descentflow.repairs.mixed_model import Flights, Posterior, fit, joined
 
 ROUNDS = 3
 """Gauss-Newton steps: ln rate is close to linear in these parameters."""
@@ -104,12 +104,14 @@ class TypeFlights:
         """Some of the flights."""
         return replace(self, evidence=self.evidence.rows(index), shifts=self.shifts[index])
 
-    def linear(self, theta: Array) -> tuple[Array, Array, Array, np.ndarray, np.ndarray, Array]:
-        """Arrays for :func:`~descentflow.repairs.mixed_model.stacked`, linear about coefficients (3,)."""
+    def linear(self, theta: Array, kind: int, groups: np.ndarray) -> Flights:
+        """Flights that are linear about coefficients (3,) of their type, which has this number in groups of types."""
         value, by_theta, by_mass = self.evidence.columns(theta)
         y = self.log_rate - value + by_theta @ theta
         seen = np.isfinite(y)
-        return np.where(seen, y, 0.0), by_theta, by_mass, seen, self.tails, self.evidence.state.altitude_m.numpy()
+        y, x = np.where(seen, y, 0.0), np.where(seen[:, :, None], by_theta, 0.0)
+        kinds, altitude_m = np.full(len(y), kind), self.evidence.state.altitude_m.numpy()
+        return Flights(y, x, np.where(seen, by_mass, 0.0), seen, kinds, self.tails, altitude_m, groups)
 
 
 def type_flights(frame: pl.DataFrame, aircraft: Repairable, around: pl.DataFrame | None = None) -> TypeFlights:
@@ -198,13 +200,9 @@ def groups_of(typecodes: Sequence[str]) -> np.ndarray:
 
 def linearised(types: Sequence[TypeFlights], theta: Array) -> Flights:
     """All flights about coefficients (T, 3), with aircraft of different parts apart."""
-    codes, parts, first = codes_of(types), [], 0
-    for one in types:
-        y, x, by_mass, seen, tails, altitude = one.linear(theta[codes.index(one.aircraft.typecode)])
-        parts.append((y, x, by_mass, seen, tails + first, altitude))
-        first += int(tails.max()) + 1
-    kinds = [codes.index(one.aircraft.typecode) for one in types]
-    return stacked(parts, kinds, groups_of(codes))
+    codes = codes_of(types)
+    groups, kinds = groups_of(codes), [codes.index(one.aircraft.typecode) for one in types]
+    return joined([one.linear(theta[kind], kind, groups) for one, kind in zip(types, kinds, strict=True)], groups)
 
 
 def fit_types(types: Sequence[TypeFlights]) -> Posterior:

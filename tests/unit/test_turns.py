@@ -91,11 +91,9 @@ def turning() -> Quantities:
 
 def test_rates_are_compared_without_each_flights_own_turns(turning: Quantities) -> None:
     """Against the same flights that fly straight: their own turns are gone, the mean of them is not."""
-    straight = flown(60, 81)
-    sides = compare(flown(60, 82), turning, aircraft("A320"))
-    without = compare(flown(60, 82), straight, aircraft("A320"))
     unknown = replace(turning, physics={k: v for k, v in turning.physics.items() if k != "turning"})
-    before = compare(flown(60, 82), unknown, aircraft("A320"))
+    others, kind = flown(60, 82), aircraft("A320")
+    sides, without, before = (compare(others, one, kind) for one in (turning, flown(60, 81), unknown))
 
     def added(one: Any) -> Tensor:
         return one.y[one.real][:, one.columns("rate")] - without.y[without.real][:, without.columns("rate")]

@@ -27,6 +27,11 @@ def world():
     return simulate("A320", 60, seed=3, scenario="london-fir-2019")
 
 
+@pytest.fixture(scope="module")
+def prepared(world):
+    return prepare(world.rows, typecode="A320")
+
+
 def by_hand(rows: pl.DataFrame) -> dict[str, list[tuple[float, float]]]:
     """Seconds and mean altitude of the level segments of each flight that loses 5,000 ft."""
     found: dict[str, list[tuple[float, float]]] = {}
@@ -102,8 +107,7 @@ def test_the_distance_is_over_the_ground_or_else_through_the_air(world) -> None:
     assert level(rows.select("flight_id", "timestamp", "altitude"))["distance_nm"].null_count() > 0
 
 
-def test_prepare_counts_it_and_has_the_table(world, tmp_path) -> None:
-    prepared = prepare(world.rows, typecode="A320")
+def test_prepare_counts_it_and_has_the_table(world, prepared, tmp_path) -> None:
     notes, flights = prepared.report.notes, by_flight(stretches(world.rows))
     assert notes[FLIGHTS] == len(flights)
     assert notes[CONTINUOUS] == pytest.approx(int((flights["segments"] == 0).sum()), abs=1)
@@ -188,17 +192,16 @@ def test_a_climb_is_no_descent_without_level_flight() -> None:
         assert stretches(rows).is_empty()
 
 
-def test_few_or_odd_rows_have_no_segment() -> None:
+def test_few_or_odd_rows_have_no_segment(world) -> None:
     empty = pl.DataFrame(schema={"flight_id": pl.String, "timestamp": pl.Datetime("us", "UTC"), "altitude": pl.Float64})
     assert stretches(empty).is_empty()
     assert by_flight(stretches(empty)).is_empty()
-    one = simulate("A320", 1, seed=1).rows.head(1)
-    assert stretches(one).is_empty()
-    assert np.isfinite(by_flight(stretches(simulate("A320", 2, seed=1).rows))["level_s"].to_numpy()).all()
+    assert stretches(world.rows.head(1)).is_empty()
+    assert np.isfinite(by_flight(stretches(world.rows))["level_s"].to_numpy()).all()
 
 
-def test_fuel_of_level_flight_is_that_of_its_drag_beside_idle(world, tmp_path) -> None:
-    level = prepare(world.rows, typecode="A320").level_flight
+def test_fuel_of_level_flight_is_that_of_its_drag_beside_idle(prepared, tmp_path) -> None:
+    level = prepared.level_flight
     found = with_fuel(level)
     assert found.drop("fuel_kg", "idle_fuel_kg").equals(level)
     model = aircraft("A320")
@@ -213,7 +216,7 @@ def test_fuel_of_level_flight_is_that_of_its_drag_beside_idle(world, tmp_path) -
     assert of_none.filter(pl.col("segments") > 0)["fuel_kg"].null_count() > 0
     assert of_none.filter(segments=0)["fuel_kg"].to_list() == [0.0] * of_none.filter(segments=0).height
     with pytest.warns(DescentflowWarning, match=r"no fuel of level flight of A320: .*expected an existing folder"):
-        line = write_level_flight(prepare(world.rows, typecode="A320"), tmp_path / "level", "no_such")
+        line = write_level_flight(prepared, tmp_path / "level", "no_such")
     assert "a flight; fuel is known of 0 of the " in line
     assert "kg" not in line
 
@@ -254,11 +257,11 @@ def test_samples_are_counted_as_rows_are() -> None:
     assert words == f"level flight in descents of samples (2): 50 % have none, {mean:.0f} s in the mean"
 
 
-def test_evaluate_has_flights_samples_and_a_simulator_side_by_side(world, tmp_path) -> None:
+def test_evaluate_has_flights_samples_and_a_simulator_side_by_side(world, prepared, tmp_path) -> None:
     model = df.fit(prepare(df.simulate("A320", 60, seed=1)), model="gaussian")
     found = df.evaluate(model, world.rows, simulator=df.simulate("A320", 30, seed=2).rows, n=100, n_splits=2)
     sides = dict(found.level_flight.select("side", "flights").unique().iter_rows())
-    own = prepare(world.rows, typecode="A320").report.notes[FLIGHTS]
+    own = prepared.report.notes[FLIGHTS]
     assert sides == {"flights": own, "samples": 100, "simulator": 30}
     assert found.level_flight.filter(side="samples")["level_s"].sum() == 0
     assert "level flight in descents of simulator (30)" in str(found)

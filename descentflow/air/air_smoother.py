@@ -49,7 +49,7 @@ class Smoothed(NamedTuple):
     """Standard error of their slope."""
 
     def of(self, flights: Tensor) -> "Smoothed":
-        """Those of these flights."""
+        """Profiles of some of the flights."""
         chosen = torch.isin(self.flights, flights)
         return Smoothed(*(values[chosen] for values in self))
 

@@ -9,7 +9,7 @@ import torch
 from numpy.typing import NDArray
 
 from descentflow.air.weather_file import WeatherFile, WeatherSource, opened, same
-from descentflow.air.weather_layout import EAST, NAMES, NORTH, TEMPERATURE, Array, unusable
+from descentflow.air.weather_layout import EAST, NORTH, TEMPERATURE, VARIABLE_NAMES, Array, unusable
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.recent import Recent
 from descentflow.core.units import FL_M
@@ -61,10 +61,10 @@ class WeatherField:
         Raises:
             DataError: If a variable is missing, or one component of the wind.
         """
-        found = {name: _steps(files, name) for name in NAMES}
+        found = {name: _steps(files, name) for name in VARIABLE_NAMES}
         self._steps = {name: steps for name, steps in found.items() if steps}
         wanted = {*needed, *(() if {EAST, NORTH}.isdisjoint(self._steps) else (EAST, NORTH))}
-        for absent in (name for name in NAMES if name in wanted and name not in self._steps):
+        for absent in (name for name in VARIABLE_NAMES if name in wanted and name not in self._steps):
             paths = ", ".join(dict.fromkeys(file.path for file in files))
             raise unusable(f"{paths} without {absent}, with {' and '.join(self._steps) or 'nothing of use'}")
         self._grids = {name: Recent[Any](_HELD) for name in self._steps}

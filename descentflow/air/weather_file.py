@@ -19,7 +19,7 @@ from typing import Any, TextIO
 import numpy as np
 
 from descentflow.air import weather_layout as layout
-from descentflow.air.weather_layout import AXES, GRIB, NAMES, SUFFIXES, VERSION, Array, Axis
+from descentflow.air.weather_layout import AXES, GRIB, SUFFIXES, VARIABLE_NAMES, VERSION, Array, Axis
 from descentflow.core.errors import DataError, DescentflowError
 from descentflow.core.tabular import optional_library, pyproj
 
@@ -36,7 +36,7 @@ class WeatherFile:
     Attributes:
         path: The file.
         unix_s: (t,) seconds since 1970, in the order of the file; None where it has no time.
-        variables: Those of :data:`~.weather_layout.NAMES` that it has, as xarray's arrays.
+        variables: Those of :data:`~.weather_layout.VARIABLE_NAMES` that it has, as xarray's arrays.
     """
 
     path: str
@@ -101,7 +101,7 @@ def readable(path: str | Path) -> Iterator[None]:
 
 
 def weather_file_of(data: Any, path: str) -> WeatherFile:
-    """The same of an `xarray.Dataset`."""
+    """An open file of an `xarray.Dataset`."""
     others = [name for name, size in data.sizes.items() if size == 1 and name not in chain(*AXES.values(), [VERSION])]
     data = data.squeeze(others)
     named = {axis: name for axis in AXES if (name := layout.axis_name(data, axis, path)) is not None}
@@ -109,7 +109,7 @@ def weather_file_of(data: Any, path: str) -> WeatherFile:
     time = named.pop("time", None)
     along = None if time is None else str(data[time].dims[0])
     dimensions = {*named.values(), *([] if along is None else [along])}
-    found = ((name, layout.variable_of(data, name, dimensions, path)) for name in NAMES)
+    found = ((name, layout.variable_of(data, name, dimensions, path)) for name in VARIABLE_NAMES)
     return WeatherFile(
         path,
         None if time is None else layout.seconds_of(data[time], path),
@@ -153,7 +153,9 @@ def _grib_options(path: Path) -> list[dict[str, Any]]:
     stream = cfgrib.messages.FileStream(str(path), errors="raise")
     whole = cfgrib.dataset.open_fileindex(stream, "", ["shortName", "typeOfLevel"])
     kind = next((kind for kind in ("isobaricInhPa", "isobaricInPa") if kind in whole["typeOfLevel"]), None)
-    there = [name for name, *_ in NAMES.values() if kind and name in whole.subindex(typeOfLevel=kind)["shortName"]]
+    there = [
+        name for name, *_ in VARIABLE_NAMES.values() if kind and name in whole.subindex(typeOfLevel=kind)["shortName"]
+    ]
     if not there:
         raise layout.unusable(f"{path}: {', '.join(whole['shortName'])} on levels {', '.join(whole['typeOfLevel'])}")
     keys = ({"typeOfLevel": kind, "shortName": name} for name in there)

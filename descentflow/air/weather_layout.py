@@ -26,7 +26,7 @@ AXES = {
 Beside the valid time, GRIB has the time at which a forecast began.
 """
 TEMPERATURE, EAST, NORTH = "air_temperature", "eastward_wind", "northward_wind"
-NAMES = {TEMPERATURE: ("t", "ta"), EAST: ("u", "ua"), NORTH: ("v", "va")}
+VARIABLE_NAMES = {TEMPERATURE: ("t", "ta"), EAST: ("u", "ua"), NORTH: ("v", "va")}
 """Standard name -> other names of the variable; the first is GRIB's."""
 VERSION = "expver"
 """ERA5 of the last months has a dimension of both versions, each missing where the other is not."""
@@ -160,8 +160,8 @@ def unusable(got: str) -> DataError:
 def _standard_name(variable: Any, path: str) -> str:
     """Quantity of a variable by its standard name, or by its own name where it has none."""
     given = str(variable.attrs.get("standard_name", "unknown"))
-    by_name = next((standard for standard, names in NAMES.items() if variable.name in names), given)
-    if given in NAMES and by_name != given:
+    by_name = next((standard for standard, names in VARIABLE_NAMES.items() if variable.name in names), given)
+    if given in VARIABLE_NAMES and by_name != given:
         raise unusable(f"{path}: {variable.name} with the standard name {given}")
     return by_name if given == "unknown" else given
 

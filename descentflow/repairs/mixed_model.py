@@ -123,7 +123,7 @@ class Flights:
         return found
 
     def rows(self, index: np.ndarray) -> "Flights":
-        """Those of some flights."""
+        """Some of the flights."""
         names = ("y", "x", "by_mass", "seen", "kind", "tail")
         return replace(self, **{name: getattr(self, name)[index] for name in names})
 
@@ -155,7 +155,7 @@ class Posterior:
         return one.whole[0, :3], one.covariance[:3, :3]
 
     def only(self, kind: int) -> "Posterior":
-        """One type's part."""
+        """Coefficients and misfits of one type."""
         at = slice(self.whole.shape[1] * kind, self.whole.shape[1] * (kind + 1))
         return replace(self, whole=self.whole[kind : kind + 1], covariance=self.covariance[at, at])
 

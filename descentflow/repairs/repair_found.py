@@ -30,7 +30,7 @@ class Estimate:
     high: float
     source: str
     aircraft: int = 0
-    """That show a speed; 0 for what all flights tell together."""
+    """Aircraft that show a speed; 0 for what all flights tell together."""
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ class Air(NamedTuple):
 
     @classmethod
     def at(cls, altitude_m: Number, deviation_k: Number, like: Number = 0.0) -> "Air":
-        """That of an altitude, in the precision that all three have together."""
+        """Air at an altitude, in the precision that all arguments have together."""
         altitude, deviation, _ = as_tensors(altitude_m, deviation_k, like)
         theta = temperature_k(altitude, deviation) / T0_K
         return cls(pressure_pa(altitude) / P0_PA, theta, deviation, speed_of_sound_mps(altitude, deviation))

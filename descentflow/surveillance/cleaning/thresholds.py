@@ -35,13 +35,14 @@ class Cleaning:
     spike_rate_fpm: float = 1500.0
     """Smallest spike of vertical rate, ft/min."""
     fastest_altitude_ftps: float = 100.0
-    """Added per second at the ends of a flight, where a spike has neighbours on one side only, ft/s."""
+    """Growth of the smallest spike of altitude per second at the ends of a flight, where neighbours are on one side
+    only, ft/s."""
     fastest_ias_ktps: float = 2.0
-    """The same of IAS, kt/s."""
+    """Growth of the smallest spike of IAS per second at the ends of a flight, kt/s."""
     fastest_mach_ps: float = 0.003
-    """The same of Mach, 1/s."""
+    """Growth of the smallest spike of Mach per second at the ends of a flight, 1/s."""
     fastest_rate_fpmps: float = 100.0
-    """The same of vertical rate, ft/min/s."""
+    """Growth of the smallest spike of vertical rate per second at the ends of a flight, ft/min/s."""
     spike_agreeing_kt: float = 8.0
     """IAS and Mach that agree within this (as CAS) are no spikes, kt."""
     stale_s: float = 20.0

@@ -21,8 +21,8 @@ from descentflow.surveillance.out_of_core.spill import Bucket, Memory
 from descentflow.surveillance.request import Request, description
 from descentflow.surveillance.rows.drop_report import some_flights
 
-TABLES = (".csv", ".tsv", ".txt", ".json", ".jsonl", ".feather", ".arrow", ".ipc", ".pq", ".xlsx", ".html", ".yaml")
-OTHER_ENDINGS = frozenset((*TABLES, ".gz", ".zip", ".tar", ".pickle", ".pkl", ".h5", ".nc"))
+TABLE_ENDINGS = (".csv", ".tsv", ".txt", ".json", ".jsonl", ".feather", ".arrow", ".ipc", ".pq", ".xlsx", ".html")
+OTHER_ENDINGS = frozenset((*TABLE_ENDINGS, ".yaml", ".gz", ".zip", ".tar", ".pickle", ".pkl", ".h5", ".nc"))
 """Names of other formats, which nobody gives a folder."""
 Progress = Callable[[str], None]
 

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import torch
 
+from descentflow.air.level_air import LevelAir
 from descentflow.air.weather_layout import names_weather
 from descentflow.core.arguments import Count, checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.core.threads import one_thread_where_they_spin
 from descentflow.densities.checkpoint import as_density
-from descentflow.generation.given_temperature import check_one_temperature, given_deviation_k, samples_in_given_air
+from descentflow.generation.given_temperature import given_deviation_k, in_given_air
 from descentflow.generation.rejection import sample_descents
 from descentflow.generation.sample_airs import Airs, airs_of
 from descentflow.generation.sample_contexts import Contexts, context_rows, entry_levels
@@ -84,10 +85,8 @@ def sample(
     representation = density.representation
     _check_memory(n, len(representation.decoder.levels_fl))
     contexts = context_rows(context, representation.context)
-    encoded, in_field = representation.context.encode(contexts), names_weather(air)
-    airs = None if in_field else airs_of(air, representation)
-    check_one_temperature(representation, air, airs)
-    with _along_path(air, plan) if in_field else nullcontext() as along:
+    encoded, airs = representation.context.encode(contexts), airs_of(air, representation)
+    with _along_path(air, plan) if names_weather(air) else nullcontext() as along:
         found = sample_descents(
             density,
             representation,
@@ -102,8 +101,11 @@ def sample(
         if along is not None:
             there = along.found(found.trajectories)
             found = replace(found, air=there.air, flown_at=there.positions)
-    found = samples_in_given_air(found, given_deviation_k(representation, encoded))
-    return replace(found, context=contexts, plan=plan, origin=origin_of(density, seed))
+    given_k = given_deviation_k(representation, encoded)
+    own_k = given_k[torch.arange(n) % len(given_k)]
+    flown = in_given_air(found.trajectories, own_k)
+    own = None if found.air is None else LevelAir(found.air.deviation_k + own_k[:, None], found.air.tailwind_mps)
+    return replace(found, trajectories=flown, air=own, context=contexts, plan=plan, origin=origin_of(density, seed))
 
 
 @contextmanager

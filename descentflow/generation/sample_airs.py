@@ -12,8 +12,10 @@ from torch import Tensor
 
 from descentflow.air.kept_air import STRONGEST_MPS, WARMEST_K
 from descentflow.air.level_air import LevelAir
+from descentflow.air.weather_layout import names_weather
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.core.units import KT_MPS
+from descentflow.generation.given_temperature import NAME, gives_temperature
 from descentflow.representation.context_columns import read_table
 from descentflow.representation.representation import Representation
 
@@ -34,7 +36,7 @@ BEYOND_FL = 10.0
 
 
 def airs_of(asked: Airs | None, representation: Representation) -> LevelAir | None:
-    """Airs (m, L) to fly in on a model's grid; None for standard air.
+    """Airs (m, L) to fly in on a model's grid; None for standard air, and for a weather field, met along a path.
 
     Args:
         asked: ``standard``; ``training``: drawn from the training flights' own, for a model of drag in measured air;
@@ -44,8 +46,11 @@ def airs_of(asked: Airs | None, representation: Representation) -> LevelAir | No
         representation: The model's.
 
     Raises:
-        ConfigError: If there is no such air, or a value cannot be.
+        ConfigError: If there is no such air, a value cannot be, or there is a temperature beside the context's.
         DataError: If the table cannot be read, lacks a column, or has one that is not known.
+
+    Warns:
+        DescentflowWarning: If airs are drawn from the training flights' own, with other temperatures than the context.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
@@ -58,6 +63,12 @@ def airs_of(asked: Airs | None, representation: Representation) -> LevelAir | No
         >>> bool(airs_of(table, known).deviation_k[0, 0] == 12.0)  # at FL150
         True
     """
+    found = None if names_weather(asked) else _airs(asked, representation)
+    _check_one_temperature(representation, asked, found)
+    return found
+
+
+def _airs(asked: Airs | None, representation: Representation) -> LevelAir | None:
     levels_fl, kept = representation.decoder.levels_fl.cpu(), representation.air
     if asked is None:
         asked = STANDARD if kept is None else TRAINING
@@ -84,6 +95,25 @@ def airs_of(asked: Airs | None, representation: Representation) -> LevelAir | No
         "weather field (.nc, .grib)",
         mend="write for instance deviation_k=10",
     )
+
+
+def _check_one_temperature(representation: Representation, asked: "Airs | None", air: LevelAir | None) -> None:
+    """Refuse a temperature beside that of the context, whose rate would have both; tell where one is not flown."""
+    warm = names_weather(asked) or (air is not None and bool(air.deviation_k.any()))
+    if gives_temperature(representation) and warm:
+        raise ConfigError(
+            f"a temperature of the air beside the context's {NAME}",
+            expected=f"one of them: the model has learnt what {NAME} does to the rate, and TAS is that of the context",
+            mend="leave the temperature out of the air (a tailwind may stay), or take a model without this context",
+        )
+    drawn = representation.air is not None and (asked is None or asked == "training")
+    if drawn and NAME in representation.context.names:
+        warnings.warn(
+            f"samples are flown in airs drawn from the training flights' own, whatever the context's {NAME} is; to fly "
+            f"them in that of the context, give the air too: {NAME}=VALUE, or a table by level",
+            DescentflowWarning,
+            stacklevel=4,
+        )
 
 
 def _of_values(values: Mapping[str, Any], levels_fl: Tensor) -> LevelAir:

@@ -7,8 +7,16 @@ rate), :mod:`~descentflow.physics.nominal_descent` (BADA's own descent). Drag is
 inferred with :mod:`~descentflow.physics.idle_state` and flown with :mod:`~descentflow.physics.level_table`.
 
 The sign of the rate is laid down in :mod:`~descentflow.physics.energy`, the thrust of a descent in ``idle_thrust_n`` of
-the model. To fly climbs: both hold, with ``climb_thrust_n`` in place of idle. They need climb speeds in the protocol
-(the APF file has them), times that grow upwards in :mod:`descentflow.representation.decoder.trajectories`, a bound
-beside ``descends_too_slowly`` in :mod:`descentflow.representation.plausibility`, and a filter that keeps climbs in
-:mod:`descentflow.surveillance.cleaning.descent_filters`.
+the model. What climbs need, folder by folder:
+
+- here: climb speeds in the protocol (the APF file has them), ``climb_thrust_n`` in place of idle in
+  :mod:`~descentflow.physics.idle_state`, :mod:`~descentflow.physics.level_table` and
+  :mod:`~descentflow.physics.nominal_descent`;
+- ``surveillance/cleaning``: filters that keep climbs in ``descent_filters``, levels counted upwards in ``level_grid``;
+- ``representation``: in ``profiles`` an entry at the lowest level, which the masks of ``decoder/trajectories`` and the
+  ``residuals`` take; times that grow upwards there; a scale of thrust minus drag in ``drag_scale``; the rule
+  ``descends_too_slowly`` and its bound below zero in ``plausibility``;
+- ``air``: the thrust of ``energy_in_air``;
+- ``generation``: levels above the entry in ``sample_contexts``, ``conditional/constraints`` and
+  ``prediction/predictor``, the sign of the rate there, in ``conditional/draws`` and in ``conditional/flown_so_far``.
 """

@@ -8,10 +8,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from math import log, pi
+from typing import Literal
 
 import torch
 from torch import Tensor
 
+Gaps = Literal["marginal", "filled"]
+"""Treatment of levels that a flight does not show: left open, or filled by their expectation."""
 LEAST_PRECISION = 1e-9
 """Precision below which a direction counts as not seen; the weights have unit variance."""
 CHUNK = 2048

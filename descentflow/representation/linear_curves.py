@@ -1,7 +1,6 @@
 """Profiles as linear functions of weights and residual components: what observed levels say of both."""
 
 from dataclasses import dataclass
-from typing import Literal
 
 import torch
 from torch import Tensor
@@ -9,11 +8,10 @@ from torch import Tensor
 from descentflow.core.errors import ConfigError
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.drag_scale import Observed
-from descentflow.representation.evidence import Evidence
+from descentflow.representation.evidence import Evidence, Gaps
 from descentflow.representation.fpca.mask_groups import group_masks
 from descentflow.representation.profiles import Profiles
 
-Gaps = Literal["marginal", "filled"]
 KEPT_NOISE = 1e-4
 """Share of the noise that blurs the weights of a flight seen whole: enough for the arithmetic, 1 % of its deviation."""
 BLOCK = 512

@@ -11,7 +11,7 @@ from descentflow.representation.context import NO_CONTEXT, ContextEncoder
 from descentflow.representation.correction import Correction
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.decoder.trajectories import Trajectories
-from descentflow.representation.linear_curves import Gaps
+from descentflow.representation.evidence import Gaps
 from descentflow.representation.plausibility import Plausibility
 from descentflow.representation.seen_flights import NO_FLIGHTS, SeenFlights
 from descentflow.surveillance.cleaning.thresholds import Cleaning, kept_cleaning

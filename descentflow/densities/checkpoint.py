@@ -48,7 +48,10 @@ def load_model(path: str | Path) -> Density:
         >>> len(model.sample(10, seed=0))
         10
     """
-    content = read_checkpoint(path)
+    return _model_of(path, read_checkpoint(path))
+
+
+def _model_of(path: str | Path, content: dict[str, Any]) -> Density:
     with usable(path):
         density = density_in(content)
         if HELD_OUT in content:
@@ -265,7 +268,7 @@ def checkpoint_summary(path: str | Path) -> CheckpointSummary:
     content = read_checkpoint(path)
     return CheckpointSummary(
         Path(path),
-        load_model(path),
+        _model_of(path, content),
         str(content[SECTION].get("version", "unknown")),
         outcome_of(content),
     )

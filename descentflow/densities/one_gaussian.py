@@ -77,15 +77,13 @@ def one_gaussian(
 
 
 @torch.no_grad()
-def drawn_weights(
-    gaussian: Mixture, evidence: Evidence, seed: int | None = None, context: Tensor | None = None
-) -> Tensor:
+def drawn_weights(gaussian: Mixture, evidence: Evidence, seed: int, context: Tensor | None = None) -> Tensor:
     """Weights (n, d) of flights, each drawn given what was observed of it under one Gaussian; known ones as they are.
 
     Args:
         gaussian: A mixture of one.
         evidence: Of n flights.
-        seed: Of the draws; torch's global generator if absent.
+        seed: Of the draws.
         context: (n, c) where the Gaussian follows one.
 
     Example:
@@ -98,7 +96,7 @@ def drawn_weights(
     if evidence.known:
         return evidence.points
     drawn = torch.empty_like(evidence.points)
-    generator = None if seed is None else torch.Generator(drawn.device).manual_seed(seed)
+    generator = torch.Generator(drawn.device).manual_seed(seed)
     white = torch.randn(drawn.shape, generator=generator, dtype=drawn.dtype, device=drawn.device)
     given = gaussian.rows(context, len(drawn))
     for index, rows in evidence.chunks():

@@ -10,8 +10,8 @@ from torch import Tensor
 
 from descentflow.densities.density import Density
 from descentflow.densities.gaussian import TransformedDensity
-from descentflow.generation.conditional.constraints import Constraint, Request, SpeedAsked
-from descentflow.generation.conditional.draws import Proposed
+from descentflow.generation.conditional.constraints import Request, SpeedAsked
+from descentflow.generation.conditional.draws import NothingPlausible, Proposed
 from descentflow.generation.conditional.latent_density import Array, LatentDensity
 from descentflow.generation.conditional.point_condition import PointCondition
 from descentflow.generation.conditional.speed_conditions import (
@@ -30,23 +30,6 @@ NEVER = 1e6
 """CAS (m/s) that no descent has, which leaves a level of entry without probability."""
 PROPOSALS, PROPOSALS_OF_A_STAND_IN = 16, 256
 """Proposals for one weighted draw; more where Gaussians stand in for a density that is no mixture."""
-
-
-class NothingPlausible(Exception):
-    """A request that the model knows no flight for; ``culprit`` is what cannot be met: a speed or a point.
-
-    Example:
-        >>> try:
-        ...     raise NothingPlausible(SpeedAsked("cas_kt", 50, 500.0, 500.0))
-        ... except NothingPlausible as error:
-        ...     error.culprit.text(200.0)
-        'cas_kt 500 at FL200'
-    """
-
-    def __init__(self, culprit: Constraint) -> None:
-        """Say what cannot be met."""
-        super().__init__(culprit)
-        self.culprit = culprit
 
 
 class FreeTarget:

@@ -9,6 +9,7 @@ from torch import Tensor
 
 from descentflow.core.counter_random import DrawNumbers
 from descentflow.core.errors import SamplingError
+from descentflow.generation.conditional.constraints import Constraint
 from descentflow.generation.conditional.latent_density import Array
 from descentflow.generation.samples import RejectionReport
 from descentflow.representation.decoder.trajectories import Trajectories, concatenate
@@ -113,8 +114,18 @@ class Accepted(NamedTuple):
     report: RejectionReport
 
 
-class NoneLeft(Exception):
-    """No draw of a number is plausible."""
+class NothingPlausible(Exception):
+    """A request that the model knows no flight for; ``culprit``, a speed or a point, cannot be met where it is known.
+
+    Example:
+        >>> NothingPlausible().culprit is None
+        True
+    """
+
+    def __init__(self, culprit: Constraint | None = None) -> None:
+        """Say what cannot be met."""
+        super().__init__(culprit)
+        self.culprit = culprit
 
 
 def uniform_of(seed: int, numbers: np.ndarray, count: int, stream: int) -> Array:
@@ -143,7 +154,7 @@ def accepted(target: Target, seed: int, numbers: np.ndarray, judge: Judge) -> Ac
         judge: Which rules proposals break.
 
     Raises:
-        NoneLeft: If no proposal of a number is plausible.
+        NothingPlausible: If no proposal of a number is plausible.
         SamplingError: If too few are effective.
 
     Example:
@@ -167,7 +178,7 @@ def accepted(target: Target, seed: int, numbers: np.ndarray, judge: Judge) -> Ac
             return search.result()
     effective = search.effective[pending]
     if (search.none[pending] | (effective < 1)).any():
-        raise NoneLeft
+        raise NothingPlausible
     raise SamplingError(
         f"{effective.min():.0f} effective of {size} proposals",
         expected=f"at least {LEAST_EFFECTIVE:.0f}: what is asked together is rare among the model's descents",

@@ -15,14 +15,16 @@ from descentflow.core.errors import ConfigError
 from descentflow.core.threads import one_thread_where_they_spin
 from descentflow.densities.checkpoint import as_density
 from descentflow.densities.density import Density
-from descentflow.generation.conditional.conditioned_density import (
-    ConditionedTarget,
-    FreeTarget,
-    NothingPlausible,
-    conditioned_target,
+from descentflow.generation.conditional.conditioned_density import FreeTarget, conditioned_target
+from descentflow.generation.conditional.constraints import (
+    Band,
+    BySpeed,
+    Constraint,
+    Request,
+    points_asked,
+    speeds_asked,
 )
-from descentflow.generation.conditional.constraints import Band, BySpeed, Request, points_asked, speeds_asked
-from descentflow.generation.conditional.draws import Accepted, NoneLeft, accepted, corrected, judge_of
+from descentflow.generation.conditional.draws import Accepted, NothingPlausible, Target, accepted, corrected, judge_of
 from descentflow.generation.conditional.flown_so_far import FlownSoFar, flown_so_far
 from descentflow.generation.conditional.latent_density import LatentDensity, latent_density, latent_density_after
 from descentflow.generation.conditional.nearest_plausible import implausible
@@ -107,7 +109,7 @@ class Generator:
         self._latent: dict[tuple[tuple[str, str], ...], LatentDensity] = {}
         if density.n_context == 0 and density.mixture is not None:
             self._latent[()] = latent_density(density)
-        self._targets: dict[tuple[Any, ...], ConditionedTarget | FreeTarget] = {}
+        self._targets: dict[tuple[Any, ...], Target] = {}
 
     def __repr__(self) -> str:
         """Of what it draws, and which descent is next."""
@@ -246,9 +248,8 @@ class Generator:
                 judge_of(self.representation, self.seed, flown=request.goes_on),
             )
         except NothingPlausible as error:
-            unmet = [error.culprit]
-        except NoneLeft:
-            unmet = list((request.points or request.speeds)[-1:])
+            asked: list[Constraint] = [*request.speeds, *request.points]
+            unmet = asked[-1:] if error.culprit is None else [error.culprit]
         if not unmet:
             raise ConfigError(
                 "; ".join(request.words(self.levels_fl)) or "no constraint at all",
@@ -258,7 +259,7 @@ class Generator:
 
         raise implausible(request, unmet[0], lambda rest, n: self._accepted(rest, np.arange(n)).flown, self.levels_fl)
 
-    def _target(self, request: Request) -> ConditionedTarget | FreeTarget:
+    def _target(self, request: Request) -> Target:
         """The density given a request, kept for the next call that asks the same."""
         if request.flown is not None:
             after = latent_density_after(self.density, request.context, self.seed, request.flown, self.noise_multiple)
@@ -270,7 +271,7 @@ class Generator:
             found = self._targets[key] = self._made(request)
         return found
 
-    def _made(self, request: Request) -> ConditionedTarget | FreeTarget:
+    def _made(self, request: Request) -> Target:
         if request.is_free and self.density.mixture is None:
             return FreeTarget(self.density, request)
         if (latent := self._latent.get(request.key)) is None:

@@ -73,13 +73,12 @@ class DescentPredictor:
         True
     """
 
-    def __init__(self, density: Density, seed: int = 0, calibration: TimeCalibration | None = None) -> None:
+    def __init__(self, density: Density, seed: int = 0) -> None:
         """Prepare what all flights share.
 
         Args:
             density: A density with its representation.
             seed: Of the proposal mixture for a density without a closed form.
-            calibration: Of the times; as drawn without one.
         """
         check_standard_air(density.representation, "a prediction of the rest of a descent")
         self.representation = density.representation
@@ -88,7 +87,7 @@ class DescentPredictor:
         self._priors: dict[tuple[float, ...], Prior] = {}
         if density.n_context == 0:
             self._prior(NO_CONTEXT)
-        self.calibration = calibration
+        self.calibration: TimeCalibration | None = None
         self.control: Control | None = None
 
     def _prior(self, context: Tensor) -> Prior:

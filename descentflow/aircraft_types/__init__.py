@@ -9,7 +9,8 @@ To add an open type: copy a file of ``open_types/coefficients/``, one TOML file 
 
 To add a performance model: a folder beside :mod:`~descentflow.aircraft_types.bada4` with a class that has all of
 :class:`~descentflow.physics.performance_model.PerformanceModel` and a reader of its files, and a line in each function
-of :mod:`~descentflow.aircraft_types.registry`. Nothing else reads coefficients.
+of :mod:`~descentflow.aircraft_types.registry`. Nothing else reads coefficients. To be repaired it needs two methods of
+:class:`~descentflow.repairs.type_fit.Repairable`, and its files in :mod:`~descentflow.repairs.repaired_files`.
 
 Example:
     >>> from descentflow.aircraft_types.registry import aircraft

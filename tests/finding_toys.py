@@ -9,7 +9,7 @@ from descentflow.diagnosis.findings.cause_found import (
     Closure,
     OnBothSides,
     ParameterEstimate,
-    TradeSize,
+    ReportedSize,
 )
 from descentflow.diagnosis.findings.correction_found import Previous, RecipeNumber, RecipeStep
 from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans, Measured
@@ -25,9 +25,9 @@ from descentflow.diagnosis.findings.findings import (
 from descentflow.diagnosis.findings.gap_found import (
     BelowRounding,
     GapCell,
-    Lack,
     LargestDifference,
     MeasuredEntry,
+    Nuisance,
     Remaining,
     WouldSplit,
 )
@@ -71,9 +71,9 @@ def brakes() -> Cause:
         "high_fl": ParameterEstimate(265.0, 262.0, 268.0, "FL", "upper end"),
     }
     told = [
-        TradeSize("extra_cd0", "CD0 x 1.58 (1.54 to 1.62)", "factor", Measured(1.58, 1.54, 1.62)),
-        TradeSize("low_fl", "lower end FL190 (FL187 to FL193)", "FL", Measured(190.0, 187.0, 193.0)),
-        TradeSize("high_fl", "upper end FL265 (FL262 to FL268)", "FL", Measured(265.0, 262.0, 268.0)),
+        ReportedSize("extra_cd0", "CD0 x 1.58 (1.54 to 1.62)", "factor", Measured(1.58, 1.54, 1.62)),
+        ReportedSize("low_fl", "lower end FL190 (FL187 to FL193)", "FL", Measured(190.0, 187.0, 193.0)),
+        ReportedSize("high_fl", "upper end FL265 (FL262 to FL268)", "FL", Measured(265.0, 262.0, 268.0)),
     ]
     return cause("speed_brake", sizes, share_of_flights=ClosedShare(0.62, 0.58, 0.66), sizes=told)
 
@@ -81,8 +81,8 @@ def brakes() -> Cause:
 def warm() -> Cause:
     """Air that is 7.2 K warmer."""
     sizes = {"deviation_k": ParameterEstimate(7.2, 6.8, 7.6, "K", "deviation from the standard atmosphere")}
-    told = [TradeSize("deviation_k", "ISA +7.2 K (+6.8 to +7.6)", "K", Measured(7.2, 6.8, 7.6))]
-    lighter = [TradeSize("relative_change", "mass x 0.93 (0.91 to 0.95)", "factor", Measured(0.93))]
+    told = [ReportedSize("deviation_k", "ISA +7.2 K (+6.8 to +7.6)", "K", Measured(7.2, 6.8, 7.6))]
+    lighter = [ReportedSize("relative_change", "mass x 0.93 (0.91 to 0.95)", "factor", Measured(0.93))]
     return cause("temperature", sizes, group=["mass"], sizes=told, alternatives=[Alternative("mass", 0.03, lighter)])
 
 
@@ -121,7 +121,7 @@ def details() -> Details:
         transition_fl=318.0,
         mass_kg=60_000.0,
         n_permutations=1999,
-        lacks=[Lack("noise_rate", 1.1, 0.05)],
+        lacks=[Nuisance("noise_rate", 1.1, 0.05)],
         discrepancy=Discrepancy(300.0, 12.0, 0.04),
         singles=[
             SingleEffect("temperature", 210.0, {"deviation_k": 7.2}),

@@ -11,6 +11,7 @@ import polars as pl
 import torch
 
 from descentflow.diagnosis.correction.corrected_simulator import corrected
+from descentflow.diagnosis.correction.effects_in_flights import AddedEffects
 from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.diagnosis_steps import diagnose_compared
 from descentflow.diagnosis.inference.two_sides import Compared, compare
@@ -81,7 +82,9 @@ def _refit_report(report: GapReport, found: GapReport, settings: Settings) -> Ga
         cause.effect: torch.tensor([one.estimate for one in cause.parameters.values()], dtype=torch.float64)
         for cause in found.causes
     }
-    made = corrected(settings.simulator, report.details.mass_kg, settings.catalogue, theta, inherited=True)
+    mass_kg, cleaning = report.details.mass_kg, settings.simulator.cleaning
+    added = AddedEffects(settings.catalogue, theta, mass_kg, cleaning, settings.seed)
+    made = corrected(settings.simulator, added, inherited=True)
     return replace(
         report,
         verdict=found.verdict,
@@ -91,7 +94,7 @@ def _refit_report(report: GapReport, found: GapReport, settings: Settings) -> Ga
         gap_before=found.gap_before,
         gap_after=found.gap_after,
         causes=[replace(cause, inherited=True) for cause in found.causes],
-        # The gap of this report is another one, of what both sides have.
+        # The gap of this report is another one, of what both sides have: a model refitted to such flights has it too.
         details=replace(report.details, regime="refit", curves=found.details.curves, measured_over=[], gap_error=None),
         corrections=made,
         corrected_file=next(iter(made), ""),

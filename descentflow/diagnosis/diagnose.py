@@ -126,8 +126,7 @@ def diagnose(
     source = opened.simulator.aircraft.source
     asked |= {"coefficients": source} if source.startswith("BADA") else {}
     asked |= {} if bada_dir is None else {"bada_dir": Path(bada_dir).name}
-    made = opened.provenance(asked)
-    made = replace(made, user_files=user_files)
+    made = opened.provenance(asked, user_files)
     if out is not None:
         check_no_other_report(out, previous, made)
     diagnosed = replace(opened.simulator, name=simulator_name or opened.simulator.name)

@@ -91,10 +91,10 @@ class Opened:
     simulator_input: InputUsed
     dropped: Mapping[str, int]
 
-    def provenance(self, settings: dict[str, str]) -> Provenance:
-        """Inputs by which the answer can be made again, with the settings of the diagnosis."""
+    def provenance(self, settings: dict[str, str], user_files: list[str]) -> Provenance:
+        """Inputs by which the answer can be made again, with the settings of the diagnosis and the user's files."""
         versions, coefficients = {"descentflow": __version__}, self.simulator.coefficients
-        return Provenance(self.real_input, self.simulator_input, versions, settings, coefficients=coefficients)
+        return Provenance(self.real_input, self.simulator_input, versions, settings, user_files, coefficients)
 
 
 @dataclass(frozen=True)

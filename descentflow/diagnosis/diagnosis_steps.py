@@ -71,17 +71,19 @@ def diagnose_compared(
     is_gap = is_gap and not small
     theta = found.theta if is_gap else {}
     progress("putting the causes into the simulator's flights")
-    left, closed = _left(compared, settings, theta), ClosedShare(None, None, None)
+    mass_kg, cleaning = compared.state.mass_kg, settings.simulator.cleaning
+    added = AddedEffects(settings.catalogue, theta, mass_kg, cleaning, seed)
+    left, closed = _left(compared, added), ClosedShare(None, None, None)
     closure = MeasuredGap(compared, _measured_over(found), seed)
     if theta:
         costs, closed = costs_of(compared, left, seed), closure.share(left)
     verdict = verdict_of(found, is_gap=is_gap, costs=costs)
-    causes = [cause_of(found, name, closed, _takes_away(compared, settings, name, theta, costs)) for name in theta]
+    causes = [cause_of(found, name, closed, _takes_away(compared, added, name, costs)) for name in theta]
     # The one that takes most of the time away first.
     causes.sort(key=lambda cause: -abs(cause.takes_away.get("time", 0.0)))
     # Effects are put in where they were found: at the coefficients that the simulator's own flights show.
-    simulator, mass_kg = replace(settings.simulator, aircraft=compared.state.aircraft), compared.state.mass_kg
-    made = correction_made(simulator, frame, mass_kg, theta, settings) if theta else {}
+    simulator = replace(settings.simulator, aircraft=compared.state.aircraft)
+    made = correction_made(simulator, frame, added) if theta else {}
     floor, after = closure.floor(left), closure.after(left)
     hidden = not_identifiable(settings, source)
     unexplained = verdict in ("unknown", "partial")
@@ -98,6 +100,7 @@ def diagnose_compared(
         dropped=dict(counts),
         details=Details(
             simulator=settings.simulator.name,
+            # What is normal is what the simulator's flights, or physics, claim.
             regime="anchored",
             typecode=settings.simulator.aircraft.typecode,
             normal_from=source,
@@ -115,7 +118,7 @@ def diagnose_compared(
             profile=profile,
             measured_over=closure.entries(),
             gap_error=closure.error,
-            lacks=list(found.lacks),
+            lacks=list(found.nuisances),
         ),
         costs=costs,
         recipe=recipe_of(causes, settings.catalogue, levels_compared(compared)),
@@ -126,15 +129,14 @@ def diagnose_compared(
     )
 
 
-def _left(compared: Compared, settings: Settings, theta: Mapping[str, Tensor]) -> Tensor:
+def _left(compared: Compared, added: AddedEffects) -> Tensor:
     """Entries (n, p) once the simulator has the causes."""
     if compared.has_simulated:
-        mass_kg, cleaning = compared.state.mass_kg, settings.simulator.cleaning
-        return corrected_entries(compared, AddedEffects(settings.catalogue, theta, mass_kg, cleaning, settings.seed))
+        return corrected_entries(compared, added)
     # Nominal descents have no flights of their own: the causes are taken off the real ones.
     left = compared.y.clone()
-    for name, value in theta.items():
-        left = left - compared.vector(settings.catalogue[name].shift(compared.state, value))
+    for name, value in added.theta.items():
+        left = left - compared.vector(added.catalogue[name].shift(compared.state, value))
     return left
 
 
@@ -149,12 +151,11 @@ def _measured_over(found: Explanation) -> Tensor:
     return chosen
 
 
-def _takes_away(
-    compared: Compared, settings: Settings, name: str, theta: Mapping[str, Tensor], costs: Sequence[Cost]
-) -> dict[str, float]:
+def _takes_away(compared: Compared, added: AddedEffects, name: str, costs: Sequence[Cost]) -> dict[str, float]:
     """By cost over all levels: how much more of the difference is left without one of the causes."""
-    left = _left(compared, settings, {other: value for other, value in theta.items() if other != name})
-    pairs = zip(costs_of(compared, left, settings.seed), costs, strict=True)
+    others = {other: value for other, value in added.theta.items() if other != name}
+    left = _left(compared, replace(added, theta=others))
+    pairs = zip(costs_of(compared, left, added.seed), costs, strict=True)
     return {
         without.name: without.after.estimate - cost.after.estimate
         for without, cost in pairs

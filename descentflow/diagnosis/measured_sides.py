@@ -9,17 +9,16 @@ import torch
 from descentflow.core.errors import DataError
 from descentflow.diagnosis.simulator import Simulator
 from descentflow.measurements.quantities import Quantities, grid_of, measured, of_some_aircraft
+from descentflow.measurements.quantity_registry import SHOWN_BY
 
-MIN_FLIGHTS = 20
-"""Of either side: fewer say nothing of any effect; hundreds tell effects apart."""
-MIN_SHARE = 0.1
+MIN_FLIGHTS_A_SIDE = 20
+"""Least flights of either side: fewer say nothing of any effect; hundreds tell effects apart."""
+MIN_SHARE_REPORTING = 0.1
 """A channel that this share of the flights report, or fewer, is one that they lack."""
-MIN_AIRCRAFT = 5
-"""Of either side: each fold of the cross-validation holds out whole aircraft."""
-NEEDED = ("IAS", "vertical_rate")
+LEAST_AIRCRAFT = 5
+"""Least aircraft of either side: each fold of the cross-validation holds out whole aircraft."""
+NEEDED_CHANNELS = ("IAS", "vertical_rate")
 """Channels without which there is no descent to compare."""
-SHOWN_BY = {"Mach": "mismatch", "TAS": "tas", "groundspeed": "wind", "geoaltitude": "height"}
-"""Channel -> a quantity that cannot be measured without it."""
 REAL, SIMULATED = "real", "simulator"
 """Names of the sides where one lacks a channel."""
 AIR_NOISE = ("noise_tas", "noise_groundspeed")
@@ -88,7 +87,8 @@ def both_sides(simulator: Simulator, frame: pl.DataFrame, channels: Sequence[str
             f"a checkpoint with {error.args[0]}", expected="one of this version of descentflow", mend="fit it again"
         ) from error
     check_count(own, len(own), low, high, whose="training flights of the checkpoint")
-    lacked = {c: REAL for c, q in SHOWN_BY.items() if c in channels and q in own.values and q not in real.values}
+    shown = {c: SHOWN_BY[c] for c in channels if c in SHOWN_BY}
+    lacked = {c: REAL for c, q in shown.items() if q in own.values and q not in real.values}
     return MeasuredSides(kept_channels(own, real), real, "training flights", lacked)
 
 
@@ -100,12 +100,12 @@ def _of_flights(
     flights = of_some_aircraft(flights)
     shown = [_channels_shown(side, low, high, channels) for side in (frame, flights)]
     common = [c for c in channels if c in shown[0] and c in shown[1]]
-    absent = [c for c in NEEDED if c not in common]
+    absent = [c for c in NEEDED_CHANNELS if c not in common]
     if absent:
         raise DataError(
             f"real flights with {', '.join(shown[0]) or 'no channel'} and a simulator's with "
             f"{', '.join(shown[1]) or 'no channel'} between FL{low:.0f} and FL{high:.0f}",
-            expected=f"{' and '.join(NEEDED)} on both sides",
+            expected=f"{' and '.join(NEEDED_CHANNELS)} on both sides",
             mend="prepare rows that have them (a rate is differenced from the altitude where rows have none)",
         )
     real, own = (measured(grid_of(side, low, high, common)) for side in (frame, flights))
@@ -113,10 +113,10 @@ def _of_flights(
     check_count(own, given, low, high, whose="simulated flights")
     for side, whose in ((real, "real flights"), (own, "simulated flights")):
         count = len(torch.unique(side.airframe))
-        if count < MIN_AIRCRAFT:
+        if count < LEAST_AIRCRAFT:
             raise DataError(
                 f"{whose} of {count} aircraft (icao24)",
-                expected=f"flights of at least {MIN_AIRCRAFT}, for those of one aircraft are alike and stay together",
+                expected=f"flights of at least {LEAST_AIRCRAFT}, for those of one aircraft are alike and stay together",
                 mend="give flights of more aircraft; where a simulator makes its flights independently of each other, "
                 "give each an icao24 of its own",
             )
@@ -129,7 +129,7 @@ def _channels_shown(frame: pl.DataFrame, low: float, high: float, channels: Sequ
     names = [c for c in channels if c in frame.columns]
     inside = frame.filter(pl.col("level_fl").is_between(low, high))
     by_flight = inside.group_by("flight_id").agg(pl.col(names).is_not_null().any())
-    least = MIN_SHARE * len(by_flight)
+    least = MIN_SHARE_REPORTING * len(by_flight)
     return [c for c in names if int(by_flight[c].sum()) > least]
 
 
@@ -150,10 +150,10 @@ def check_count(found: Quantities, given: int, low: float, high: float, whose: s
         Traceback (most recent call last):
         descentflow.core.errors.DataError: 5 real flights with levels between FL150 and FL340 (of 120 given); ...
     """
-    if len(found) < MIN_FLIGHTS:
+    if len(found) < MIN_FLIGHTS_A_SIDE:
         raise DataError(
             f"{len(found)} {whose} with levels between FL{low:.0f} and FL{high:.0f} (of {given} given)",
-            expected=f"at least {MIN_FLIGHTS} flights a side, and hundreds to tell effects apart",
+            expected=f"at least {MIN_FLIGHTS_A_SIDE} flights a side, and hundreds to tell effects apart",
             mend=f"give more {whose}, or both sides the same levels",
         )
 

@@ -24,7 +24,7 @@ ShownAs = Literal["number", "change", "logarithm", "percent", "flights"]
 (``logarithm``), of what its symbol names; percent; or the share of the flights that have the effect.
 """
 REPORTED_IN = {"m/s per m": ("kt per 1,000 ft", 1000 * FT_M / KT_MPS)}
-"""Unit of a parameter -> the unit of the trade in which it is reported, and the factor to it."""
+"""Unit of a parameter -> aviation unit in which it is reported, and the factor to it."""
 NOISE = "noise_"
 """Prefix of names of short-scale noise, which is never a cause: the diagnosis lists it beside them."""
 FLOWN = ("rate", "cas", "tas", "wind", "height", "level", "level_gaps", "slow", "missing")
@@ -81,7 +81,7 @@ class Parameter:
 
     @property
     def reported_unit(self) -> str:
-        """Unit in which it is reported: ``factor``, ``%``, or a unit of the trade."""
+        """Unit in which it is reported: ``factor``, ``%``, or an aviation unit."""
         if self.shown_as in ("change", "logarithm"):
             return "factor"
         return "%" if self.shown_as in ("percent", "flights") else REPORTED_IN.get(self.unit, (self.unit, 1.0))[0]

@@ -67,7 +67,7 @@ class Windows:
         >>> from descentflow.effects.example_flights import example_flights
         >>> brakes, state = EFFECTS["speed_brake"], example_flights()
         >>> theta = torch.tensor([0.3, 200.0, 240.0, 0.5, 0.0, 10.0, 5.0, 0.1]).double()
-        >>> windows = brakes.windows(state, theta, torch.zeros_like(state.cas_mps))
+        >>> windows = brakes.windows(state, theta)
         >>> windows.slots[0], windows.shape.shape, len(windows.lower) == len(brakes.log_prior(state, theta))
         (('rate', 0), torch.Size([6, 12]), True)
     """
@@ -78,6 +78,11 @@ class Windows:
     table: Tensor
     lower: Tensor
     upper: Tensor
+
+    @property
+    def weights(self) -> Tensor:
+        """Weights (W, S) of the shape in each window."""
+        return self.table[self.upper] - self.table[self.lower]
 
 
 @dataclass(frozen=True)
@@ -129,13 +134,12 @@ class DiffersByFlight(Effect):
         """Parameters (k,) of laws from which to start, given those of the fit in which all flights have the mean."""
 
     @abstractmethod
-    def windows(self, state: FlightState, theta: Tensor, beyond: Tensor) -> Windows:
+    def windows(self, state: FlightState, theta: Tensor) -> Windows:
         """The windows in which flights may have it.
 
         Args:
             state: The flights.
             theta: Law.
-            beyond: (n, K) ln of the rate that is expected without it beyond the polar's.
         """
 
     def sought_about(self, theta: Tensor) -> "DiffersByFlight":

@@ -81,9 +81,9 @@ class GeometricPath(DiffersByFlight):
         """Some flights on paths of their own; a law goes on as it is."""
         return [theta if float(PathLaw(*theta).spread) > 0.0 else torch.tensor(FIRST_LAW, dtype=torch.float64)]
 
-    def windows(self, state: FlightState, theta: Tensor, beyond: Tensor) -> Windows:
+    def windows(self, state: FlightState, theta: Tensor) -> Windows:
         """One window, the whole flight; which angle it holds is its size."""
-        flat = _to_the_shallowest(state, state.beyond_polar, beyond)
+        flat = _to_the_shallowest(state, state.beyond_polar, state.beyond_polar)
         bands = range(flat.shape[1])
         table = torch.stack([torch.zeros(len(bands)), torch.ones(len(bands))]).double()
         one = torch.tensor([1])

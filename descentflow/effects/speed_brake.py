@@ -213,7 +213,7 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
         own = [size * share, low, high, share, 0.0, middle, height, spread * size]
         return [torch.tensor(law, dtype=torch.float64) for law in (alike, own)]
 
-    def windows(self, state: FlightState, theta: Tensor, beyond: Tensor) -> Windows:
+    def windows(self, state: FlightState, theta: Tensor) -> Windows:
         """The law's window, or all windows of the grid where each flight has its own."""
         law, (size, _, _) = BrakeLaw(*theta), self.size(theta)
         shape = self.whole_change(state, torch.tensor(size, dtype=torch.float64)) / size

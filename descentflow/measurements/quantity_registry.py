@@ -109,6 +109,8 @@ OF_FLIGHT = tuple(name for name, quantity in QUANTITIES.items() if not quantity.
 """Quantities with one number for each flight."""
 CHANNELS = ("IAS", "Mach", "vertical_rate", "TAS", "groundspeed", "track", "heading", "geoaltitude")
 """Channels that a diagnosis can use."""
+SHOWN_BY = {"TAS": "tas", "geoaltitude": "height", "groundspeed": "wind", "Mach": "mismatch"}
+"""Channel -> a quantity that cannot be measured without it; the one most often worth adding first."""
 
 
 def label_of(name: str) -> str:

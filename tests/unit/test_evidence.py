@@ -25,7 +25,7 @@ from descentflow.diagnosis.inference.flight_mixture import (
 )
 from descentflow.diagnosis.inference.linear_gaussian import Precisions, posterior, shrunk
 from descentflow.diagnosis.inference.moments import Moments, moments, sums_by_clusters, sums_over
-from descentflow.diagnosis.inference.naming import lacks, name_effects
+from descentflow.diagnosis.inference.naming import name_effects, nuisances
 from descentflow.diagnosis.inference.sets import Search, SetFit, SetFits
 from descentflow.diagnosis.inference.two_sides import Compared, Entry
 from descentflow.diagnosis.report.what_is_left import curves
@@ -122,7 +122,7 @@ def test_missing_noise_is_listed_beside_a_cause_that_raises_some(ratio: float, l
     sides = example_sides().only(torch.tensor([0]))
     noisy = torch.where(sides.real[:, None], sides.y + ratio, sides.y)
     of_noise = replace(sides, entries=(Entry("noise_rate", -1),), y=noisy)
-    assert [lack.quantity for lack in lacks(of_noise, raised=True)] == listed
+    assert [lack.quantity for lack in nuisances(of_noise, raised=True)] == listed
 
 
 def test_sizes_settle_where_the_misfit_grows_with_them() -> None:

@@ -17,7 +17,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from descentflow.diagnosis.findings.cause_found import ClosedShare, ParameterEstimate, TradeSize
+from descentflow.diagnosis.findings.cause_found import ClosedShare, ParameterEstimate, ReportedSize
 from descentflow.diagnosis.findings.costs_found import Measured
 from descentflow.diagnosis.findings.findings import SEEN, Curve, Findings
 from descentflow.diagnosis.findings.inputs_found import Provenance
@@ -221,14 +221,16 @@ def test_a_share_of_all_flights_is_no_percentage() -> None:
 
 
 def test_a_difference_is_entered_under_a_name() -> None:
-    more = TradeSize("deviation_k", "+4.8 K (+4.4 to +5.2)", "K", Measured(4.8, 4.4, 5.2))
+    more = ReportedSize("deviation_k", "+4.8 K (+4.4 to +5.2)", "K", Measured(4.8, 4.4, 5.2))
     (step,) = recipe_of([replace(finding_toys.warm(), sizes=[more])], EFFECTS, (150.0, 350.0))
     assert step.text == "temperature +4.8 K (+4.4 to +5.2), FL150 to FL350"
 
 
 def test_each_of_several_sizes_keeps_its_name_where_the_simulator_s_own_is_not_known() -> None:
     bias = EFFECTS["airspeed_bias"]
-    sizes = [TradeSize(p.name, f"{p.label} +1 kt (+0 to +2)", "kt", Measured(1.0, 0.0, 2.0)) for p in bias.parameters]
+    sizes = [
+        ReportedSize(p.name, f"{p.label} +1 kt (+0 to +2)", "kt", Measured(1.0, 0.0, 2.0)) for p in bias.parameters
+    ]
     assert sizes_beside(bias, sizes, BothSides(True)) == sizes
 
 
@@ -241,7 +243,7 @@ def test_what_is_left_stands_beside_chance() -> None:
 
 
 def test_a_slope_of_the_wind_is_no_wind_at_a_level() -> None:
-    size = TradeSize("slope_per_s", "tailwind +2.1 kt per 1,000 ft", "kt per 1,000 ft", Measured(2.1))
+    size = ReportedSize("slope_per_s", "tailwind +2.1 kt per 1,000 ft", "kt per 1,000 ft", Measured(2.1))
     wind = finding_toys.cause(
         "wind_gradient", {"slope_per_s": ParameterEstimate(0.0035, None, None, "1")}, sizes=[size]
     )

@@ -6,7 +6,7 @@ import pytest
 import torch
 from example_sides import example_sides
 
-from descentflow.diagnosis.correction.measured_gap import MeasuredGap, again
+from descentflow.diagnosis.correction.measured_gap import MeasuredGap, measured_again
 from descentflow.diagnosis.correction.previous_round import achieved_share, mean_of
 from descentflow.diagnosis.findings.gap_found import MeasuredEntry
 from descentflow.effects import EFFECTS
@@ -16,8 +16,8 @@ def test_the_same_flights_are_measured_the_same_again() -> None:
     sides = example_sides(EFFECTS["temperature"], [10.0])
     chosen = sides.of("tas") | sides.of("rate")
     then = MeasuredGap(sides, chosen, seed=0)
-    measure, kept = again(sides, then.entries(), seed=0)
-    now, floor = measure(), then.floor(sides.y)
+    again, spreads, kept = measured_again(sides, then.entries())
+    now, floor = MeasuredGap(sides, again, 0, spreads), then.floor(sides.y)
     assert kept == then.entries()
     assert (now.before, now.floor(sides.y)) == pytest.approx((then.before, floor), rel=1e-12)
     assert mean_of(then.entries()) == pytest.approx((then.before, floor), rel=1e-12)
@@ -27,14 +27,14 @@ def test_other_spreads_are_those_of_the_round_before() -> None:
     sides = example_sides(EFFECTS["temperature"], [10.0])
     then = MeasuredGap(sides, sides.of("tas"), seed=0)
     wider = [MeasuredEntry(e.quantity, e.low_fl, e.high_fl, 2 * e.spread, e.distance, e.floor) for e in then.entries()]
-    measure, _ = again(sides, wider, seed=0)
-    assert measure().before == pytest.approx(then.before / 2, rel=1e-12)
+    again, spreads, _ = measured_again(sides, wider)
+    assert MeasuredGap(sides, again, 0, spreads).before == pytest.approx(then.before / 2, rel=1e-12)
 
 
 def test_what_is_not_measured_now_is_left_out() -> None:
     sides = example_sides()
     strange = MeasuredEntry("height", 150.0, 170.0, 1.0, 1.0, 0.1)
-    assert again(sides, [strange], seed=0)[1] == []
+    assert measured_again(sides, [strange])[2] == []
 
 
 def test_the_error_of_a_gap_is_that_between_samples() -> None:

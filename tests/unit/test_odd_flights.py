@@ -1,4 +1,4 @@
-"""Flights worth a look: those that have what is left, by their own identifiers, in units of the trade."""
+"""Flights worth a look: those that have what is left, by their own identifiers, in aviation units."""
 
 from dataclasses import replace
 from datetime import UTC, datetime

@@ -1,4 +1,4 @@
-"""A gap that is more than chance and does not matter: reported in units of the trade, and no cause is looked for."""
+"""A gap that is more than chance and does not matter: reported in aviation units, and no cause is looked for."""
 
 import re
 from dataclasses import replace

@@ -1,17 +1,14 @@
 """The corrected simulator of a diagnosis: its own flights with the causes in them, or its checkpoint and samples."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import polars as pl
-from torch import Tensor
 
 from descentflow.core.errors import DataError
 from descentflow.core.units import FPM_MPS
 from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, state_of_levels, with_effects
-from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.findings.correction_found import FLIGHTS, Corrections
 from descentflow.diagnosis.simulator import Simulator
 from descentflow.measurements.level_channels import LevelGrid
@@ -21,9 +18,9 @@ from descentflow.physics.performance_model import PerformanceModel
 from descentflow.surveillance.descents.prepared_descents import Descents, top_levels, write_descents
 from descentflow.surveillance.descents.store import SCHEMA_VERSION
 
-NAMES = ("flight_id", "icao24", "typecode", "callsign")
+FLIGHT_COLUMNS = ("flight_id", "icao24", "typecode", "callsign")
 """Columns that say which flight it is."""
-KEPT = ("schema_version", "descentflow", "settings", "typecodes", "inputs")
+KEPT_METADATA = ("schema_version", "descentflow", "settings", "typecodes", "inputs")
 """Parts of a description that hold for the corrected flights as well."""
 
 
@@ -66,7 +63,7 @@ def corrected_descents(flights: Descents, aircraft: PerformanceModel, added: Add
             mend="look at the sizes of the causes: they stop the descent",
         )
     table = _table(moved, frame)
-    described = {name: value for name, value in flights.metadata.items() if name in KEPT}
+    described = {name: value for name, value in flights.metadata.items() if name in KEPT_METADATA}
     made = {
         "effects": {name: [round(float(x), 9) for x in theta] for name, theta in added.theta.items()},
         "seed": added.seed,
@@ -100,7 +97,7 @@ def _table(grid: LevelGrid, frame: pl.DataFrame) -> pl.DataFrame:
     table = pl.DataFrame(columns)
     first = pl.col("timestamp").sort_by("level_fl").last()
     entry = pl.col("time_s").sort_by("level_fl").last()
-    names = [pl.col(name).first() for name in NAMES[1:] if name in frame.columns]
+    names = [pl.col(name).first() for name in FLIGHT_COLUMNS[1:] if name in frame.columns]
     flights = frame.group_by("flight_id").agg(*names, (first - pl.duration(milliseconds=entry * 1000)).alias("_zero"))
     joined = table.join(flights, on="flight_id", maintain_order="left")
     when = pl.col("_zero") + pl.duration(milliseconds=pl.col("time_s") * 1000)
@@ -111,17 +108,13 @@ def _table(grid: LevelGrid, frame: pl.DataFrame) -> pl.DataFrame:
     return joined.select(*order, *absent, *({"fuel_flow"} - set(order)))
 
 
-def correction_made(
-    simulator: Simulator, frame: pl.DataFrame, mass_kg: float, theta: Mapping[str, Tensor], asked: Settings
-) -> Corrections:
+def correction_made(simulator: Simulator, frame: pl.DataFrame, added: AddedEffects) -> Corrections:
     """The simulator with the causes in it: its own flights, or its checkpoint and samples; or neither.
 
     Args:
         simulator: What was diagnosed.
         frame: Prepared real descents.
-        mass_kg: Mass at which signatures are taken.
-        theta: Parameters of the causes.
-        asked: What is diagnosed, and how.
+        added: The causes.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -135,7 +128,6 @@ def correction_made(
     """
     flights = simulator.flights
     if flights is not None:
-        added = AddedEffects(asked.catalogue, theta, mass_kg, simulator.cleaning, asked.seed)
 
         def write(path: Path) -> None:
             write_descents(corrected_descents(flights, simulator.aircraft, added), path)
@@ -144,9 +136,9 @@ def correction_made(
     # Here and not above: a comparison of flights with flights must not pay for models.
     from descentflow.diagnosis.correction.corrected_simulator import corrected, samples_with
 
-    checkpoint = corrected(simulator, mass_kg, asked.catalogue, theta)
+    checkpoint = corrected(simulator, added)
 
     def write_samples(path: Path) -> None:
-        write_descents(samples_with(simulator, frame, mass_kg, theta, asked.seed), path)
+        write_descents(samples_with(simulator, frame, added), path)
 
     return {**checkpoint, FLIGHTS: write_samples} if checkpoint else {}

@@ -1,6 +1,5 @@
 """A model with its causes added: a checkpoint that adds them to descents after they are decoded, and samples of it."""
 
-from collections.abc import Mapping
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
@@ -12,10 +11,11 @@ import torch
 from torch import Tensor
 
 from descentflow.core.units import FPM_MPS, KT_MPS
+from descentflow.diagnosis.correction.effects_in_flights import AddedEffects
 from descentflow.diagnosis.findings.correction_found import CHECKPOINT, Corrections
 from descentflow.diagnosis.inference.compared_state import state_of
 from descentflow.diagnosis.simulator import Simulator
-from descentflow.effects import EFFECTS, Effect
+from descentflow.effects import EFFECTS
 from descentflow.effects.effect import NONE
 from descentflow.generation.rejection import sample_descents
 from descentflow.measurements.quantities import Quantities, grid_of
@@ -28,43 +28,34 @@ from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents, top_levels
 from descentflow.surveillance.descents.store import SCHEMA_VERSION
 
-SAMPLES = 400
+SAMPLED_FLIGHTS = 400
 """Flights that are sampled: means of these are known to a twentieth of their spread."""
-NEEDED = ("IAS", "vertical_rate")
+NEEDED_CHANNELS = ("IAS", "vertical_rate")
 """Channels of a descent."""
-BEGINNING = datetime(2000, 1, 1, tzinfo=UTC)
+SAMPLES_BEGIN = datetime(2000, 1, 1, tzinfo=UTC)
 """Start of all samples: they know no date."""
 
 
-def corrected(
-    simulator: Simulator,
-    mass_kg: float,
-    catalogue: Mapping[str, Effect],
-    theta: Mapping[str, Tensor],
-    *,
-    inherited: bool = False,
-) -> Corrections:
+def corrected(simulator: Simulator, added: AddedEffects, *, inherited: bool = False) -> Corrections:
     """Writer of the corrected checkpoint; empty where there is no checkpoint to correct, or none could hold it.
 
     Effects of the user's own cannot be written: a checkpoint that names code outside the package would not load.
 
     Args:
         simulator: What was diagnosed.
-        mass_kg: Mass at which signatures are taken.
-        catalogue: Effects by name.
-        theta: Parameters of those that are added.
+        added: The causes.
         inherited: Whether the simulator's own flights had the effects.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
         >>> from descentflow.diagnosis.diagnosis_inputs import Inputs
-        >>> theta = {"temperature": torch.tensor([10.0])}
-        >>> made = corrected(Inputs("descents.parquet", "best.ckpt").open().simulator, 64_000.0, EFFECTS, theta)
+        >>> warm = AddedEffects(EFFECTS, {"temperature": torch.tensor([10.0])}, 64_000.0, Cleaning(), seed=0)
+        >>> made = corrected(Inputs("descents.parquet", "best.ckpt").open().simulator, warm)
         >>> made["corrected.ckpt"](Path("warm.ckpt"))
         >>> load_model("warm.ckpt").representation.correction.effects
         {'temperature': [10.0]}
     """
-    foreign = any(catalogue[name] is not EFFECTS.get(name) for name in theta)
+    foreign = any(added.catalogue[name] is not EFFECTS.get(name) for name in added.theta)
     parts = simulator.representation
     if parts is None or foreign:
         return {}
@@ -73,9 +64,7 @@ def corrected(
         content = simulator.content()
         # The correction is of the fit that samples are drawn from.
         content.pop(HELD_OUT, None)
-        sizes = {name: value.tolist() for name, value in theta.items()}
-        air = {} if inherited else air_of_training(parts)
-        correction = Correction(sizes, mass_kg, inherited, parts.cleaning or Cleaning(), of_training=air)
+        correction = _correction(parts, added, inherited=inherited)
         state: dict[str, Any] = content[SECTION]["representation"]
         state["decoder"]["correction"] = correction.to_state()
         state["plausibility"] = _widened(
@@ -84,6 +73,13 @@ def corrected(
         torch.save(content, path)
 
     return {CHECKPOINT: write}
+
+
+def _correction(parts: Representation, added: AddedEffects, *, inherited: bool = False) -> Correction:
+    """The causes as a checkpoint adds them to what it flies."""
+    sizes = {name: value.tolist() for name, value in added.theta.items()}
+    air = {} if inherited else air_of_training(parts)
+    return Correction(sizes, added.mass_kg, inherited, parts.cleaning or Cleaning(), of_training=air)
 
 
 def air_of_training(parts: Representation) -> dict[str, list[float]]:
@@ -122,35 +118,31 @@ def _widened(bounds: Plausibility, levels_fl: Tensor, correction: Correction, ai
     return state
 
 
-def samples_with(
-    simulator: Simulator, frame: pl.DataFrame, mass_kg: float, theta: Mapping[str, Tensor], seed: int
-) -> Descents:
+def samples_with(simulator: Simulator, frame: pl.DataFrame, added: AddedEffects) -> Descents:
     """Samples of a model with causes in them, which begin where real flights do.
 
     Args:
         simulator: A model.
         frame: Prepared real descents.
-        mass_kg: Mass at which signatures are taken.
-        theta: Parameters of the causes.
-        seed: Of the samples.
+        added: The causes, and the seed of the samples.
 
     Example:
         >>> import polars as pl
         >>> from descentflow.diagnosis.diagnosis_inputs import Inputs
         >>> real, theta = pl.read_parquet("descents.parquet"), {"temperature": torch.tensor([10.0])}
+        >>> warm = AddedEffects(EFFECTS, theta, 64_000.0, Cleaning(), seed=0)
         >>> simulator = Inputs("descents.parquet", "best.ckpt").open().simulator
-        >>> samples_with(simulator, real, 64_000.0, theta, seed=0).flights
+        >>> samples_with(simulator, real, warm).flights
         {'A320': 400}
     """
     assert simulator.model is not None
     parts = simulator.model.representation
-    mask = grid_of(frame, *simulator.levels(frame), NEEDED).mask
+    mask = grid_of(frame, *simulator.levels(frame), NEEDED_CHANNELS).mask
     entry = mask.shape[1] - 1 - mask.flip(1).byte().argmax(1)
-    flown = sample_descents(simulator.model, parts, SAMPLES, seed, entry=entry).trajectories
-    sizes = {name: value.tolist() for name, value in theta.items()}
-    correction = Correction(sizes, mass_kg, cleaning=parts.cleaning or Cleaning(), of_training=air_of_training(parts))
+    flown = sample_descents(simulator.model, parts, SAMPLED_FLIGHTS, added.seed, entry=entry).trajectories
     settings = None if parts.cleaning is None else asdict(parts.cleaning)
-    return sampled_descents(correction.apply(simulator.aircraft, flown), simulator.aircraft.typecode, settings)
+    flown = _correction(parts, added).apply(simulator.aircraft, flown)
+    return sampled_descents(flown, simulator.aircraft.typecode, settings)
 
 
 def sampled_descents(flown: Trajectories, typecode: str, settings: dict[str, float | None] | None = None) -> Descents:
@@ -186,7 +178,7 @@ def sampled_descents(flown: Trajectories, typecode: str, settings: dict[str, flo
         flight_id="sample-" + pl.col("row").cast(pl.String).str.zfill(6),
         icao24="sample-" + pl.col("row").cast(pl.String).str.zfill(6),
         typecode=pl.lit(typecode),
-        timestamp=pl.lit(BEGINNING) + pl.duration(microseconds=(pl.col("time_s") * 1e6).round().cast(pl.Int64)),
+        timestamp=pl.lit(SAMPLES_BEGIN) + pl.duration(microseconds=(pl.col("time_s") * 1e6).round().cast(pl.Int64)),
     )
     ordered = table.select("flight_id", "icao24", "typecode", "level_fl", "timestamp", *channels)
     known = {} if settings is None else {"settings": settings}

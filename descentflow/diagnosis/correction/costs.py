@@ -1,4 +1,4 @@
-r"""Costs of the gap in the units of the trade, before and after the named causes.
+r"""Costs of the gap in aviation units, before and after the named causes.
 
 A flight crosses a band of height :math:`\Delta h` at the rate :math:`R` in :math:`\Delta h / R` seconds and flies
 :math:`V \Delta h / R` meanwhile, so that from the top to the bottom of the levels
@@ -31,9 +31,9 @@ from descentflow.physics.fuel import burn
 FLEETS = 400
 """Fleets drawn: an end of a 90 % interval is then known to a ninth of a standard error."""
 CONFIDENCE = (0.05, 0.95)
-PARTS = 3
-"""Into which the levels are divided besides the whole."""
-LABELS = {
+LEVEL_PARTS = 3
+"""Parts into which the levels are divided besides the whole."""
+COST_LABELS = {
     "time": ("time", "s"),
     "time_at_speed": ("time at equal speed", "s"),
     "air_distance": ("distance through the air", "NM"),
@@ -46,9 +46,9 @@ LABELS = {
     "slow": ("time lost in slow stretches", "s"),
 }
 """Cost -> its name for readers and its unit."""
-SUMMED = ("time", "time_at_speed", "air_distance", "ground_distance", "fuel")
+SUMMED_COSTS = ("time", "time_at_speed", "air_distance", "ground_distance", "fuel")
 """Costs that add up over bands; of the others the mean over bands is given."""
-OF_FLIGHT = ("level", "slow")
+COSTS_OF_FLIGHT = ("level", "slow")
 """Costs with one number for each flight."""
 
 
@@ -78,12 +78,12 @@ def costs_of(compared: Compared, left: Tensor | None, seed: int) -> list[Cost]:
     if left is not None:
         both = flown(c, left)
         after = [_Side(both if c.has_simulated else normal, own, *of_own), _Side(both, real, *of_real)]
-    known = [name for name in LABELS if name in every and bool(normal[name][own].isfinite().any())]
+    known = [name for name in COST_LABELS if name in every and bool(normal[name][own].isfinite().any())]
     found, half = [], compared.band_fl / 2
-    for chosen in [bands, *_thirds(bands)] if len(bands) >= PARTS else [bands]:
+    for chosen in [bands, *_thirds(bands)] if len(bands) >= LEVEL_PARTS else [bands]:
         low_fl = round(compared.middles_fl()[chosen[0]] - half, 6)
         high_fl = round(compared.middles_fl()[chosen[-1]] + half, 6)
-        for name in [name for name in known if name not in OF_FLIGHT or chosen is bands]:
+        for name in [name for name in known if name not in COSTS_OF_FLIGHT or chosen is bands]:
             simulator, flights = (side.over(name, chosen) for side in sides)
             before = flights - simulator
             last = after[1].over(name, chosen) - after[0].over(name, chosen) if after else before
@@ -91,7 +91,7 @@ def costs_of(compared: Compared, left: Tensor | None, seed: int) -> list[Cost]:
             found.append(
                 Cost(
                     name,
-                    *LABELS[name],
+                    *COST_LABELS[name],
                     low_fl,
                     high_fl,
                     float(simulator[0]),
@@ -117,7 +117,7 @@ def profile_of(compared: Compared) -> list[LevelMeans]:
 
 
 def _thirds(bands: Sequence[int]) -> list[list[int]]:
-    edges = [round(i * len(bands) / PARTS) for i in range(PARTS + 1)]
+    edges = [round(i * len(bands) / LEVEL_PARTS) for i in range(LEVEL_PARTS + 1)]
     return [list(bands[a:b]) for a, b in pairwise(edges)]
 
 
@@ -133,7 +133,7 @@ class _Side:
     def over(self, name: str, bands: Sequence[int]) -> Tensor:
         """Mean cost (1 + fleets,) over bands, of all flights first."""
         table = self.tables[name][self.rows]
-        table = table if name in OF_FLIGHT else table[:, list(bands)]
+        table = table if name in COSTS_OF_FLIGHT else table[:, list(bands)]
         seen = table.isfinite()
         size = (self.weights.shape[1], table.shape[1])
         total = torch.zeros(size, dtype=torch.float64).index_add_(0, self.owner, table.nan_to_num(0.0))
@@ -141,7 +141,7 @@ class _Side:
         drawn, number = self.weights @ total, self.weights @ count
         # A fleet without a flight in a band says of it what all flights do.
         mean = torch.where(number > 0, drawn / number.clamp(min=1), drawn[:1] / number[:1].clamp(min=1))
-        return mean.sum(1) if name in SUMMED else mean.mean(1)
+        return mean.sum(1) if name in SUMMED_COSTS else mean.mean(1)
 
 
 def flown(compared: Compared, y: Tensor) -> dict[str, Tensor]:
@@ -152,7 +152,7 @@ def flown(compared: Compared, y: Tensor) -> dict[str, Tensor]:
         y: (n, p) entries, as they are or with something taken off.
 
     Returns:
-        (n, K) by cost, (n, 1) for those of :data:`OF_FLIGHT`; NaN where no rate is seen.
+        (n, K) by cost, (n, 1) for those of :data:`COSTS_OF_FLIGHT`; NaN where no rate is seen.
     """
     state, quantities = compared.state, compared.quantities()
 
@@ -186,7 +186,7 @@ def flown(compared: Compared, y: Tensor) -> dict[str, Tensor]:
         found["ground_distance"] = (level + state.tailwind_mps + moved("wind").nan_to_num(0.0)) * seconds / NM_M
     asked = burn(state.aircraft, cas_mps, state.altitude_m, -crossed, state.cas_slope_per_s, mass_kg=state.mass_kg)
     found["fuel"] = asked.flow_kg_s * seconds
-    for name in OF_FLIGHT:
+    for name in COSTS_OF_FLIGHT:
         if name in quantities:
             found[name] = y[:, compared.columns(name)]
     return found

@@ -9,23 +9,22 @@ with the noise floor that two samples of one population of these sizes show. Err
 whole aircraft. The page, `gap.json` and the round after all take these numbers.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from statistics import fmean
 
 import torch
 from torch import Tensor
 
 from descentflow.diagnosis.findings.cause_found import ClosedShare
+from descentflow.diagnosis.findings.costs_found import NINETY
 from descentflow.diagnosis.findings.gap_found import MeasuredEntry
 from descentflow.diagnosis.inference.labellings import distances, labellings_of, mean_over_quantities, noise_floor
 from descentflow.diagnosis.inference.two_sides import Compared
 
-FLOORS = 30
+FLOOR_LABELLINGS = 30
 """Labellings behind a noise floor."""
-GROUPS = 20
+JACKKNIFE_GROUPS = 20
 """Groups of aircraft that are left out in turn."""
-NINETY = 1.645
-"""Standard errors on either side of a 90 % interval."""
 LEAST_GAP = 1.02
 """Gap, in noise floors, below which there is none to close."""
 SAME_EDGE_FL = 0.5
@@ -49,10 +48,10 @@ class MeasuredGap:
         self._scale = self._part.scale if spreads is None else spreads[self._at]
         # Of means: that a simulator's flights differ less widely than real ones is no cause's matter.
         self._means = torch.ones(len(self._at), dtype=torch.bool)
-        self._dealt = list(labellings_of(self._part, FLOORS, seed))[1:]
+        self._dealt = list(labellings_of(self._part, FLOOR_LABELLINGS, seed))[1:]
         names, index = torch.unique(self._part.airframe, return_inverse=True)
-        group = torch.randperm(len(names), generator=torch.Generator().manual_seed(seed))[index] % GROUPS
-        self._without = [group != k for k in range(GROUPS)]
+        group = torch.randperm(len(names), generator=torch.Generator().manual_seed(seed))[index] % JACKKNIFE_GROUPS
+        self._without = [group != k for k in range(JACKKNIFE_GROUPS)]
         self.before = self._over(self._apart(self._part.y))
         self._before = [self._over(self._apart(self._part.y, kept)) for kept in self._without]
 
@@ -87,7 +86,7 @@ class MeasuredGap:
             for before, kept in pairs
         ]
         known = [one for one in found if one is not None]
-        if estimate is None or len(known) < GROUPS:
+        if estimate is None or len(known) < JACKKNIFE_GROUPS:
             return ClosedShare(estimate, None, None)
         half = NINETY * _jackknife(known)
         return ClosedShare(estimate, estimate - half, estimate + half)
@@ -121,15 +120,12 @@ def closed_share(before: float, floor_before: float, after: float, floor_after: 
     return None if none else 1.0 - (after - floor_after) / (before - floor_before)
 
 
-def again(
-    compared: Compared, before: Sequence[MeasuredEntry], seed: int
-) -> tuple[Callable[[], MeasuredGap], list[MeasuredEntry]]:
-    """The gap of other flights over the entries of an earlier one, in its spreads; and those of its entries.
+def measured_again(compared: Compared, before: Sequence[MeasuredEntry]) -> tuple[Tensor, Tensor, list[MeasuredEntry]]:
+    """Entries (p,) of an earlier gap that are compared now, the spreads (p,) that they had, and what they were.
 
     Args:
         compared: Flights of both sides.
         before: Entries of the earlier round; those that are not measured now are left out.
-        seed: Of labellings and groups of aircraft.
     """
     chosen = torch.zeros(len(compared.entries), dtype=torch.bool)
     spreads, kept = compared.scale.clone(), []
@@ -140,4 +136,4 @@ def again(
             if entry.quantity == one.quantity and (entry.band < 0 or same):
                 chosen[i], spreads[i] = True, one.spread
                 kept.append(one)
-    return lambda: MeasuredGap(compared, chosen, seed, spreads), kept
+    return chosen, spreads, kept

@@ -5,17 +5,18 @@ from pathlib import Path
 from statistics import fmean
 
 from descentflow.core.errors import DataError
-from descentflow.diagnosis.correction.measured_gap import NINETY, again, closed_share
+from descentflow.diagnosis.correction.measured_gap import MeasuredGap, closed_share, measured_again
 from descentflow.diagnosis.findings.cause_found import ClosedShare
 from descentflow.diagnosis.findings.correction_found import Previous
+from descentflow.diagnosis.findings.costs_found import NINETY
 from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.findings.gap_found import MeasuredEntry
 from descentflow.diagnosis.findings.inputs_found import Provenance
 from descentflow.diagnosis.findings.read_gap import read_gap
 from descentflow.diagnosis.inference.two_sides import Compared
 
-MIN_SHARE = 0.5
-"""Of the earlier round's entries that must be measured again: of fewer, the two gaps are not of the same."""
+MIN_SHARE_AGAIN = 0.5
+"""Share of the earlier round's entries that must be measured again: of fewer, the two gaps are not of the same."""
 
 
 def previous_round(path: str | Path, made: Provenance, typecode: str) -> Findings:
@@ -91,14 +92,14 @@ def held_against(previous: Findings, name: str, compared: Compared, seed: int) -
         DataError: If less than half of what it measured is measured now.
     """
     then = previous.details
-    measure, kept = again(compared, then.measured_over, seed)
-    if len(kept) < MIN_SHARE * len(then.measured_over):
+    chosen, spreads, kept = measured_again(compared, then.measured_over)
+    if len(kept) < MIN_SHARE_AGAIN * len(then.measured_over):
         raise DataError(
             f"{len(kept)} of the {len(then.measured_over)} bands and quantities of {name} are measured now",
-            expected=f"at least {100 * MIN_SHARE:.0f} % of them: the same levels and channels in both rounds",
+            expected=f"at least {100 * MIN_SHARE_AGAIN:.0f} % of them: the same levels and channels in both rounds",
             mend="fly the same levels, and give the channels that the earlier flights had",
         )
-    now, (before, floor) = measure(), mean_of(kept)
+    now, (before, floor) = MeasuredGap(compared, chosen, seed, spreads), mean_of(kept)
     achieved = achieved_share(before, floor, then.gap_error or 0.0, now.before, now.floor(compared.y), now.error)
     predicted = previous.causes[0].closure.marginal if previous.causes else ClosedShare(None, None, None)
     return Previous(name, [cause.effect for cause in previous.causes], predicted, achieved, before, now.before)

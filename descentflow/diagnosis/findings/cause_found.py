@@ -66,17 +66,17 @@ class ParameterEstimate(Measured):
 
 
 @dataclass(frozen=True)
-class TradeSize:
-    """A size of the effect as reported: in a unit of the trade, of the flights that have the effect.
+class ReportedSize:
+    """A size of the effect as reported: in an aviation unit, of the flights that have the effect.
 
     Attributes:
         parameter: Name of the parameter.
         text: In words, with the 90 % interval.
-        unit: Of ``value``: a unit of the trade, ``factor`` or ``%``.
+        unit: Of ``value``: an aviation unit, ``factor`` or ``%``.
         value: The number.
 
     Example:
-        >>> size = TradeSize("extra_cd0", "CD0 x 1.58 (1.52 to 1.65)", "factor", Measured(1.58))
+        >>> size = ReportedSize("extra_cd0", "CD0 x 1.58 (1.52 to 1.65)", "factor", Measured(1.58))
         >>> size.value.estimate
         1.58
     """
@@ -115,17 +115,17 @@ class Alternative:
     Attributes:
         effect: Its name in the catalogue.
         probability: Probability that it is among the causes.
-        sizes: In units of the trade, of the flights that have it, beside the other causes.
+        sizes: In aviation units, of the flights that have it, beside the other causes.
         share_of_flights: Share of the flights that have it; None where all have.
 
     Example:
-        >>> Alternative("mass", 0.2, [TradeSize("relative_change", "mass x 0.93", "factor", Measured(0.93))]).effect
+        >>> Alternative("mass", 0.2, [ReportedSize("relative_change", "mass x 0.93", "factor", Measured(0.93))]).effect
         'mass'
     """
 
     effect: str
     probability: float
-    sizes: list[TradeSize] = field(default_factory=list)
+    sizes: list[ReportedSize] = field(default_factory=list)
     share_of_flights: ClosedShare | None = None
 
 
@@ -145,7 +145,7 @@ class Cause:
         text: What it is in words, with the direction that was found.
         inclusion: Probability that it, or an effect that stands in its place, is among them; None where not computed.
         share_of_flights: Share of the flights that have it; None where all have.
-        sizes: What ``parameters`` are in units of the trade, of the flights that have the effect: real flights against
+        sizes: What ``parameters`` are in aviation units, of the flights that have the effect: real flights against
             the simulator's, so what to add to what it has.
         on_both_sides: What either side has by itself, where broadcast values measure it (temperature by TAS and Mach
             number, wind by groundspeed and TAS, noise).
@@ -174,7 +174,7 @@ class Cause:
     text: str = ""
     inclusion: float | None = None
     share_of_flights: ClosedShare | None = None
-    sizes: list[TradeSize] = field(default_factory=list)
+    sizes: list[ReportedSize] = field(default_factory=list)
     on_both_sides: list[OnBothSides] = field(default_factory=list)
     takes_away: dict[str, float] = field(default_factory=dict)
     alternatives: list[Alternative] = field(default_factory=list)

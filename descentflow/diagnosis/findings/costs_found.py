@@ -1,6 +1,9 @@
-"""Costs of a gap, in the units of the trade: seconds, nautical miles, feet per minute, knots."""
+"""Costs of a gap, in aviation units: seconds, nautical miles, feet per minute, knots."""
 
 from dataclasses import dataclass
+
+NINETY = 1.645
+"""Standard errors on either side of a 90 % interval."""
 
 
 @dataclass(frozen=True)

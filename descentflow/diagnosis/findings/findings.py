@@ -9,8 +9,8 @@ from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans
 from descentflow.diagnosis.findings.gap_found import (
     BelowRounding,
     GapCell,
-    Lack,
     MeasuredEntry,
+    Nuisance,
     Remaining,
     WouldSplit,
 )
@@ -170,7 +170,7 @@ class Details:
     profile: list[LevelMeans] = field(default_factory=list)
     measured_over: list[MeasuredEntry] = field(default_factory=list)
     gap_error: float | None = None
-    lacks: list[Lack] = field(default_factory=list)
+    lacks: list[Nuisance] = field(default_factory=list)
 
     def label(self, effect: str) -> str:
         """Name of an effect of the catalogue for readers; ``unknown`` is the one outside it."""

@@ -117,7 +117,7 @@ class WouldSplit:
 
 
 @dataclass(frozen=True)
-class Lack:
+class Nuisance:
     """Something that a simulator has too little of beside any cause, or below zero too much.
 
     Attributes:
@@ -126,7 +126,7 @@ class Lack:
         error: Standard error.
 
     Example:
-        >>> Lack("noise_rate", 1.1, 0.05).size
+        >>> Nuisance("noise_rate", 1.1, 0.05).size
         1.1
     """
 

@@ -11,7 +11,7 @@ from descentflow.diagnosis.inference.linear_gaussian import Array
 from descentflow.diagnosis.inference.signatures import Signature, Signatures
 from descentflow.effects import Effect
 
-MOST_SCALED = 25.0
+MOST_MISFIT_SCALED = 25.0
 """Factor of a misfit up to which it is scaled with the square of a shift: of an effect that alone has nearly none."""
 
 
@@ -30,7 +30,7 @@ class MeanEffect:
         self.effect, self.name, self._signatures = effect, effect.name, signatures
         self._free = [i for i, parameter in enumerate(effect.parameters) if not parameter.from_heterogeneity]
         free = [effect.parameters[i] for i in self._free]
-        self.start = self.prior_mean = np.array([parameter.start for parameter in free])
+        self.start = np.array([parameter.start for parameter in free])
         self.prior_sd = self.free_sd = np.array(
             [signatures.assumed.prior_scales * parameter.scale for parameter in free]
         )
@@ -76,9 +76,7 @@ class FlightsEffect:
         prior_sd: (c,) of the factors about one.
 
     Example:
-        >>> from descentflow.effects import EFFECTS
-        >>> law = LearntLaw(EFFECTS["speed_brake"], None, torch.zeros(8), None)
-        >>> brakes = FlightsEffect("speed_brake", law, np.ones((2, 1)), 30.0, np.eye(2), np.array([0.2]))
+        >>> brakes = FlightsEffect("speed_brake", torch.zeros(8), np.ones((2, 1)), 30.0, np.eye(2), np.array([0.2]))
         >>> brakes.at(np.array([2.0])).shift
         array([2., 2.])
     """
@@ -91,11 +89,6 @@ class FlightsEffect:
     prior_sd: Array
 
     @property
-    def prior_mean(self) -> Array:
-        """One: the means show what the shapes say."""
-        return np.ones(self.parts.shape[1])
-
-    @property
     def free_sd(self) -> Array:
         """Of the factors where the sizes of flights are to make the means: it is the sizes that are free."""
         found: Array = np.eye(self.parts.shape[1])[0]
@@ -103,8 +96,8 @@ class FlightsEffect:
 
     @property
     def start(self) -> Array:
-        """One."""
-        return self.prior_mean
+        """One: the means show what the shapes say."""
+        return np.ones(self.parts.shape[1])
 
     def at(self, sizes: Array) -> Signature:
         """Signature at factors (c,)."""
@@ -128,7 +121,7 @@ class FlightsEffect:
 
 
 Candidate = MeanEffect | FlightsEffect
-"""Anything that may stand in a set: sizes with a normal prior, and a signature at each of them."""
+"""An effect that may be in a set: sizes with a normal prior about ``start``, and a signature at each of them."""
 
 
 def linearised(about: Signature, change: Array) -> Signature:
@@ -141,5 +134,5 @@ def linearised(about: Signature, change: Array) -> Signature:
     """
     shift = about.shift + about.jacobian @ change
     whole = max(float(about.shift @ about.shift), 1e-30)
-    larger = min(float(shift @ shift) / whole, MOST_SCALED)
+    larger = min(float(shift @ shift) / whole, MOST_MISFIT_SCALED)
     return Signature(shift, about.jacobian, about.misfit * larger, about.unsure * larger)

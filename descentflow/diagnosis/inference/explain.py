@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from descentflow.diagnosis.findings.findings import DetectionLimit
-from descentflow.diagnosis.findings.gap_found import Lack
+from descentflow.diagnosis.findings.gap_found import Nuisance
 from descentflow.diagnosis.inference.candidates import Candidate, MeanEffect
 from descentflow.diagnosis.inference.flight_effects import FlightShapes, differing
 from descentflow.diagnosis.inference.linear_gaussian import posterior
@@ -17,9 +17,9 @@ from descentflow.diagnosis.inference.moments import moments
 from descentflow.diagnosis.inference.naming import (
     Named,
     free_in_every_set,
-    lacks,
     layers_of_air,
     name_effects,
+    nuisances,
     outweighs_causes,
 )
 from descentflow.diagnosis.inference.sets import Search, SetFit
@@ -43,7 +43,7 @@ class Explanation:
         best: The set of the causes, with an unknown cause where one is probable.
         theta: By cause: its parameters (k,).
         errors: Standard errors of these.
-        lacks: Noise, level-offs and layers of air that the simulator has too little of, beside any cause.
+        nuisances: Noise, level-offs and layers of air that the simulator has too little of, beside any cause.
     """
 
     compared: Compared
@@ -55,7 +55,7 @@ class Explanation:
     best: SetFit
     theta: Mapping[str, Tensor]
     errors: Mapping[str, Tensor]
-    lacks: Sequence[Lack]
+    nuisances: Sequence[Nuisance]
 
 
 def explain(
@@ -105,7 +105,7 @@ def explain(
         best,
         {name: fits.candidates[name].theta(best.sizes[name]) for name in names},
         {name: fits.candidates[name].theta_errors(best.errors[name]) for name in names},
-        [*lacks(aside, raised=raised), *layers_of_air(best, known, fits)],
+        [*nuisances(aside, raised=raised), *layers_of_air(best, known, fits)],
     )
 
 
@@ -134,7 +134,7 @@ def detection_limits(explained: Explanation) -> list[DetectionLimit]:
             continue
         about, prior = candidate.at(candidate.start), candidate.prior_sd
         # The others of its sizes are free: what is left of the first is what the flights say of it alone.
-        apart = posterior(known.difference, known.covariance, about.jacobian, candidate.prior_mean, prior)
+        apart = posterior(known.difference, known.covariance, about.jacobian, candidate.start, prior)
         variance = apart.covariance[0, 0]
         parameter = next(p for p in candidate.effect.parameters if not p.from_heterogeneity)
         size = math.inf

@@ -31,10 +31,10 @@ FEWEST_FLIGHTS = 10
 """Real flights whose shapes can tell anything."""
 FEWEST_BANDS = 4
 """Bands of a flight whose shape is looked at."""
-SHORT_ROUNDS, ROUNDS = 8, 25
+SHORT_EM_ROUNDS, EM_ROUNDS = 8, 25
 """Rounds of EM while the spread of normal flights is sought, and after it."""
-PARAMETERS = 3.0
-"""Of a law: its share, and mean and spread of its sizes."""
+LAW_PARAMETERS = 3.0
+"""Parameters of a law: its share, and mean and spread of its sizes."""
 
 
 @dataclass(frozen=True)
@@ -114,10 +114,10 @@ class FlightShapes:
         found = np.zeros_like(self.real.values)
         for name in names:
             mine, law, effect = self.real.windows[name], fit.laws[name].theta, fit.laws[name].effect
-            windows = effect.windows(mine.state, law, torch.zeros_like(mine.state.cas_mps) + mine.state.beyond_polar)
+            windows = effect.windows(mine.state, law)
             at = [windows.slots.index(("rate", int(band))) for band in self.rates.bands]
-            weights = (windows.table[windows.upper] - windows.table[windows.lower])[:, at].numpy()
-            found += ((fit.taken[name] * fit.sizes[name]) @ weights) * windows.shape[:, at].numpy()
+            sized = (fit.taken[name] * fit.sizes[name]) @ windows.weights[:, at].numpy()
+            found += sized * windows.shape[:, at].numpy()
             found += fit.taken[name].sum(1)[:, None] * windows.offset[:, at].numpy()
         return found
 
@@ -146,13 +146,13 @@ class FlightShapes:
         for start in (none, (level, white, white, *none[3:]), (level,) * len(none)):
             sizes: tuple[float, ...] = start
             while sizes not in tried:
-                short = self._mixture(side, windows, sizes, SHORT_ROUNDS)
+                short = self._mixture(side, windows, sizes, SHORT_EM_ROUNDS)
                 tried[sizes] = short
                 values = side.values + short.offset * side.seen
                 sizes = tuple(self.spread.likeliest(values, side.seen, short.normal, sizes))
         best = max(tried, key=lambda one: tried[one].log_likelihood)
         about = [self._about(side, name, tried[best].laws[name].theta) for name in names]
-        return self._mixture(side, about, best, ROUNDS)
+        return self._mixture(side, about, best, EM_ROUNDS)
 
     def _about(self, side: Side, name: str, law: torch.Tensor) -> FlightWindows:
         """Windows about the sizes of a law: a shift is not linear in them."""
@@ -176,18 +176,18 @@ class FlightShapes:
         )
         count = len(self.real.index)
         theirs = max(simulated, 0.0) * count / max(len(self.simulated.index), 1)
-        return real - theirs - 0.5 * PARAMETERS * len(names) * math.log(count)
+        return real - theirs - 0.5 * LAW_PARAMETERS * len(names) * math.log(count)
 
     def _mean_shift(self, side: Side, names: tuple[str, ...], name: str) -> Array:
         """Mean shift (p, c) of what is compared, late reports included; c is two where a part has no size."""
         fit, mine = self.fit(side, names), side.windows[name]
         effect, law = fit.laws[name].effect, fit.laws[name].theta
-        beyond = torch.zeros_like(mine.state.cas_mps) + mine.state.beyond_polar
-        state = replace(mine.state, report_delay_s=self.compared.state.report_delay_s)
-        windows = effect.windows(state, law, beyond)
-        weights = (windows.table[windows.upper] - windows.table[windows.lower]).numpy()
+        windows = effect.windows(replace(mine.state, report_delay_s=self.compared.state.report_delay_s), law)
         taken, sized = fit.taken[name], fit.taken[name] * fit.sizes[name]
-        shown = [(sized @ weights) * windows.shape.numpy(), taken.sum(1)[:, None] * windows.offset.numpy()]
+        shown = [
+            (sized @ windows.weights.numpy()) * windows.shape.numpy(),
+            taken.sum(1)[:, None] * windows.offset.numpy(),
+        ]
         shown = shown[: 1 + bool(windows.offset.any())]
         slots = {slot: k for k, slot in enumerate(windows.slots)}
         place = {band: k for k, band in enumerate(self.rates.bands)}

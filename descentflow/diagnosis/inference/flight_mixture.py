@@ -22,12 +22,12 @@ from descentflow.effects.flight_law import DiffersByFlight, Learnt
 from descentflow.effects.flight_state import FlightState
 from descentflow.effects.windowed_effect import WindowedEffect
 
-SHUT = -1e6
+SHUT_WINDOW = -1e6
 """Log probability of a window that a flight could not show."""
 FIRST_ODD, FIRST_SHARE = 0.05, 0.2
 """Shares of each kind of odd flights, and of the flights with an effect, from which EM starts."""
-STEP = 0.01
-"""Of a factor, for derivatives."""
+FACTOR_STEP = 0.01
+"""Step of a factor, for derivatives."""
 
 
 @dataclass(frozen=True)
@@ -78,10 +78,9 @@ def flight_windows(
         law: About whose mean size shifts are linear in it, and from which EM starts; a wide one if absent.
     """
     start = effect.law_starts(state, _about_the_middle(effect, state))[-1] if law is None else law
-    beyond = torch.zeros_like(state.cas_mps) + state.beyond_polar
-    windows = effect.sought_about(start).windows(state, start, beyond)
+    windows = effect.sought_about(start).windows(state, start)
     slots = [windows.slots.index(("rate", int(band))) for band in bands]
-    weights = (windows.table[windows.upper] - windows.table[windows.lower])[:, slots].numpy()
+    weights = windows.weights[:, slots].numpy()
     whole = np.ptp(weights, axis=1) == 0.0
     top = np.where(seen, np.arange(len(bands)), -1).max(1)
     # A window that is open to the top of a flight is how its descent begins, and one open to the bottom how it ends.
@@ -116,23 +115,24 @@ class LearntLaw:
         effect: Whose law it is, with the windows among which it was sought.
         state: The flights.
         theta: Its parameters (k,).
-        learnt: Sums over the flights by window; None before any were seen.
+        learnt: Sums over the flights by window.
 
     Example:
         >>> from descentflow.effects import EFFECTS
-        >>> LearntLaw(EFFECTS["speed_brake"], None, torch.zeros(8), None).at(1.0).shape
-        torch.Size([8])
+        >>> from descentflow.effects.example_flights import example_flights
+        >>> sums = Learnt(torch.ones(1), torch.tensor([0.1]), torch.tensor([0.01]), flights=2)
+        >>> law = LearntLaw(EFFECTS["geometric_path"], example_flights(), torch.zeros(3).double(), sums)
+        >>> law.at(2.0)[1]  # twice as much shallower in the mean
+        tensor(0.2000, dtype=torch.float64)
     """
 
     effect: DiffersByFlight
-    state: FlightState | None
+    state: FlightState
     theta: torch.Tensor
-    learnt: Learnt | None
+    learnt: Learnt
 
     def at(self, factor: float) -> torch.Tensor:
         """Parameters (k,) with the sizes of all flights times a factor."""
-        if self.state is None or self.learnt is None:
-            return self.theta
         sums = self.learnt
         moved = Learnt(sums.taken, sums.size * factor, sums.squared * factor**2, sums.flights)
         return self.effect.learn(self.state, self.theta, moved)
@@ -142,11 +142,8 @@ class LearntLaw:
 
         A share is known as a count of flights, and what the grid of windows leaves open is uniform.
         """
-        found = torch.zeros_like(self.theta)
-        if self.learnt is None:
-            return found
         number = max(float(self.learnt.taken.sum()), 1.0)
-        sized = (self.at(1.0 + STEP) - self.at(1.0 - STEP)) / (2.0 * STEP)
+        sized = (self.at(1.0 + FACTOR_STEP) - self.at(1.0 - FACTOR_STEP)) / (2.0 * FACTOR_STEP)
         found = sized.abs() * factor_error
         for place, parameter in enumerate(self.effect.parameters):
             if parameter.is_spread or parameter.from_heterogeneity or parameter.shown_as == "flights":
@@ -265,7 +262,6 @@ class _EffectWindows:
         self._offset_square = (plain.times(windows.offset) * windows.offset).sum(1)
         self.taken = self.size = self._variance = np.zeros(windows.open.shape)
         self.share, self.offset_of_mean = 0.0, np.zeros(windows.weights.shape[1])
-        self.learnt: Learnt | None = None
 
     def expect(self, x: Array) -> Array:
         """Log ratio (n,) of the density with the effect to that without, summed over windows."""
@@ -279,7 +275,7 @@ class _EffectWindows:
             + towards**2 / (2.0 * precision)
             - mean**2 / (2.0 * sd**2)
             - 0.5 * np.log(sd**2 * precision)
-            + np.where(self.windows.open, 0.0, SHUT)
+            + np.where(self.windows.open, 0.0, SHUT_WINDOW)
             + self.coarse.log_prior(self.windows.state, self.law).numpy()
         )
         # Sizes are positive: the law is cut off at zero, before and after the flight is seen.

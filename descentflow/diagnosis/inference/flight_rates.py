@@ -113,8 +113,8 @@ def _sensitivities(state: FlightState) -> tuple[Array, Array]:
     return first, second
 
 
-SWEEPS = 2
-"""Over the four sizes."""
+SPREAD_SWEEPS = 2
+"""Sweeps over the four sizes."""
 
 
 @dataclass(frozen=True)
@@ -154,7 +154,7 @@ class Spread:
             return float(weight @ Precisions(self.at(sizes), seen).log_density(values))
 
         top = score(best)
-        for _ in range(SWEEPS):
+        for _ in range(SPREAD_SWEEPS):
             for k in range(len(self.shapes)):
                 for size in self.grid:
                     tried = [*best[:k], size, *best[k + 1 :]]

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.findings.gap_found import Lack
+from descentflow.diagnosis.findings.gap_found import Nuisance
 from descentflow.diagnosis.inference.assumptions import Assumptions
 from descentflow.diagnosis.inference.linear_gaussian import Array
 from descentflow.diagnosis.inference.moments import Moments, moments
@@ -136,8 +136,8 @@ def free_in_every_set(compared: Compared) -> Tensor:
     return torch.tensor(flags, dtype=torch.bool)
 
 
-def lacks(compared: Compared, *, raised: bool) -> list[Lack]:
-    """Differences that probably exist, by the odds of a normal size against none.
+def nuisances(compared: Compared, *, raised: bool) -> list[Nuisance]:
+    """Nuisances that probably exist, by the odds of a normal size against none.
 
     Args:
         compared: Flights of both sides, with the entries of :func:`free_in_every_set` alone.
@@ -162,11 +162,11 @@ def lacks(compared: Compared, *, raised: bool) -> list[Lack]:
         usual = (1.0 if noise else assumed.usual_level_offs * unit) ** 2
         odds = 0.5 * (size**2 / error - size**2 / (error + usual) - math.log1p(usual / error)) + prior_odds
         if odds > needed and (not noise or abs(size) > assumed.noise_matters / 3.0):
-            found.append(Lack(name, size, math.sqrt(error)))
+            found.append(Nuisance(name, size, math.sqrt(error)))
     return found
 
 
-def layers_of_air(best: SetFit, known: Moments, fits: SetFits) -> list[Lack]:
+def layers_of_air(best: SetFit, known: Moments, fits: SetFits) -> list[Nuisance]:
     """The largest departure of each quantity of the air that no effect of a set explains.
 
     Args:
@@ -186,5 +186,5 @@ def layers_of_air(best: SetFit, known: Moments, fits: SetFits) -> list[Lack]:
         gain = prior @ np.linalg.inv(best.noise)
         departure = gain @ (known.difference - best.shift)
         at = int(np.argmax(np.abs(departure)))
-        found.append(Lack(name, float(departure[at]), math.sqrt(max(prior[at, at] - (gain @ prior)[at, at], 0.0))))
+        found.append(Nuisance(name, float(departure[at]), math.sqrt(max(prior[at, at] - (gain @ prior)[at, at], 0.0))))
     return sorted(found, key=lambda lack: lack.quantity)

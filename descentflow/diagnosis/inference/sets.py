@@ -30,10 +30,10 @@ from descentflow.diagnosis.inference.moments import Moments
 from descentflow.diagnosis.inference.signatures import Signature
 from descentflow.measurements.quantity_registry import QUANTITIES
 
-ROUNDS = 4
-"""Of Gauss-Newton: shifts are nearly linear in their sizes."""
-SWEEPS = 2
-"""Over the quantities, of which an unknown cause moves some."""
+GAUSS_NEWTON_ROUNDS = 4
+"""Rounds of Gauss-Newton: shifts are nearly linear in their sizes."""
+SCALE_SWEEPS = 2
+"""Sweeps over the quantities, of which an unknown cause moves some."""
 
 OF_AIR = frozenset({"tas", "wind", "height"})
 """Quantities that measure the air."""
@@ -130,7 +130,7 @@ class SetFits:
         names: Names,
         unknown: Mapping[str, float] | None = None,
         first: Mapping[str, Array] | None = None,
-        rounds: int = ROUNDS,
+        rounds: int = GAUSS_NEWTON_ROUNDS,
     ) -> SetFit:
         """Fit a set.
 
@@ -138,7 +138,7 @@ class SetFits:
             names: Of the effects.
             unknown: Scales of an unknown cause.
             first: Sizes at which to begin.
-            rounds: Of Gauss-Newton.
+            rounds: Number of Gauss-Newton steps.
         """
         scales, begin = dict(unknown or {}), first or {}
         sizes = {name: begin.get(name, self.candidates[name].start) for name in names}
@@ -168,13 +168,13 @@ class SetFits:
         for name in fit.names:
             candidate = self.candidates[name]
             jacobian = candidate.at(fit.sizes[name]).jacobian
-            rest = rest + jacobian @ (fit.sizes[name] - candidate.prior_mean)
+            rest = rest + jacobian @ (fit.sizes[name] - candidate.start)
             noise = noise + (jacobian * candidate.prior_sd**2) @ jacobian.T
         every = [name for name in dict.fromkeys(map(str, self.known.quantity)) if QUANTITIES[name].by_band]
         quantities = [name for name in every if name in OF_AIR] if air else every
         sizes = [scale for scale in self.assumed.unknown_scales if not air or scale <= self.assumed.layers]
         scales = dict(fit.unknown)
-        for _, name in itertools.product(range(SWEEPS), quantities):
+        for _, name in itertools.product(range(SCALE_SWEEPS), quantities):
             others = {other: scale for other, scale in scales.items() if other != name}
             tries = [others, *({**others, name: scale} for scale in sizes)]
             scores = [evidence(rest, noise + self.unknown_covariance(one)) + self._log_prior(one) for one in tries]
@@ -207,7 +207,7 @@ class SetFits:
             noise = noise + (0.0 if self._is_exact else found.misfit + found.unsure)
             x = x - found.shift + found.jacobian @ size
             columns.append(found.jacobian)
-            mean.append(candidate.prior_mean)
+            mean.append(candidate.start)
             spread.append(candidate.free_sd if self._is_exact else candidate.prior_sd)
         return posterior(x, noise, np.concatenate(columns, 1), np.concatenate(mean), np.concatenate(spread)), noise
 
@@ -229,7 +229,7 @@ def evidence(x: Array, covariance: Array) -> float:
 
 MOST_ENUMERATED = 3
 """Effects of the sets that are all screened; larger ones are grown."""
-HEAVIEST = 20
+MOST_FITTED = 20
 """Sets that are fitted; half as many with an unknown cause beside them."""
 
 
@@ -270,7 +270,7 @@ class Search:
         self._grow(fitted)
         ordered = sorted(fitted.values(), key=lambda one: -one.log_weight)
         small = [one for one in ordered if len(one.names) <= 1]
-        for one in {fit.names: fit for fit in (*ordered[: HEAVIEST // 2], *small[: HEAVIEST // 2])}.values():
+        for one in {fit.names: fit for fit in (*ordered[: MOST_FITTED // 2], *small[: MOST_FITTED // 2])}.values():
             in_air = self._with_unknown(one, air=True)
             ordered += [in_air, self._with_unknown(in_air, air=False)]
         found = {(one.names, *one.unknown.items()): one for one in filter(self.plausible, ordered)}
@@ -297,7 +297,7 @@ class Search:
         every = (itertools.combinations(self.fits.candidates, count) for count in range(MOST_ENUMERATED + 1))
         allowed = [names for names in itertools.chain(*every) if self._allowed(names)]
         weight = {names: self._screen.fit(names, first=self._alone, rounds=1).log_weight for names in allowed}
-        return list(dict.fromkeys([*sorted(allowed, key=lambda names: -weight[names])[:HEAVIEST], ()]))
+        return list(dict.fromkeys([*sorted(allowed, key=lambda names: -weight[names])[:MOST_FITTED], ()]))
 
     def _grow(self, fitted: dict[Names, SetFit]) -> None:
         """Add the best further effect to the heaviest set, as long as that makes it heavier."""

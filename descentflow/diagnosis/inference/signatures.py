@@ -21,10 +21,10 @@ from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.effects import Effect
 from descentflow.effects.flight_state import FlightState
 
-SOME_FLIGHTS = 40
+FLIGHTS_OF_COEFFICIENTS = 40
 """Flights by whose mean the part of the coefficients is known well enough."""
-STEP = 0.02
-"""Of differences, in sizes of a parameter that matter: shifts are smooth, and windows have edges."""
+DERIVATIVE_STEP = 0.02
+"""Step of differences, in sizes of a parameter that matter: shifts are smooth, and windows have edges."""
 LEAST_DIRECTION = 1e-3
 """A part of the coefficients that is known to a thousandth."""
 
@@ -80,7 +80,7 @@ class Signatures:
         self.state = compared.state.rows_of_fleet(real)
         seen = compared.y[compared.real].isfinite().numpy()
         self._weight = seen / np.maximum(seen.sum(0), 1)
-        some = compared.state.rows_of_fleet(real[:: max(len(real) // SOME_FLIGHTS, 1)])
+        some = compared.state.rows_of_fleet(real[:: max(len(real) // FLIGHTS_OF_COEFFICIENTS, 1)])
         directions = [d for d in compared.coefficients.directions().T if float(d.abs().max()) > LEAST_DIRECTION]
         self._beside = [(scaled(some, d), scaled(some, -d)) for d in directions]
         self._rate_by_cas = rate_by_cas(compared, known)
@@ -95,7 +95,7 @@ class Signatures:
             columns = []
             for i, parameter in enumerate(effect.parameters):
                 step = torch.zeros_like(theta)
-                step[i] = STEP * parameter.scale
+                step[i] = DERIVATIVE_STEP * parameter.scale
                 above, below = effect.clamp(theta + step), effect.clamp(theta - step)
                 width = float(above[i] - below[i])
                 apart = (self._vectors(effect, above, self.state) * self._weight).sum(0)

@@ -21,12 +21,12 @@ from descentflow.diagnosis.inference.assumptions import ASSUMED, Assumptions
 from descentflow.diagnosis.inference.linear_gaussian import Array, Precisions, shrunk
 from descentflow.effects.flight_state import FlightState, log_rate
 
-STEPS = 4
+GAUSS_NEWTON_STEPS = 4
 """Gauss-Newton steps: ln rate is close to linear in these logarithms."""
 LEAST_SPREAD = 0.003
-"""Of ln rate between aircraft: those of a simulator may all fly alike."""
-MOVED = 1e-3
-"""Of the differences, in logarithms."""
+"""Least spread of ln rate between aircraft: those of a simulator may all fly alike."""
+LOG_STEP = 1e-3
+"""Step of the differences, in logarithms."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def simulator_coefficients(
     common = precision.sum(0) + torch.linalg.inv(missed)
     prior = torch.linalg.inv(known.covariance)
     ln_factors = known.ln_factors
-    for _ in range(STEPS):
+    for _ in range(GAUSS_NEWTON_STEPS):
         columns = torch.where(there[:, :, None], _by_aircraft(_sensitivity(state, ln_factors)[:, bands], airframe), 0.0)
         apart = (log_rate_seen - log_rate(scaled(state, ln_factors)))[:, bands]
         rest = torch.where(there, _by_aircraft(apart, airframe), 0.0)
@@ -152,9 +152,9 @@ def _spread(rest: Tensor) -> Array:
 
 def _sensitivity(state: FlightState, ln_factors: Tensor) -> Tensor:
     """D ln rate / d psi (n, K, 4), by central differences."""
-    steps = MOVED * torch.eye(4, dtype=torch.float64)
+    steps = LOG_STEP * torch.eye(4, dtype=torch.float64)
     parts = [
-        (log_rate(scaled(state, ln_factors + step)) - log_rate(scaled(state, ln_factors - step))) / (2 * MOVED)
+        (log_rate(scaled(state, ln_factors + step)) - log_rate(scaled(state, ln_factors - step))) / (2 * LOG_STEP)
         for step in steps
     ]
     return torch.stack(parts, 2)

@@ -18,10 +18,10 @@ from descentflow.physics.performance_model import PerformanceModel
 
 CLAIMED_ZERO = ("rate", "lag", "mismatch", "tas", "wind", "height")
 """Quantities that are zero by physics, whether or not the simulator's own flights measured them."""
-MIN_FLIGHTS = 10
-MIN_SHARE = 0.1
+MIN_FLIGHTS_SHOWING = 10
+MIN_SHARE_SHOWING = 0.1
 """An entry is compared if so many, and this share, of the flights of either side show it."""
-FEWEST_APART = 7
+MIN_AIRCRAFT_APART = 7
 """Aircraft that differ from what most flights show, for a quantity that most show alike (time level, least noise) to be
 compared. All of m are on one side by chance in one of 2^(m - 1), and 2 % is asked."""
 
@@ -200,8 +200,8 @@ def compare(
             columns.append(torch.cat([normal, shown]))
     if not columns:
         raise DataError(
-            f"no quantity that {MIN_FLIGHTS} of {len(real)} real flights show in one band",
-            expected=f"at least {MIN_FLIGHTS} flights on both sides through the same levels",
+            f"no quantity that {MIN_FLIGHTS_SHOWING} of {len(real)} real flights show in one band",
+            expected=f"at least {MIN_FLIGHTS_SHOWING} flights on both sides through the same levels",
             mend="give more flights",
         )
     y = torch.stack(columns, 1)
@@ -225,12 +225,12 @@ def _tells_nothing(column: Tensor, airframe: Tensor) -> bool:
     """Test for a quantity that is the same in most flights, and differs in a few aircraft."""
     apart = (column - column.nanmedian()).abs() > 1e-9  # nothing that is missing
     alike = int(column.isfinite().sum()) > 2 * int(apart.sum())
-    return alike and len(torch.unique(airframe[apart])) < FEWEST_APART
+    return alike and len(torch.unique(airframe[apart])) < MIN_AIRCRAFT_APART
 
 
 def _enough(column: Tensor) -> bool:
     count = int(column.isfinite().sum())
-    return count >= MIN_FLIGHTS and count >= MIN_SHARE * len(column)
+    return count >= MIN_FLIGHTS_SHOWING and count >= MIN_SHARE_SHOWING * len(column)
 
 
 def _drawn_in(sides: Sequence[Tensor], extreme: float, least: float) -> list[Tensor]:

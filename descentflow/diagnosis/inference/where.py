@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 import torch
 from torch import Tensor
@@ -13,9 +14,9 @@ from descentflow.measurements.quantity_registry import QUANTITIES
 
 PERMUTATIONS = 1999
 """Behind the p-value of each cell, which is at least one in 2,000: 5 % is known to half a percent."""
-FLOORS = 10
+FLOOR_PERMUTATIONS = 10
 """Permutations behind the noise floor of each cell."""
-MATTERS = 0.5
+LEAST_EXCESS = 0.5
 """An excess over the floor below this many negligible shifts is not counted as a gap, however significant."""
 
 
@@ -23,7 +24,7 @@ ALL = "all"
 """Name of the slice that is all flights."""
 BANDS_IN_CELL = 3
 """Neighbouring bands of a cell, some 4,500 ft: fewer would be tests of little power, more would hide where it is."""
-MIN_SEEN = 3
+MIN_FLIGHTS_IN_CELL = 3
 """Flights, and aircraft, of either side that must show an entry for a difference to be measured in spreads."""
 
 
@@ -48,20 +49,12 @@ def cells(compared: Compared, transition_fl: float) -> list[Cell]:
     """Cut the entries into cells."""
     found: list[Cell] = []
     for quantity in compared.quantities():
-        run: list[int] = []
-        for i in [*compared.columns(quantity).tolist(), -1]:
-            if run and (
-                i < 0
-                or len(run) == BANDS_IN_CELL
-                or _regime(compared, i, transition_fl) != _regime(compared, run[0], transition_fl)
-            ):
-                low, high = (
-                    compared.level_range(compared.entries[run[0]])[0],
-                    compared.level_range(compared.entries[run[-1]])[1],
-                )
-                found.append(Cell(quantity, torch.tensor(run), low, high, _regime(compared, run[0], transition_fl)))
-                run = []
-            run.append(i)
+        columns = compared.columns(quantity).tolist()
+        for regime, run in groupby(columns, key=lambda i: _regime(compared, i, transition_fl)):
+            bands = list(run)
+            for at in (bands[k : k + BANDS_IN_CELL] for k in range(0, len(bands), BANDS_IN_CELL)):
+                first, last = (compared.level_range(compared.entries[i]) for i in (at[0], at[-1]))
+                found.append(Cell(quantity, torch.tensor(at), first[0], last[1], regime))
     return found
 
 
@@ -130,7 +123,7 @@ def _welch(values: Tensor, count: Tensor, labels: Labellings) -> Tensor:
         scatter = (sum_yy - 2 * mean * sum_yn + mean.square() * sum_nn).clamp(min=0.0)
         variance = scatter / n.clamp(min=1).square() * aircraft / (aircraft - 1).clamp(min=1)
         means.append(mean)
-        variances.append(torch.where((n < MIN_SEEN) | (aircraft < MIN_SEEN), torch.inf, variance))
+        variances.append(torch.where((n < MIN_FLIGHTS_IN_CELL) | (aircraft < MIN_FLIGHTS_IN_CELL), torch.inf, variance))
     difference = means[0] - means[1]
     return difference.square() / (variances[0] + variances[1]).clamp(min=1e-18)
 
@@ -171,7 +164,7 @@ def where(compared: Compared, transition_fl: float, seed: int) -> list[GapCell]:
     # The slices of the rate show more of the same: cells of all flights alone say what differs.
     counted = []
     for (row, cell, _), p_value in zip(measured, p_values, strict=True):
-        large = row.distance - row.floor > MATTERS * float(negligible[cell.at].mean())
+        large = row.distance - row.floor > LEAST_EXCESS * float(negligible[cell.at].mean())
         counted.append(row.slice == ALL and p_value <= compared.assumed.false_cells and large)
     total = sum(excess for (_, _, excess), counts in zip(measured, counted, strict=True) if counts)
     rows = [
@@ -191,7 +184,7 @@ def _slices(compared: Compared, transition_fl: float) -> list[Slice]:
     for name, part in (("slower half", slow), ("faster half", ~slow)) if of_rate else ():
         # A simulator of one speed may have no flight in a half.
         sides = [compared.real[part]] if bool(compared.real.all()) else [compared.real[part], ~compared.real[part]]
-        if min(int(side.sum()) for side in sides) < MIN_SEEN:
+        if min(int(side.sum()) for side in sides) < MIN_FLIGHTS_IN_CELL:
             continue
         found.append(Slice(name, torch.where(part[:, None], compared.y, torch.nan), part, of_rate))
     return found
@@ -199,7 +192,7 @@ def _slices(compared: Compared, transition_fl: float) -> list[Slice]:
 
 def _measured(compared: Compared, part: Slice, dealt: Labellings) -> list[tuple[GapCell, Cell, float]]:
     """Each cell of a slice, still without a p-value, and its excess over the floor in spreads."""
-    some = [dealt.flights(1 + k)[part.flights] for k in range(min(FLOORS, len(dealt) - 1))]
+    some = [dealt.flights(1 + k)[part.flights] for k in range(min(FLOOR_PERMUTATIONS, len(dealt) - 1))]
     y, real = compared.y[part.flights], compared.real[part.flights]
     apart = distances(y, real, compared.scale, compared.counts())
     mixed = noise_floor(y, real, some, compared.scale, compared.counts())

@@ -1,4 +1,4 @@
-"""Causes, sets and single effects of an explanation, as findings: sizes in units of the trade, and alternatives."""
+"""Causes, sets and single effects of an explanation, as findings: sizes in aviation units, and alternatives."""
 
 from collections.abc import Mapping, Sequence
 

@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans
 from descentflow.diagnosis.findings.findings import Curve
-from descentflow.diagnosis.report.trade_units import at_level, in_trade, level_range
+from descentflow.diagnosis.report.aviation_units import at_level, aviation_value, level_range
 from descentflow.measurements.quantity_registry import label_of
 from descentflow.reporting.figure_style import BLUE, RED, tidy
 
@@ -72,7 +72,9 @@ def level_figure(quantity: str, curve: Curve, profile: Sequence[LevelMeans] = ()
     levels = np.array(curve.level_fl, dtype=float)
 
     def shown(values: Sequence[float]) -> tuple[list[float], str]:
-        pairs = [in_trade(quantity, v, fl, fl, at_level(profile, fl)) for v, fl in zip(values, levels, strict=True)]
+        pairs = [
+            aviation_value(quantity, v, fl, fl, at_level(profile, fl)) for v, fl in zip(values, levels, strict=True)
+        ]
         return [value for value, _ in pairs], pairs[0][1]
 
     figure = Figure(figsize=(WIDTH_IN, 3.0), layout="constrained")

@@ -11,6 +11,13 @@ from descentflow.diagnosis.findings.findings import SEEN, Curve, DetectionLimit,
 from descentflow.diagnosis.findings.inputs_found import InputUsed, Provenance
 from descentflow.diagnosis.findings.plain_values import percent
 from descentflow.diagnosis.inference.assumptions import ASSUMED
+from descentflow.diagnosis.report.aviation_units import (
+    at_level,
+    aviation_value,
+    between,
+    level_range,
+    with_unit,
+)
 from descentflow.diagnosis.report.page_tables import (
     by_level_table,
     cost_table,
@@ -20,7 +27,6 @@ from descentflow.diagnosis.report.page_tables import (
     whole_costs,
 )
 from descentflow.diagnosis.report.sizes import reported_text
-from descentflow.diagnosis.report.trade_units import at_level, between, in_trade, level_range, trade_number
 from descentflow.effects import EFFECTS, UNKNOWN
 from descentflow.effects.effect import NONE
 from descentflow.measurements.quantity_registry import label_of
@@ -73,7 +79,7 @@ def page(found: Findings, folder: str | Path = "gap") -> str:
         ],
         changes=[[cause(s.effect), s.text, c.text] for s, c in zip(found.recipe, found.causes, strict=True)],
         small=[
-            [label_of(row.quantity), level_range(*ends), *(_trade(found, row.quantity, x, *ends) for x in sizes)]
+            [label_of(row.quantity), level_range(*ends), *(_in_words(found, row.quantity, x, *ends) for x in sizes)]
             for row in found.below_rounding
             for ends, sizes in [((row.level_low_fl, row.level_high_fl), (row.difference, row.rounding))]
         ],
@@ -131,7 +137,7 @@ def _brief(found: Findings) -> list[tuple[str, str]]:
 
     def numbers(sizes: Sequence[float]) -> str:
         pairs = zip(sizes, costs, strict=True)
-        return ", ".join(trade_number(size, cost.unit, signed=True) for size, cost in pairs)
+        return ", ".join(with_unit(size, cost.unit, signed=True) for size, cost in pairs)
 
     if not costs:
         return []
@@ -231,11 +237,11 @@ def _shared(found: Findings) -> dict[str, Any]:
         "limits": _limits(found),
         "then_named": listed([found.details.label(one) for one in found.previous.causes]) if found.previous else "",
         "percent": percent,
-        "number": trade_number,
+        "number": with_unit,
         "levels": level_range,
         "label": label_of,
         "listed": listed,
-        "trade": lambda *one: _trade(found, *one),
+        "shown": lambda *one: _in_words(found, *one),
     }
 
 
@@ -267,7 +273,7 @@ def limit_text(limit: DetectionLimit) -> str:
             # A third digit says nothing of a chance.
             brief = shown if parameter.reported_unit == "factor" else float(f"{shown:.2g}")
             return reported_text(parameter, Measured(brief))
-    return f"{limit.label or limit.parameter.replace('_', ' ')} {trade_number(size, limit.unit)}"
+    return f"{limit.label or limit.parameter.replace('_', ' ')} {with_unit(size, limit.unit)}"
 
 
 def _limits(found: Findings) -> list[list[str]]:
@@ -296,9 +302,9 @@ def _standing(found: Findings) -> float | None:
     return abs(left.difference) / errors[0] if len(errors) == 1 and errors[0] > 0.0 else None
 
 
-def _trade(found: Findings, quantity: str, value: float, low_fl: float, high_fl: float) -> str:
+def _in_words(found: Findings, quantity: str, value: float, low_fl: float, high_fl: float) -> str:
     """A difference with sign and unit; of noise its factor."""
-    return trade_number(*in_trade(quantity, value, low_fl, high_fl, found.details.profile), signed=True)
+    return with_unit(*aviation_value(quantity, value, low_fl, high_fl, found.details.profile), signed=True)
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> str:
@@ -336,6 +342,6 @@ def _level_alt(found: Findings, name: str, curve: Curve) -> str:
     for when, values in (("now", curve.before), ("with the causes", curve.after))[: 2 if found.causes else 1]:
         k = max(range(len(values)), key=lambda i: abs(values[i]))
         fl = curve.level_fl[k] or 0.0
-        value = trade_number(*in_trade(name, values[k], fl, fl, at_level(found.details.profile, fl)), signed=True)
+        value = with_unit(*aviation_value(name, values[k], fl, fl, at_level(found.details.profile, fl)), signed=True)
         texts.append(f"{when} {value} at FL{fl:.0f}")
     return f"Largest difference of {label_of(name)}: {', '.join(texts)}."

@@ -4,7 +4,7 @@ from descentflow.diagnosis.findings.costs_found import Cost
 from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.findings.inputs_found import InputUsed
 from descentflow.diagnosis.findings.plain_values import percent
-from descentflow.diagnosis.report.trade_units import between, in_trade, level_range, trade_number
+from descentflow.diagnosis.report.aviation_units import aviation_value, between, level_range, with_unit
 from descentflow.measurements.quantity_registry import label_of
 
 CELLS_LISTED = 8
@@ -66,12 +66,12 @@ def cost_table(found: Findings, *, means: bool = False) -> list[list[str]]:
     head += [cause.label or cause.effect for cause in causes] + (["left"] if after else [])
     rows = []
     for cost in shown_costs(found):
-        row = [cost.label, *(trade_number(x, cost.unit) for x in (cost.simulator, cost.flights) if means)]
+        row = [cost.label, *(with_unit(x, cost.unit) for x in (cost.simulator, cost.flights) if means)]
         row.append(between(cost.before, cost.unit))
         taken = [cause.takes_away.get(cost.name, 0.0) for cause in causes]
-        row += [trade_number(size, cost.unit, signed=True) if size else "-" for size in taken]
+        row += [with_unit(size, cost.unit, signed=True) if size else "-" for size in taken]
         row += ["-" if cost.after is None else between(cost.after, cost.unit)] if after else []
-        rows.append([*row, trade_number(cost.floor, cost.unit)])
+        rows.append([*row, with_unit(cost.floor, cost.unit)])
     return [[*head, "by chance"], *rows]
 
 
@@ -166,7 +166,7 @@ def by_level_table(found: Findings) -> list[list[str]]:
     for name in BY_LEVEL:
         for cost in [cost for cost in found.costs if cost.name == name][1:]:
             after = ["-" if cost.after is None else between(cost.after, cost.unit)] if found.causes else []
-            place, floor = level_range(cost.low_fl, cost.high_fl), trade_number(cost.floor, cost.unit)
+            place, floor = level_range(cost.low_fl, cost.high_fl), with_unit(cost.floor, cost.unit)
             rows.append([cost.label, place, between(cost.before, cost.unit), *after, floor])
     return rows
 
@@ -175,6 +175,6 @@ def _cells(found: Findings) -> list[list[str]]:
     rows = []
     for cell in [cell for cell in found.where if cell.share > 0][:CELLS_LISTED]:
         levels = (cell.level_low_fl, cell.level_high_fl)
-        value = trade_number(*in_trade(cell.quantity, cell.difference, *levels, found.details.profile), signed=True)
+        value = with_unit(*aviation_value(cell.quantity, cell.difference, *levels, found.details.profile), signed=True)
         rows.append([label_of(cell.quantity), level_range(*levels), cell.slice, value, percent(cell.share)])
     return rows

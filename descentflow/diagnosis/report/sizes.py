@@ -1,4 +1,4 @@
-"""Sizes of an effect in units of the trade, of the flights that have it, beside what either side has by itself."""
+"""Sizes of an effect in aviation units, of the flights that have it, beside what either side has by itself."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -7,18 +7,16 @@ from dataclasses import dataclass, field, replace
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.findings.cause_found import ClosedShare, OnBothSides, ParameterEstimate, TradeSize
-from descentflow.diagnosis.findings.costs_found import Measured
+from descentflow.diagnosis.findings.cause_found import ClosedShare, OnBothSides, ParameterEstimate, ReportedSize
+from descentflow.diagnosis.findings.costs_found import NINETY, Measured
 from descentflow.diagnosis.findings.plain_values import number, percent
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.effects import Effect, Parameter
 from descentflow.effects.effect import NONE
 from descentflow.measurements.quantity_registry import QUANTITIES
 
-NINETY = 1.645
-"""Standard errors on either side of a 90 % interval."""
-STEP = 1e-5
-"""Of derivatives, in sizes of a parameter that matter."""
+DERIVATIVE_STEP = 1e-5
+"""Step of derivatives, in sizes of a parameter that matter."""
 
 
 def parameters(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> dict[str, ParameterEstimate]:
@@ -48,7 +46,7 @@ def parameters(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> di
     return found
 
 
-def sizes_of(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> list[TradeSize]:
+def sizes_of(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> list[ReportedSize]:
     """Every parameter as reported, of the flights that have the effect.
 
     Args:
@@ -73,16 +71,16 @@ def sizes_of(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> list
     spread = torch.zeros_like(theta)
     for i, parameter in enumerate(effect.parameters):
         # Errors of the parameters are taken as independent, which that of a mean and of a share nearly are.
-        step = torch.zeros_like(theta)
-        step[i] = STEP * parameter.scale
-        slope = (effect.mixture(theta + step)[1] - effect.mixture(theta - step)[1]) / (2 * STEP * parameter.scale)
+        step, size = torch.zeros_like(theta), DERIVATIVE_STEP * parameter.scale
+        step[i] = size
+        slope = (effect.mixture(theta + step)[1] - effect.mixture(theta - step)[1]) / (2 * size)
         spread = spread + (slope * error[i]) ** 2
     found = []
     for p, value, sd, known in zip(effect.parameters, whole.tolist(), spread.sqrt().tolist(), error > 0, strict=True):
         if p.shown_as != "flights" and bool(known):
             low, high = max(value - NINETY * sd, p.low), min(value + NINETY * sd, max(p.high, value))
             reported = Measured(p.reported(value), p.reported(low), p.reported(high))
-            found.append(TradeSize(p.name, reported_text(p, reported), p.reported_unit, reported))
+            found.append(ReportedSize(p.name, reported_text(p, reported), p.reported_unit, reported))
     return found
 
 
@@ -204,7 +202,7 @@ def _of_side(compared: Compared, effect: Effect, side: Tensor) -> list[float]:
     return [] if found is None else found.tolist()
 
 
-def sizes_beside(effect: Effect, sizes: Sequence[TradeSize], both: BothSides) -> list[TradeSize]:
+def sizes_beside(effect: Effect, sizes: Sequence[ReportedSize], both: BothSides) -> list[ReportedSize]:
     """Sizes as differences, beside what either side has, where the simulator's flights have some of the effect.
 
     Args:
@@ -214,7 +212,7 @@ def sizes_beside(effect: Effect, sizes: Sequence[TradeSize], both: BothSides) ->
 
     Example:
         >>> from descentflow.effects import EFFECTS
-        >>> warmer = TradeSize("deviation_k", "", "K", Measured(4.8, 4.4, 5.2))
+        >>> warmer = ReportedSize("deviation_k", "", "K", Measured(4.8, 4.4, 5.2))
         >>> both = BothSides(True, [OnBothSides("deviation_k", "K", 9.9, 5.1)])
         >>> sizes_beside(EFFECTS["temperature"], [warmer], both)[0].text
         "+4.8 K (+4.4 to +5.2): ISA +9.9 K against the simulator's ISA +5.1 K"
@@ -226,7 +224,7 @@ def sizes_beside(effect: Effect, sizes: Sequence[TradeSize], both: BothSides) ->
     return [_size_beside(size, measured.get(size.parameter), known[size.parameter], len(sizes) > 1) for size in sizes]
 
 
-def _size_beside(size: TradeSize, row: OnBothSides | None, p: Parameter, several: bool) -> TradeSize:
+def _size_beside(size: ReportedSize, row: OnBothSides | None, p: Parameter, several: bool) -> ReportedSize:
     bare = reported_text(p, size.value).removeprefix(f"{p.symbol or p.text} ")
     if row is None:
         # One of several needs its name: nothing else says what it is a size of.

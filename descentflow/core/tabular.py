@@ -66,19 +66,36 @@ def is_pandas(table: Any) -> bool:
     return type(table).__name__ == "DataFrame" and type(table).__module__.partition(".")[0] == "pandas"
 
 
+def is_table(value: Any) -> bool:
+    """True for a table in memory: of Polars, pandas, Arrow (pyarrow, DuckDB), or flights of the library traffic."""
+    return isinstance(value, pl.DataFrame | pl.LazyFrame) or is_pandas(_flights(value)) or _is_arrow(value)
+
+
 def held_table(value: Any) -> Any:
-    """A table in memory, of pandas, xarray or lazy Polars, as one of Polars; anything else as it is.
+    """A table in memory, of any library of :func:`is_table` or xarray, as one of Polars; anything else as it is.
 
     Named indices of pandas and coordinates of xarray become columns.
     """
+    value = _flights(value)
     if isinstance(value, pl.LazyFrame):
         return value.collect()
     if type(value).__name__ == "Dataset" and type(value).__module__.partition(".")[0] == "xarray":
         value = value.to_dataframe()
-    if not is_pandas(value):
-        return value
-    named = [name for name in value.index.names if name is not None and name not in value.columns]
-    return from_pandas(value.reset_index(level=named) if named else value)
+    if is_pandas(value):
+        named = [name for name in value.index.names if name is not None and name not in value.columns]
+        return from_pandas(value.reset_index(level=named) if named else value)
+    return pl.DataFrame(value) if _is_arrow(value) else value
+
+
+def _flights(value: Any) -> Any:
+    """The table of pandas that a `Traffic` or a `Flight` holds; anything else as it is."""
+    return getattr(value, "data", value) if type(value).__module__.startswith("traffic.core") else value
+
+
+def _is_arrow(value: Any) -> bool:
+    """Test for what hands its columns on by Arrow's interface; a column alone does too, and has no columns."""
+    columns = hasattr(value, "columns") or hasattr(value, "column_names")
+    return hasattr(value, "__arrow_c_stream__") and columns and not isinstance(value, pl.DataFrame)
 
 
 def from_pandas(table: Any) -> pl.DataFrame:

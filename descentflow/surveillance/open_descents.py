@@ -7,7 +7,7 @@ from typing import Any
 import polars as pl
 
 from descentflow.core.errors import ConfigError, DataError, warn
-from descentflow.core.tabular import held_table, is_pandas
+from descentflow.core.tabular import held_table, is_table
 from descentflow.core.threads import check_not_forked
 from descentflow.surveillance.cleaning.thresholds import Cleaning, differences_in_words, different_settings
 from descentflow.surveillance.descents.check_descents import checked_descents
@@ -204,8 +204,7 @@ def are_rows(source: Any) -> bool:
     """Test for rows in memory: a table, several, or what ``simulate`` returned."""
     if isinstance(source, list | tuple):
         return bool(source) and all(are_rows(one) for one in source)
-    tables = pl.DataFrame | pl.LazyFrame
-    return is_pandas(source) or isinstance(source, tables) or isinstance(getattr(source, "rows", None), tables)
+    return is_table(source) or is_table(getattr(source, "rows", None))
 
 
 def _prepared(source: Any) -> tuple[Descents, ...]:

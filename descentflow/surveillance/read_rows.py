@@ -107,7 +107,7 @@ def read_table(path: Path) -> pl.DataFrame:
 
 
 def source_of(rows: Any) -> Source:
-    """A path as it is, a table of polars or pandas as one of polars, and the rows of simulated flights.
+    """A path as it is, a table in memory as one of polars, and the rows of simulated flights.
 
     Raises:
         ConfigError: If it is neither.
@@ -124,7 +124,7 @@ def source_of(rows: Any) -> Source:
             return table
     raise ConfigError(
         f"rows of type {type(rows).__name__}",
-        expected="paths, tables of polars or pandas, or what descentflow.simulate returned",
+        expected="paths, tables of polars, pandas, Arrow or traffic, or what descentflow.simulate returned",
         mend="write the rows to a file, or make a table of them",
     )
 

@@ -11,6 +11,7 @@ from pyproj import Geod
 
 import descentflow as df
 from descentflow.core.errors import ConfigError
+from descentflow.core.tabular import to_pandas
 from descentflow.exports.export import export
 from descentflow.exports.traffic_export import FEATURES, TrafficGeneration
 from descentflow.positions.ground_plan import ground_plan
@@ -94,6 +95,14 @@ def test_traffic_reads_resamples_finds_phases_and_evaluates(a320: Path, tmp_path
     assert again.cumulative_distance().data["cumdist"].max() == pytest.approx(
         one["distance_nm"].max() - (one["time_s"].max() - again.duration.total_seconds()) * 0.11, abs=0.1
     )
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_flights_of_traffic_are_prepared_as_their_table(tmp_path: Path) -> None:
+    rows = df.simulate("A320", 5, seed=1).rows
+    flights = core().Traffic(to_pandas(rows))
+    assert df.prepare(flights).frame.equals(df.prepare(rows).frame)
+    assert df.prepare(next(iter(flights))).flights == {"A320": 1}
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -107,9 +107,10 @@ def test_rows_in_memory_are_prepared_like_those_of_a_file(tmp_path: Path) -> Non
     rows = fleet(3)
     path = written(rows, tmp_path / "rows.parquet")
     pandas = pytest.importorskip("pandas")
+    arrow = pytest.importorskip("arro3.core")
     whole = prepare(path)
     table = pandas.DataFrame({name: rows[name].to_list() for name in rows.columns})
-    for source in (rows, rows.lazy(), table, [rows.head(1000), rows.tail(-1000)]):
+    for source in (rows, rows.lazy(), table, arrow.Table.from_arrow(rows), [rows.head(1000), rows.tail(-1000)]):
         found = prepare(source)
         assert_frame_equal(found.frame, whole.frame, check_exact=True)
         assert found.report.as_dict() == whole.report.as_dict()

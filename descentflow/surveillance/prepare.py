@@ -48,8 +48,8 @@ def prepare(
 
     Args:
         rows: File, folder or table of rows, or several. A table is one of polars, pandas or Arrow, or flights of
-            traffic, in the schema of rows (:data:`descentflow.surveillance.rows.schema.COLUMNS`, or its aliases), or what
-            :func:`descentflow.simulation.world.simulate` returned.
+            traffic, in the schema of rows (:data:`descentflow.surveillance.rows.schema.COLUMNS`, or its aliases), or
+            what :func:`descentflow.simulation.world.simulate` returned.
         typecode: Type or types to keep, `"A320"`, `"A320,A321"` or `["A320", "A321"]`; all if None.
         types: Table `icao24,typecode` of polars or pandas, a file of it, or a dictionary of these, for rows that do not
             name their type.

@@ -2,7 +2,7 @@
 
 Reading order: :mod:`~descentflow.densities.density` (what every density offers),
 :mod:`~descentflow.densities.gaussian` (those that map standard normals, and the simplest of them),
-:mod:`~descentflow.densities.one_gaussian` (the weights of gappy flights, which all others are fitted to),
+:mod:`~descentflow.densities.one_gaussian` (the weights of gappy flights, which mixtures are fitted to),
 :mod:`~descentflow.densities.mixture` (with :mod:`~descentflow.densities.mixture_parameters`),
 :mod:`~descentflow.densities.em` (its fit; the steps are in :mod:`~descentflow.densities.em_steps`),
 :mod:`~descentflow.densities.component_search` (how many mixture components), :mod:`~descentflow.densities.flow` (with

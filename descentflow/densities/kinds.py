@@ -1,6 +1,6 @@
 """The densities that come along: the one table of their names, classes, training and settings.
 
-It imports nothing, so a program that asks for one of them pays for no other.
+It imports no library, so a program that asks for one of them pays for no other.
 """
 
 from typing import NamedTuple

@@ -1,6 +1,6 @@
 """One Gaussian of flights that show only some levels, and their weights drawn given what they show.
 
-Every other density is fitted to such draws (multiple imputation, Rubin 1987): unlike expected weights, those of gappy
+A mixture is fitted to such draws (multiple imputation, Rubin 1987): unlike expected weights, those of gappy
 flights are then spread as widely as those of complete ones.
 """
 

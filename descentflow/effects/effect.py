@@ -117,7 +117,7 @@ class FlightChange:
 
 
 class Effect(ABC):
-    """A physical or operational cause: all that the package knows of it stands in its class, in a file of its own.
+    """A physical or operational cause: its equation, parameters and words, in a file of its own.
 
     A subclass needs a ``name``, ``parameters`` and :meth:`shift`; everything else has a default. Quantities that may
     shift: :data:`descentflow.measurements.quantity_registry.QUANTITIES`. A diagnosis runs in torch's inference mode:

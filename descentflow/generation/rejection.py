@@ -54,8 +54,8 @@ def sample_descents(
         parts: Its representation.
         n: Number of descents wanted.
         seed: Makes the whole result repeatable on one machine.
-        context: (m, c) encoded contexts, for a conditional density: sample i has context i modulo m. None, or c is 0,
-            for others.
+        context: (m, c) encoded contexts, for a conditional density: sample i has context i modulo m. For
+            others c is 0.
         entry: (m,) indices of entry levels. With contexts, one for each of them; without, the levels to draw from
             with replacement, for instance those of the test flights (paper, section 4.2). If absent, they are drawn
             as the training flights entered.

@@ -17,7 +17,7 @@ from descentflow.positions.placing import Positions, place
 from descentflow.representation.decoder.trajectories import Trajectories, burn_of
 
 TIMESTAMP = pl.Datetime("us", "UTC")
-NO_CONTEXT = pl.DataFrame()
+NO_TABLE = pl.DataFrame()
 """Contexts of samples that have none: no columns."""
 UNITS = {
     "time_s": "s",
@@ -97,7 +97,7 @@ def _over_ground(positions: Positions) -> dict[str, np.ndarray]:
 
 def to_frame(
     flown: Trajectories,
-    context: pl.DataFrame = NO_CONTEXT,
+    context: pl.DataFrame = NO_TABLE,
     positions: Positions | None = None,
     air: LevelAir | None = None,
 ) -> pl.DataFrame:
@@ -139,7 +139,7 @@ def to_frame(
 
 def to_dataset(
     flown: Trajectories,
-    context: pl.DataFrame = NO_CONTEXT,
+    context: pl.DataFrame = NO_TABLE,
     positions: Positions | None = None,
     air: LevelAir | None = None,
 ) -> Any:
@@ -176,7 +176,7 @@ def to_dataset(
 def write_samples(
     flown: Trajectories,
     path: Path,
-    context: pl.DataFrame = NO_CONTEXT,
+    context: pl.DataFrame = NO_TABLE,
     positions: Positions | None = None,
     air: LevelAir | None = None,
     origin: Mapping[str, str] | None = None,

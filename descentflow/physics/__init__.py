@@ -17,6 +17,9 @@ the model. What climbs need, folder by folder:
   ``residuals`` take; times that grow upwards there; a scale of thrust minus drag in ``drag_scale``; the rule
   ``descends_too_slowly`` and its bound below zero in ``plausibility``;
 - ``air``: the thrust of ``energy_in_air``;
+- ``measurements``, ``effects/flight_state``, ``representation/correction`` and ``diagnosis/correction``: logarithms of
+  a rate of descent;
+- ``evaluation/metrics/score_registry``: the time from the highest level to the lowest; ``exports/bluebird_tables``;
 - ``generation``: levels above the entry in ``sample_contexts``, ``conditional/constraints`` and
   ``prediction/predictor``, the sign of the rate there, in ``conditional/draws`` and in ``conditional/flown_so_far``.
 """

@@ -219,7 +219,7 @@ class ContextEncoder:
         return cls([Column(**{**column, "values": tuple(column["values"])}) for column in state])
 
 
-NO_CONTEXT = ContextEncoder()
+NO_COLUMNS = ContextEncoder()
 """Of models whose density is not conditioned on any."""
 
 

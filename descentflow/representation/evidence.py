@@ -1,4 +1,4 @@
-"""Evidence of observed levels on flights' weights, which every density is fitted to and scored by.
+"""Evidence of observed levels on flights' weights, by which every density is scored.
 
 A flight shows some levels only. It does not have weights, then, but a likelihood of them, which is Gaussian because
 profiles are linear in the weights (paper, equation 4); :mod:`~descentflow.representation.linear_curves` computes it.

@@ -7,7 +7,7 @@ from torch import Tensor, nn
 
 from descentflow.air.kept_air import KeptAir
 from descentflow.core.counter_random import FIRST_DRAWS, DrawNumbers
-from descentflow.representation.context import NO_CONTEXT, ContextEncoder
+from descentflow.representation.context import NO_COLUMNS, ContextEncoder
 from descentflow.representation.correction import Correction
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.decoder.trajectories import Trajectories
@@ -72,7 +72,7 @@ class Representation(nn.Module):
         split: Split,
         provenance: dict[str, Any],
         reference: dict[str, Any] | None = None,
-        context: ContextEncoder = NO_CONTEXT,
+        context: ContextEncoder = NO_COLUMNS,
         cleaning: Cleaning | None = None,
         gaps: Gaps = "marginal",
         air: KeptAir | None = None,
@@ -89,13 +89,13 @@ class Representation(nn.Module):
             reference: What the training flights measured, in bands of altitude, by which a diagnosis holds other
                 flights against them with the same instrument (:mod:`descentflow.measurements.quantities`); may be
                 absent.
-            context: What the density is conditioned on; None for nothing.
+            context: Columns that the density is conditioned on; none by default.
             cleaning: Thresholds with which the training descents were cleaned, and with which rows are cleaned that the
                 model is compared with; None if they are unknown.
             gaps: What the density is fitted to, see :func:`~descentflow.representation.linear_curves.evidence_of`.
             air: In which air drag was inferred, and the training flights' own; None for standard air.
-            seen: By which training and validation flights are recognised under other identifiers; None if the
-                identifiers alone are known.
+            seen: By which training and validation flights are recognised under other identifiers; by their
+                identifiers alone where that is empty.
             correction: Effects that a diagnosis found, which :meth:`fly` adds to decoded descents.
         """
         super().__init__()

@@ -32,7 +32,7 @@ class Score:
     against as many flights; ``floor`` and ``floor_high`` (noise floor): as many other flights against the same
     flights, mean and 95th percentile over random splits. ``over_floor``: their ratio, ``equal_size / floor``;
     ``excess``: what is above the floor, in standard deviations of the flights
-    (:meth:`~descentflow.evaluation.metrics.score_registry.Statistic.excess`). ``nominal``: nominal BADA, where one
+    (:meth:`~descentflow.evaluation.metrics.statistic_kinds.Statistic.excess`). ``nominal``: nominal BADA, where one
     descent has the statistic; ``n_samples`` and ``n_real``: descents observed anywhere in the part of the grid (of
     whole profiles, flights that were scored); ``n_levels``: levels that ``score`` averages; ``worst_fl``: the level
     with the largest distance.

@@ -1,6 +1,6 @@
 """Filters of rows: small classes, applied in order; each counts what it drops under its reason.
 
-A filter gets rows sorted by flight and time and returns those to keep. ``a | b`` applies `a`, then `b`. Windows of time
+A filter gets rows sorted by flight and time and returns those to keep. Windows of time
 around the rows of each flight are computed for all rows at once.
 """
 
@@ -98,7 +98,7 @@ class Filter(ABC):
     """Keeps some rows and counts the others under :attr:`reason`.
 
     A new rule of cleaning is a subclass with `reason` and `keep`, entered in
-    :func:`~descentflow.surveillance.cleaning.chain.after_rates`.
+    :func:`~descentflow.surveillance.cleaning.chain.before_rates` or `after_rates`.
     """
 
     reason: str

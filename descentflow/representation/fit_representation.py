@@ -19,6 +19,7 @@ from descentflow.representation.fpca.gappy import Method, fit_components
 from descentflow.representation.fpca.mask_groups import group_masks
 from descentflow.representation.fpca.ppca import posterior
 from descentflow.representation.fpca.roughness import SPREAD_WEIGHT, smoother
+from descentflow.representation.linear_curves import has_noise_model
 from descentflow.representation.plausibility import MARGIN, Bounds, Plausibility
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation, Split
@@ -73,7 +74,7 @@ def fit_representation(
     settings: RepresentationSettings = RepresentationSettings(),
     *,
     mass_kg: float | None = None,
-    provenance: dict[str, Any] | None = None,
+    **known: Any,
 ) -> Representation:
     """Fit bases, scaler and bounds to training flights (paper, sections 2.2 to 2.4).
 
@@ -83,7 +84,7 @@ def fit_representation(
         split: The split that ``train`` comes from, to be recorded.
         settings: How.
         mass_kg: Mass that inferred the drag, if not the reference mass.
-        provenance: Recorded in the checkpoint.
+        **known: What is not fitted: other arguments of :class:`~.representation.Representation`.
 
     Raises:
         DataError: If the flights do not vary or a level is observed by fewer than two of them.
@@ -105,7 +106,8 @@ def fit_representation(
     if settings.residual and settings.fpca == "ppca":
         decoder.residuals = fit_residuals(decoder, train)
     plausibility = Plausibility.from_profiles(train, settings.margin, settings.bounds, scale)
-    return Representation(decoder, plausibility, split, provenance or {})
+    gaps = settings.gaps if has_noise_model(decoder) else "filled"
+    return Representation(decoder, plausibility, split, gaps=gaps, **{"provenance": {}, **known})
 
 
 def standardised_decoder(

@@ -1,7 +1,7 @@
 """The one DataModule: splits by flight, fits the representation on the train part, serves what flights show."""
 
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +34,7 @@ from descentflow.representation.encode_flights import (
 from descentflow.representation.evidence import Evidence
 from descentflow.representation.fit_representation import RepresentationSettings, fit_representation
 from descentflow.representation.flight_parts import Part, levels_shown, one_part, places, top_level, with_levels
-from descentflow.representation.linear_curves import evidence_of, has_noise_model
+from descentflow.representation.linear_curves import evidence_of
 from descentflow.representation.own_air import MEASURED, STANDARD, airs_by, with_own_air
 from descentflow.representation.profiles import Profiles, profiles_from_frame
 from descentflow.representation.representation import Representation, Split
@@ -193,22 +193,20 @@ class DescentDataModule(LightningDataModule):
 
     def _fitted(self, done: Stage) -> Representation:
         """The representation, fitted to the train part; all parts are encoded with it."""
-        profiles, split, table, own_type, kept = self._read(done)
+        flights = self._read(done)
         done.say("fitting components")
-        train, provenance = one_part(profiles, split, "train"), kept.pop("provenance")
-        found = fit_representation(train, own_type, split, self.components, mass_kg=self.mass_kg, provenance=provenance)
-        found.gaps = self.components.gaps if has_noise_model(found.decoder) else "filled"
-        for name, value in kept.items():
-            setattr(found, name, value)
+        train = one_part(flights.profiles, flights.split, "train")
+        found = fit_representation(
+            train, flights.aircraft, flights.split, self.components, mass_kg=self.mass_kg, **flights.known
+        )
         done.say("encoding flights")
-        self._parts = encode_parts(profiles, split, found.decoder, table, found.context, rank_zero_info)
+        self._parts = encode_parts(
+            flights.profiles, flights.split, found.decoder, flights.contexts, found.context, rank_zero_info
+        )
         return found
 
-    def _read(self, done: Stage) -> tuple[Profiles, Split, pl.DataFrame, PerformanceModel, dict[str, Any]]:
-        """Flights, split, context, type, and parts of the representation by name: all that is wanted of the rows.
-
-        They are let go then: a gigabyte for forty thousand flights.
-        """
+    def _read(self, done: Stage) -> "_Flights":
+        """All that is wanted of the rows, which are let go then: a gigabyte for forty thousand flights."""
         source = FlightSource(self.descents).without_rows()
         frame = of_typecodes(source, self.typecodes, name_of(self.descents))
         done.say("inferring drag")
@@ -216,40 +214,48 @@ class DescentDataModule(LightningDataModule):
         table = context_of(frame, asked.context or [], asked.context_table)
         frame = without_missing(frame, table, asked.missing_context, rank_zero_info)
         own_type = aircraft_of(frame, self.aircraft, self.bada_dir)
-        kept: dict[str, Any] = {
-            "provenance": {
-                "descents": name_of(self.descents),
-                "typecodes": sorted(frame["typecode"].unique()),
-                "period": Descents(frame, source.metadata).period,
-            },
-            "cleaning": known_cleaning(source),
+        provenance = {
+            "descents": name_of(self.descents),
+            "typecodes": sorted(frame["typecode"].unique()),
+            "period": Descents(frame, source.metadata).period,
         }
+        cleaning = known_cleaning(source)
         # Nothing asks any more for these texts of every row, which are a quarter of what is held.
         frame = frame.drop("typecode", "callsign", strict=False)
         source = Descents(frame, source.metadata)
         profiles, split = self._fresh(frame, source, own_type)
-        flown_by, levels = at_mass(own_type, self.mass_kg), profiles.levels_fl
-        shown = frame.drop(source.computed, strict=False)
-        if self.air != STANDARD:
-            airs = airs_by(self.air, frame, levels)
+        shown, air = frame.drop(source.computed, strict=False), None
+        if self.air == STANDARD:
+            profiles = self._on_the_grid(profiles, split)
+        else:
+            flown_by = at_mass(own_type, self.mass_kg)
+            airs = airs_by(self.air, frame, profiles.levels_fl)
+            all_levels = profiles.levels_fl
             profiles = with_own_air(profiles, flown_by, airs, rank_zero_info)
             if not airs.wind:
                 rank_zero_info("no wind is known: drag is inferred in still air of the flights' own temperature")
-        profiles = _on_levels_shown(profiles.between(*self._grid) if self._grid else profiles, split)
-        if self.air != STANDARD:
+            profiles = self._on_the_grid(profiles, split)
             # By reports, those that were computed from others say nothing.
             measured = self.air == MEASURED
-            own = airs_by(MEASURED, shown, levels, wind=airs.wind) if measured else airs
-            shown = in_standard_air(shown, flown_by, own, levels)
+            own = airs_by(MEASURED, shown, all_levels, wind=airs.wind) if measured else airs
+            shown = in_standard_air(shown, flown_by, own, all_levels)
             trained = one_part(profiles, split, "train").air
             assert trained is not None
-            kept["air"] = KeptAir("measured" if measured else "field", airs.wind, trained)
+            air = KeptAir("measured" if measured else "field", airs.wind, trained)
         train = pl.col("flight_id").is_in(list(split.train))
-        kept["context"] = ContextEncoder.fit(table.filter(train), table.columns[1:], asked.missing_context)
         low, high = profiles.levels_fl[[0, -1]].tolist()
-        kept["reference"] = reference_state(shown, low, high, [*split.train, *split.validation])
-        kept["seen"] = SeenFlights.of(frame, split.train, split.validation)
-        return profiles, split, table, own_type, kept
+        known = {
+            "provenance": provenance,
+            "cleaning": cleaning,
+            "air": air,
+            "context": ContextEncoder.fit(table.filter(train), table.columns[1:], asked.missing_context),
+            "reference": reference_state(shown, low, high, [*split.train, *split.validation]),
+            "seen": SeenFlights.of(frame, split.train, split.validation),
+        }
+        return _Flights(profiles, split, table, own_type, known)
+
+    def _on_the_grid(self, profiles: Profiles, split: Split) -> Profiles:
+        return _on_levels_shown(profiles.between(*self._grid) if self._grid else profiles, split)
 
     def _fresh(self, frame: pl.DataFrame, source: Descents, own_type: PerformanceModel) -> tuple[Profiles, Split]:
         """Profiles up to the level that a quarter of the training flights reach, and the split made before."""
@@ -262,6 +268,25 @@ class DescentDataModule(LightningDataModule):
         top = max([top_level(profiles, places(profiles, split, "train")), *self._grid[1:]])
         profiles = profiles.between(bottom, top)
         return with_levels(profiles, rank_zero_info), split
+
+
+@dataclass(frozen=True)
+class _Flights:
+    """Flights of a fit.
+
+    Attributes:
+        profiles: On their grid.
+        split: Into parts.
+        contexts: A row of context for each.
+        aircraft: Type by which their drag is inferred.
+        known: What a representation holds besides what is fitted: its arguments by name.
+    """
+
+    profiles: Profiles
+    split: Split
+    contexts: pl.DataFrame
+    aircraft: PerformanceModel
+    known: dict[str, Any]
 
 
 def _on_levels_shown(profiles: Profiles, split: Split) -> Profiles:

@@ -116,6 +116,16 @@ def test_gradients_with_respect_to_weights() -> None:
     assert torch.autograd.gradcheck(lambda w: decoder(w).time_s[:, 0], (weights,), eps=1e-5, atol=1e-4, rtol=1e-4)
 
 
+def test_arrays_of_the_last_batch_take_the_next_one() -> None:
+    decoder = toys.representation().decoder
+    first, second = toys.normal(20, decoder.dimension), toys.normal(20, decoder.dimension, seed=1)
+    whole, last = decoder(second), decoder(first)
+    taken = decoder(second, out=last)
+    assert taken.time_s.data_ptr() == last.time_s.data_ptr()
+    assert torch.equal(taken.time_s, whole.time_s)
+    assert torch.equal(taken.rate_mps, whole.rate_mps)
+
+
 def test_encode_then_decode_returns_complete_flights() -> None:
     """With nearly all variance kept, complete flights come back within a small share of their spread."""
     train = toys.flights(400, gappy=False)

@@ -141,14 +141,21 @@ class DescentDecoder(nn.Module):
             drag, cas = drag + of_drag, cas + of_speed
         return drag, cas
 
-    def fly_scaled(self, profiles: tuple[Tensor, ...], entry: Tensor) -> Trajectories:
+    def fly_scaled(self, profiles: tuple[Tensor, ...], entry: Tensor, out: Trajectories | None = None) -> Trajectories:
         """Fly profiles (n, L) as :meth:`scaled_profiles` gives them, at the own mass in standard air."""
         drag, cas_mps = profiles
         drag_n = self.drag_scale.drag_n(drag, cas_mps)
         grid = self.grid(drag_n)
-        return integrate(self.aircraft, self.levels_fl, grid.altitude_m, drag_n, cas_mps, entry, grid=grid)
+        return integrate(self.aircraft, self.levels_fl, grid.altitude_m, drag_n, cas_mps, entry, out=out, grid=grid)
 
-    def forward(self, weights: Tensor, entry: Tensor | None = None, *, residual: Tensor | None = None) -> Trajectories:
+    def forward(
+        self,
+        weights: Tensor,
+        entry: Tensor | None = None,
+        *,
+        out: Trajectories | None = None,
+        residual: Tensor | None = None,
+    ) -> Trajectories:
         """Fly weights (n, d) from their entry levels at the own mass in standard air, in the weights' precision.
 
         Other air is that of :func:`descentflow.representation.own_air.flown_in`; other masses and coefficients are
@@ -157,11 +164,12 @@ class DescentDecoder(nn.Module):
         Args:
             weights: (n, d) standardised weights.
             entry: (n,) index of the entry level; the top of the grid if absent.
+            out: Descents of the same shape whose arrays may take the result.
             residual: (n, r + s) residual numbers; without them the components fly alone.
         """
         if entry is None:
             entry = torch.full((len(weights),), len(self.levels_fl) - 1, device=weights.device)
-        return self.fly_scaled(self.scaled_profiles(weights, residual), entry)
+        return self.fly_scaled(self.scaled_profiles(weights, residual), entry, out)
 
     def to_state(self) -> dict[str, Any]:
         """Tensors and primitives from which :meth:`from_state` rebuilds the decoder."""

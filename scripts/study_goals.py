@@ -17,7 +17,7 @@ from descentflow.core.threads import one_thread
 from studies.paper.fidelity_goals import judged, of_types
 from studies.paper.fidelity_measures import measure
 from studies.paper.study_plan import StudyPlan, begun
-from studies.process_engine import ProcessEngine
+from studies.process_engine import processes
 
 
 def main() -> None:
@@ -28,7 +28,7 @@ def main() -> None:
     args = parser.parse_args()
     plan = begun(args.study)
     jobs = [name for name in plan.flights if not (args.study / name / args.model / "fidelity.json").exists()]
-    engine = ProcessEngine(args.workers)
+    engine = processes(args.workers)
     for done, _ in enumerate(engine.run(_measured, jobs, (plan, args.model, args.study.resolve())), 1):
         print(f"measured {done} of {len(jobs)} types", flush=True)
     types = of_types(plan, args.model, args.study)

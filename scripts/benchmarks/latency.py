@@ -22,13 +22,14 @@ def requests(generator: Generator) -> dict[str, tuple[Callable[[int], Asked], di
     typical = generator.next_batch(200, entry_fl=_entry_fl(generator))
     entry_fl = _entry_fl(generator)
     flown = typical.trajectories
-    low, high = (generator.levels_fl[k] for k in (len(generator.levels_fl) // 4, len(generator.levels_fl) // 2))
+    at_low = len(generator.levels_fl) // 4
+    low, high = generator.levels_fl[at_low], generator.levels_fl[2 * at_low]
     mach, cas_kt, time_s = (
         np.quantile(values.numpy(), (0.3, 0.7))
         for values in (
             flown.mach[:, int(flown.entry[0])],
-            flown.cas_mps[:, generator.grid.nearest(low)] / KT_MPS,
-            flown.time_s[:, generator.grid.nearest(low)],
+            flown.cas_mps[:, at_low] / KT_MPS,
+            flown.time_s[:, at_low],
         )
     )
 

@@ -11,7 +11,8 @@ from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.diagnosis.inference.two_sides import Compared, compare
 from descentflow.diagnosis.simulator import Simulator
 from descentflow.effects import EFFECTS, Effect
-from descentflow.measurements.quantities import CHANNELS, quantities_of
+from descentflow.measurements.quantities import quantities_of
+from descentflow.measurements.quantity_registry import CHANNELS
 
 STEP = 1e-4
 """Of differences, in sizes of a parameter that matter."""

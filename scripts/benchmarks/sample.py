@@ -59,7 +59,7 @@ def _densities() -> tuple[list[Density], Tensor]:
         simulate(a320, FLIGHTS, 0).rows.write_parquet(rows)
         frame = prepare(rows).frame
     every = profiles_from_frame(frame, a320, 150)
-    train = every.up_to(int(every.levels_fl[every.entry_level].quantile(0.75)))
+    train = every.between(150, int(every.levels_fl[every.entry_level].quantile(0.75)))
     train = train.subset(torch.nonzero(train.mask.sum(1) >= 2)[:, 0])
     parts = fit_representation(train, a320, Split(train.flight_ids, (), ()))
     weights = parts.decoder.encode(train)

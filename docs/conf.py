@@ -43,7 +43,7 @@ OTHERS = (
     "matplotlib normflows np numpy os pathlib pl polars pyro pytorch_lightning scipy sklearn torch types typing"
 )
 BARE = (
-    "Artist DataclassInstance Figure None Path Tensor "
+    "AnyAircraft Artist DataclassInstance Figure None Path Tensor "
     "bool bytes callable dict float int iterable list object set str tuple type"
 )
 nitpick_ignore_regex = [
@@ -52,7 +52,7 @@ nitpick_ignore_regex = [
     # Attributes that a class explains in its own docstring are no objects of their own.
     (r"py:attr", r"(?!descentflow\.).*"),
     # Type variables and private bases have no page of their own.
-    (r"py:.*", r"descentflow\..*\.([A-Z]|_\w+|Task)"),
+    (r"py:.*", r"descentflow\..*\.([A-Z]|_\w+|Task|Kind)"),
     # Bounds of annotated numbers, and what stands for a value in the help of a command.
     (r"py:class", r"-?(inf|\d[\d.e-]*)|[A-Z]+([ =,][A-Z]+)*(\.py)?"),
 ]

@@ -119,7 +119,7 @@ class DescentDataModule(LightningDataModule):
             return
         with progress_stage("reading descents", total=4, unit="steps") as done:
             if self.checkpoint is not None:
-                representation = load_model(self.checkpoint).held_out_fit.representation
+                representation = load_model(self.checkpoint).held_out_fit.representation.train()
                 lowest_fl = float(representation.decoder.levels_fl[0])
                 source = FlightSource(self.descents).for_model(representation.cleaning, lowest_fl)
                 frame = of_typecodes(source, self.typecodes, name_of(self.descents))

@@ -20,7 +20,7 @@ from descentflow.evaluation.metrics.statistic_kinds import DescentStatistic, Lev
 Some = Values | DescentSet
 """Descents, or one quantity of them: values and mask."""
 Distances = dict[str, Tensor]
-"""Statistics by name, float64, and under :data:`FEWEST` the observed values of the smaller set; (K,) or (splits, K)."""
+"""Statistics by name, float64, and under `FEWEST` the observed values of the smaller set; (K,) or (splits, K)."""
 FEWEST = "fewest"
 SIZE = 200
 """Flights on each side. A type needs twice as many held-out flights; of one with fewer, half are on each side."""

@@ -1,5 +1,6 @@
 """Files are whole or not there: after failures, left-overs, two writers, full disks, and without permission."""
 
+import gc
 import os
 import random
 import signal
@@ -153,6 +154,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", folder], check=False).returncode:
         pytest.skip("no file system may be mounted here")
     yield folder
+    gc.collect()  # what failed may hold its file until then
     subprocess.run(["umount", folder], check=True)
 
 

@@ -77,6 +77,7 @@ def by_node(folder: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         for name, what in about["inputs"]["sampler"].items()
     }
     feeds["entry_fl"] = np.full(20, 330, np.float32)
+    feeds["neighbour"] = rng.random(20, dtype=np.float32)
     listed = {name: {"data": value.ravel().tolist(), "dims": value.shape} for name, value in feeds.items()}
     (folder / "feeds.json").write_text(json.dumps(listed))
     (folder / "draw.mjs").write_text(BY_NODE.replace("COUNT", str(N)))

@@ -70,20 +70,22 @@ def brakes() -> Cause:
         "low_fl": ParameterEstimate(190.0, 187.0, 193.0, "FL", "lower end"),
         "high_fl": ParameterEstimate(265.0, 262.0, 268.0, "FL", "upper end"),
     }
-    told = [
+    reported = [
         ReportedSize("extra_cd0", "CD0 x 1.58 (1.54 to 1.62)", "factor", Measured(1.58, 1.54, 1.62)),
         ReportedSize("low_fl", "lower end FL190 (FL187 to FL193)", "FL", Measured(190.0, 187.0, 193.0)),
         ReportedSize("high_fl", "upper end FL265 (FL262 to FL268)", "FL", Measured(265.0, 262.0, 268.0)),
     ]
-    return cause("speed_brake", sizes, share_of_flights=ClosedShare(0.62, 0.58, 0.66), sizes=told)
+    return cause("speed_brake", sizes, share_of_flights=ClosedShare(0.62, 0.58, 0.66), sizes=reported)
 
 
 def warm() -> Cause:
     """Air that is 7.2 K warmer."""
     sizes = {"deviation_k": ParameterEstimate(7.2, 6.8, 7.6, "K", "deviation from the standard atmosphere")}
-    told = [ReportedSize("deviation_k", "ISA +7.2 K (+6.8 to +7.6)", "K", Measured(7.2, 6.8, 7.6))]
+    reported = [ReportedSize("deviation_k", "ISA +7.2 K (+6.8 to +7.6)", "K", Measured(7.2, 6.8, 7.6))]
     lighter = [ReportedSize("relative_change", "mass x 0.93 (0.91 to 0.95)", "factor", Measured(0.93))]
-    return cause("temperature", sizes, group=["mass"], sizes=told, alternatives=[Alternative("mass", 0.03, lighter)])
+    return cause(
+        "temperature", sizes, group=["mass"], sizes=reported, alternatives=[Alternative("mass", 0.03, lighter)]
+    )
 
 
 def costs(after: bool = True) -> list[Cost]:

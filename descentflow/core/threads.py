@@ -4,7 +4,7 @@ import os
 import re
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 
 from descentflow.core.errors import ConfigError
@@ -57,8 +57,10 @@ class _Copy:
 
     @classmethod
     def before(cls) -> None:
-        tasks = Path("/proc/self/task")
-        names = [(one / "comm").read_text() for one in tasks.iterdir()] if tasks.is_dir() else []
+        names = []
+        for one in Path("/proc/self/task").glob("*/comm"):
+            with suppress(OSError):  # a thread that has ended meanwhile
+                names.append(one.read_text())
         cls.begun = any(re.match(r"polars-\d", name) for name in names) if names else "polars" in sys.modules
 
     @classmethod

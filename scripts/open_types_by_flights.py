@@ -21,7 +21,7 @@ from descentflow.core.errors import DataError
 from descentflow.core.units import FT_M, KT_MPS
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 from descentflow.physics.energy import descent_rate_mps, energy_share_factor
-from descentflow.repairs.mixed_model import WIDE, Posterior, before_flights, predictive_log_density
+from descentflow.repairs.mixed_model import WIDE, MixedModelPosterior, before_flights, predictive_log_density
 from descentflow.repairs.type_fit import TypeFlights, codes_of, fit_types, linearised, type_flights
 from descentflow.surveillance.formats.aircraft_json import embedded_rows, embedded_types
 from studies.aircraft.real_runs import Run, before, nominal_error, own_speed_error, runs_of, table
@@ -134,14 +134,14 @@ def _left_out(
     return errors, gains
 
 
-def _gain(part: TypeFlights, fit: Posterior, kind: int) -> float:
+def _gain(part: TypeFlights, fit: MixedModelPosterior, kind: int) -> float:
     after = fit.only(kind)
     both = (before_flights(linearised([part], after.mean), fit.sizes), after)
     first, second = (float(predictive_log_density(linearised([part], one.mean), one).sum()) for one in both)
     return second - first
 
 
-def _estimates(parts: Sequence[TypeFlights], found: Posterior) -> None:
+def _estimates(parts: Sequence[TypeFlights], found: MixedModelPosterior) -> None:
     print(f"\nsizes: {found.sizes}")
     for k, code in enumerate(codes_of(parts)):
         mean, covariance = found.of(k)
@@ -156,7 +156,7 @@ def _estimates(parts: Sequence[TypeFlights], found: Posterior) -> None:
             print(f"  {name}: {value:.4g} -> {float(getattr(after, name)):.4g}  [{low:.4g}, {high:.4g}]")
 
 
-def _manual(parts: Sequence[TypeFlights], found: Posterior) -> None:
+def _manual(parts: Sequence[TypeFlights], found: MixedModelPosterior) -> None:
     """A flight crew manual's idle descent, quoted in public without its variant; a check, fitted by nothing here."""
     altitude = torch.linspace(5_000, 10_000, 101, dtype=torch.float64) * FT_M
     mach = cas_to_mach(250.0 * KT_MPS, altitude)

@@ -18,7 +18,7 @@ from descentflow.densities.density import Density
 from descentflow.physics.airspeed import cas_to_mach, mach_to_cas_mps
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.drag_scale import DragScale
-from descentflow.representation.evidence import Evidence
+from descentflow.representation.evidence import WeightEvidence
 from descentflow.representation.fit_representation import fit_representation
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.plausibility import Plausibility
@@ -114,15 +114,17 @@ def representation_of(dimension: int) -> Representation:
 class WeightsModule(LightningDataModule):
     """Weights of known density, or what is known of them, in place of a DescentDataModule."""
 
-    def __init__(self, train: Tensor | Evidence, validation: Tensor | Evidence, batch_size: int = 512) -> None:
+    def __init__(
+        self, train: Tensor | WeightEvidence, validation: Tensor | WeightEvidence, batch_size: int = 512
+    ) -> None:
         super().__init__()
         self.parts = {"train": train, "validation": validation}
         self.batch_size = batch_size
         self.representation = representation_of(self.evidence("train").points.shape[1])
 
-    def evidence(self, part: str) -> Evidence:
+    def evidence(self, part: str) -> WeightEvidence:
         known = self.parts[part]
-        return known if isinstance(known, Evidence) else Evidence.of_weights(known)
+        return known if isinstance(known, WeightEvidence) else WeightEvidence.of_weights(known)
 
     def contexts(self, part: str) -> Tensor:
         return torch.zeros(len(self.evidence(part)), 0)

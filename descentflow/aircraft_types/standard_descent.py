@@ -8,7 +8,7 @@ from typing import ClassVar, Final, Literal
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types.part import Numbers, Part
+from descentflow.aircraft_types.coefficient_group import CoefficientGroup, Numbers
 from descentflow.core.tensors import Number, as_tensors
 from descentflow.core.units import FT_M, KT_MPS
 from descentflow.physics.airspeed import crossover_altitude_m, mach_to_cas_mps
@@ -28,7 +28,7 @@ _EQUAL_MPS = 1e-6
 
 
 @dataclass(frozen=True)
-class GlobalParameters(Part):
+class GlobalParameters(CoefficientGroup):
     """Parameters of section 5 of the manual for a descent; the defaults are the manual's for civil flights.
 
     A directory's own BADA.GPF is read by :func:`descentflow.aircraft_types.bada3.gpf_file.read_gpf`.

@@ -50,7 +50,7 @@ Output = Annotated[str | Path, "a path"]
 """A file or a folder to write; one elsewhere is sent when the function has ended well."""
 
 
-class Kind(NamedTuple):
+class ArgumentKind(NamedTuple):
     """Values that an annotation takes: their description, and a test of a value."""
 
     words: str
@@ -134,38 +134,42 @@ def checked_settings(settings: type[T]) -> type[T]:
     return settings
 
 
-def kind_of(hint: Any) -> Kind:
+def kind_of(hint: Any) -> ArgumentKind:
     """Kind of an annotation; an `Annotated` one may have limits (:class:`Within`) or a description of its own."""
     origin, inside = get_origin(hint), get_args(hint)
     if origin is Annotated:
         plain, more = kind_of(inside[0]), inside[1]
         if isinstance(more, str):
-            return Kind(more, plain.takes)
+            return ArgumentKind(more, plain.takes)
         words = f"{plain.words.removesuffix(BITS)}, {more.words}"
-        return Kind(words, lambda value: plain.takes(value) and more.low <= value <= more.high)
+        return ArgumentKind(words, lambda value: plain.takes(value) and more.low <= value <= more.high)
     if origin in (Union, UnionType):
         kinds = [kind_of(one) for one in inside if not (one is str and Path in inside)]
-        return Kind(" or ".join(one.words for one in kinds), lambda value: any(one.takes(value) for one in kinds))
+        return ArgumentKind(
+            " or ".join(one.words for one in kinds), lambda value: any(one.takes(value) for one in kinds)
+        )
     if origin is Literal:
-        return Kind(" or ".join(map(repr, inside)), lambda value: isinstance(value, str) and value in inside)
+        return ArgumentKind(" or ".join(map(repr, inside)), lambda value: isinstance(value, str) and value in inside)
     if origin is Callable:
-        return Kind(f"a function of {len(inside[0])} argument", lambda value: _can_be_called(value, inside[0]))
+        return ArgumentKind(f"a function of {len(inside[0])} argument", lambda value: _can_be_called(value, inside[0]))
     if origin is tuple:
         parts = [kind_of(one) for one in inside]
         words = f"({', '.join(one.words for one in parts)})"
-        return Kind(words, lambda value: _is_sequence(value) and len(value) == len(parts) and _all_of(value, parts))
+        return ArgumentKind(
+            words, lambda value: _is_sequence(value) and len(value) == len(parts) and _all_of(value, parts)
+        )
     if origin is list:
         each = kind_of(inside[0])
         words = f"a list, each {each.words},"
-        return Kind(words, lambda value: isinstance(value, list | tuple) and all(map(each.takes, value)))
+        return ArgumentKind(words, lambda value: isinstance(value, list | tuple) and all(map(each.takes, value)))
     if origin is Sequence:
         each = kind_of(inside[0])
         words = f"several, each {each.words},"
-        return Kind(words, lambda value: _is_sequence(value) and _all_of(value, [each] * len(value)))
+        return ArgumentKind(words, lambda value: _is_sequence(value) and _all_of(value, [each] * len(value)))
     if origin is Mapping:
         key, held = map(kind_of, inside)
         words = f"a dictionary of {key.words} to {held.words}"
-        return Kind(
+        return ArgumentKind(
             words,
             lambda value: (
                 isinstance(value, Mapping)
@@ -176,28 +180,32 @@ def kind_of(hint: Any) -> Kind:
     return _kind_of_one(origin or hint)
 
 
-def _kind_of_one(hint: Any) -> Kind:
+def _kind_of_one(hint: Any) -> ArgumentKind:
     """Of a class, or anything at all."""
     if hint in (Any, object) or not isinstance(hint, type):
         # A text among anything is a path or a designator.
-        return Kind("a name that files can have", lambda value: not isinstance(value, str | Path) or is_name(value))
+        return ArgumentKind(
+            "a name that files can have", lambda value: not isinstance(value, str | Path) or is_name(value)
+        )
     if hint is Path:
-        return Kind("a path", lambda value: isinstance(value, str | os.PathLike) and is_name(value))
+        return ArgumentKind("a path", lambda value: isinstance(value, str | os.PathLike) and is_name(value))
     if hint is str:
-        return Kind("a text", lambda value: isinstance(value, str) and _is_text(value))
+        return ArgumentKind("a text", lambda value: isinstance(value, str) and _is_text(value))
     if hint in (NoneType, bool):
-        return Kind("None" if hint is NoneType else "True or False", lambda value: isinstance(value, hint))
+        return ArgumentKind("None" if hint is NoneType else "True or False", lambda value: isinstance(value, hint))
     if getattr(hint, "_is_protocol", False):  # names alone are not enough: `at` of a pandas table is no method
         methods = [name for name, one in vars(hint).items() if name[0] != "_" and callable(one)]
-        return Kind(
+        return ArgumentKind(
             f"a {hint.__name__} of descentflow",
             lambda value: all(callable(getattr(value, name, None)) for name in methods),
         )
     if issubclass(hint, int | float):
         words, number = (f"a whole number{BITS}", Integral) if issubclass(hint, int) else ("a finite number", Real)
         bounds = (hint.__doc__ or "").partition("restricted to be")[2]  # of jsonargparse's own numbers
-        return Kind(words + bounds, lambda value: _is_number(number, value) and _can_be_made(hint, value))
-    return Kind(f"a {hint.__name__} of {hint.__module__.partition('.')[0]}", lambda value: isinstance(value, hint))
+        return ArgumentKind(words + bounds, lambda value: _is_number(number, value) and _can_be_made(hint, value))
+    return ArgumentKind(
+        f"a {hint.__name__} of {hint.__module__.partition('.')[0]}", lambda value: isinstance(value, hint)
+    )
 
 
 def _is_checked(parameter: Parameter) -> bool:
@@ -210,7 +218,7 @@ def _is_sequence(value: object) -> bool:
     return whole and not isinstance(value, str | bytes | Mapping)
 
 
-def _all_of(values: Any, kinds: Sequence[Kind]) -> bool:
+def _all_of(values: Any, kinds: Sequence[ArgumentKind]) -> bool:
     return all(kind.takes(_plain(value)) for kind, value in zip(kinds, values, strict=False))
 
 

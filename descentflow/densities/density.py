@@ -9,9 +9,9 @@ from torch import Tensor, nn
 
 from descentflow.core.arguments import NotNegativeInt, checked_arguments
 from descentflow.core.errors import ConfigError
-from descentflow.densities.importance import Estimate, estimate, widened
+from descentflow.densities.importance import LikelihoodEstimate, estimate, widened
 from descentflow.densities.mixture_parameters import Mixture, log_observed
-from descentflow.representation.evidence import Evidence
+from descentflow.representation.evidence import WeightEvidence
 from descentflow.representation.representation import Representation
 
 if TYPE_CHECKING:
@@ -132,11 +132,11 @@ class Density(nn.Module, ABC):
         mixture, rows = self.mixture, self.rows_of_context(context, 1)
         return mixture and mixture.at(rows[0].to(mixture.locs))
 
-    def log_observed(self, evidence: Evidence, context: Tensor | None = None) -> Tensor:
+    def log_observed(self, evidence: WeightEvidence, context: Tensor | None = None) -> Tensor:
         """Log-likelihood (n,) of what was observed of n flights, in nats, up to a constant of each flight.
 
-        The constant is :attr:`~descentflow.representation.evidence.Evidence.log_scale`, which makes it the log density
-        of the weights for a flight that shows every level, and zero for one that shows nothing.
+        The constant is :attr:`~descentflow.representation.evidence.WeightEvidence.log_scale`, which makes it the log
+        density of the weights for a flight that shows every level, and zero for one that shows nothing.
 
         Args:
             evidence: Of n flights.
@@ -160,12 +160,12 @@ class Density(nn.Module, ABC):
 
     def estimate_observed(
         self,
-        evidence: Evidence,
+        evidence: WeightEvidence,
         context: Tensor,
         gaussian: Mixture,
         n_draws: int = SCORING_DRAWS,
         seed: int = 0,
-    ) -> Estimate:
+    ) -> LikelihoodEstimate:
         """:meth:`log_observed` by importance sampling, with the effective share of the draws behind each flight.
 
         Args:
@@ -180,7 +180,9 @@ class Density(nn.Module, ABC):
             parts.append(estimate(self.log_prob, gaussian, rows, n_draws, context[index], seed))
             order.append(index)
         back = torch.cat(order).argsort()
-        return Estimate(*(torch.cat([getattr(p, name) for p in parts])[back] for name in ("log_prob", "effective")))
+        return LikelihoodEstimate(
+            *(torch.cat([getattr(p, name) for p in parts])[back] for name in ("log_prob", "effective"))
+        )
 
     @torch.no_grad()
     def wide_gaussian(self, context: Tensor) -> Mixture:

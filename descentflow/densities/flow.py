@@ -12,7 +12,7 @@ from descentflow.densities.importance import widened
 from descentflow.densities.layers import Bounded, ContextNet, ExponentialAffine, Flip, TurnedRound, made, turned_linear
 from descentflow.densities.mixture_parameters import Mixture, log_observed
 from descentflow.densities.weight_draws import WeightDraw
-from descentflow.representation.evidence import Evidence
+from descentflow.representation.evidence import WeightEvidence
 
 
 class MaskedAffineFlowDensity(TransformedDensity):
@@ -30,7 +30,7 @@ class MaskedAffineFlowDensity(TransformedDensity):
     Example:
         >>> flow = MaskedAffineFlowDensity(dimension=4, n_flows=2, whitened=True)
         >>> weights = flow.sample(3, seed=0)  # a whitened flow is its Gaussian until it is trained
-        >>> expected = flow.base_log_observed(Evidence.of_weights(weights))
+        >>> expected = flow.base_log_observed(WeightEvidence.of_weights(weights))
         >>> torch.allclose(flow.log_prob(weights).double(), expected, atol=1e-5)
         True
     """
@@ -106,7 +106,7 @@ class MaskedAffineFlowDensity(TransformedDensity):
         self.correlation_tril.copy_(torch.linalg.cholesky(rows @ rows.T))
 
     @torch.no_grad()
-    def base_log_observed(self, evidence: Evidence, context: Tensor | None = None) -> Tensor:
+    def base_log_observed(self, evidence: WeightEvidence, context: Tensor | None = None) -> Tensor:
         """Log-likelihood (n,) of what was observed under an untrained flow, the Gaussian alone."""
         return log_observed(self.base_gaussian(), evidence, self.rows_of_context(context, len(evidence)))
 

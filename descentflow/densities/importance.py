@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from descentflow.densities.mixture_parameters import Mixture, cholesky_or_small, log_observed, posteriors
-from descentflow.representation.evidence import Evidence
+from descentflow.representation.evidence import WeightEvidence
 
 WIDER = 1.3
 """Factor that widens a Gaussian which proposes: with a narrower one, draws in the density's tails are too few."""
@@ -23,11 +23,11 @@ LEAST_VARIANCE = 1e-12
 
 
 @dataclass(frozen=True)
-class Estimate:
+class LikelihoodEstimate:
     """Log-likelihood (n,) of each flight, and the effective share (n,) of its draws, between 1 / S and 1.
 
     Example:
-        >>> Estimate(torch.zeros(1), torch.ones(1)).effective.item()
+        >>> LikelihoodEstimate(torch.zeros(1), torch.ones(1)).effective.item()
         1.0
     """
 
@@ -38,11 +38,11 @@ class Estimate:
 def estimate(
     log_density: Callable[[Tensor, Tensor], Tensor],
     gaussian: Mixture,
-    evidence: Evidence,
+    evidence: WeightEvidence,
     n_draws: int,
     context: Tensor,
     seed: int,
-) -> Estimate:
+) -> LikelihoodEstimate:
     """Log-likelihood of each flight under a density, by draws given what was observed, under a Gaussian.
 
     Args:
@@ -55,8 +55,8 @@ def estimate(
 
     Example:
         >>> gaussian = Mixture(torch.ones(1), torch.zeros(1, 1), torch.ones(1, 1, 1))
-        >>> seen = Evidence(torch.tensor([[4.0]]), torch.tensor([0]), torch.tensor([[[3.0]]]))
-        >>> itself = lambda weights, _: log_observed(gaussian, Evidence.of_weights(weights))
+        >>> seen = WeightEvidence(torch.tensor([[4.0]]), torch.tensor([0]), torch.tensor([[[3.0]]]))
+        >>> itself = lambda weights, _: log_observed(gaussian, WeightEvidence.of_weights(weights))
         >>> found = estimate(itself, gaussian, seen, 5, torch.zeros(1, 0), seed=0)
         >>> torch.allclose(found.log_prob, log_observed(gaussian, seen)), round(float(found.effective), 6)
         (True, 1.0)
@@ -69,14 +69,14 @@ def estimate(
         generator = torch.Generator(found.means.device).manual_seed(seed)
         white = torch.randn(shape, generator=generator, dtype=found.means.dtype, device=found.means.device)
         weights = (found.means + white @ factor.mT).flatten(0, 1)
-        proposed = log_observed(gaussian, Evidence.of_weights(weights), gaussian.rows(rows, len(weights)))
+        proposed = log_observed(gaussian, WeightEvidence.of_weights(weights), gaussian.rows(rows, len(weights)))
         # Added to the log density, the mean over a flight's draws estimates its likelihood.
         offset = found.log_joint - proposed.reshape(shape[:2])
     log_prob = log_density(weights, rows).reshape(shape[:2])
     # A draw at which a flow overflows has no density there.
     terms = torch.where(log_prob.isfinite(), log_prob, -torch.inf) + offset.to(log_prob)
     shares = terms.detach().softmax(1)
-    return Estimate(terms.logsumexp(1) - log(n_draws), 1 / (shares.square().sum(1) * n_draws))
+    return LikelihoodEstimate(terms.logsumexp(1) - log(n_draws), 1 / (shares.square().sum(1) * n_draws))
 
 
 def widened(gaussian: Mixture, factor: float = WIDER) -> Mixture:

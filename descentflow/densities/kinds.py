@@ -6,7 +6,7 @@ It imports no library, so a program that asks for one of them pays for no other.
 from typing import NamedTuple
 
 
-class Kind(NamedTuple):
+class DensityKind(NamedTuple):
     """Classes, training and settings of a density.
 
     Example:
@@ -29,7 +29,7 @@ class Kind(NamedTuple):
 
 
 KINDS = (
-    Kind("gaussian", "GaussianDensity", "gaussian", "Gaussian", "gaussian_model", "gaussian"),
-    Kind("mixture", "GaussianMixtureDensity", "mixture", "GaussianMixture", "mixture_model", "gmm"),
-    Kind("flow", "MaskedAffineFlowDensity", "flow", "MaskedAffineFlow", "flow_model", "flow"),
+    DensityKind("gaussian", "GaussianDensity", "gaussian", "Gaussian", "gaussian_model", "gaussian"),
+    DensityKind("mixture", "GaussianMixtureDensity", "mixture", "GaussianMixture", "mixture_model", "gmm"),
+    DensityKind("flow", "MaskedAffineFlowDensity", "flow", "MaskedAffineFlow", "flow_model", "flow"),
 )

@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 import torch
 from torch import Tensor
 
-from descentflow.representation.evidence import Evidence
+from descentflow.representation.evidence import WeightEvidence
 
 NO_CONTEXT = torch.zeros(1, 0)
 """Context (1, c) of a flight for a density that follows none."""
@@ -90,7 +90,7 @@ class FlightPosteriors:
 
     Example:
         >>> mixture = Mixture(torch.ones(1), torch.zeros(1, 1), torch.ones(1, 1, 1))
-        >>> evidence = Evidence(torch.tensor([[4.0]]), torch.tensor([0]), torch.tensor([[[3.0]]]))
+        >>> evidence = WeightEvidence(torch.tensor([[4.0]]), torch.tensor([0]), torch.tensor([[[3.0]]]))
         >>> found = posteriors(mixture, evidence)  # standard normal, seen at 4 with precision 3
         >>> round(float(found.means), 4), round(float(found.covariances), 4)
         (3.0, 0.25)
@@ -102,7 +102,7 @@ class FlightPosteriors:
     precision_trils: Tensor
 
 
-def posteriors(mixture: Mixture, evidence: Evidence, context: Tensor | None = None) -> FlightPosteriors:
+def posteriors(mixture: Mixture, evidence: WeightEvidence, context: Tensor | None = None) -> FlightPosteriors:
     """Posterior of each flight's weights under each mixture component.
 
     Args:
@@ -126,12 +126,12 @@ def posteriors(mixture: Mixture, evidence: Evidence, context: Tensor | None = No
     return FlightPosteriors(log_joint, locs + moved, covariances, factor)
 
 
-def log_observed(mixture: Mixture, evidence: Evidence, context: Tensor | None = None) -> Tensor:
+def log_observed(mixture: Mixture, evidence: WeightEvidence, context: Tensor | None = None) -> Tensor:
     r"""Log-likelihood (n,) of what was observed, in nats: $\log \int p(w) \, p(y | w) \, dw$ up to a constant.
 
     The constant depends on the levels that a flight shows and on no density
-    (:attr:`~descentflow.representation.evidence.Evidence.log_scale`); with it the score of a flight whose weights are
-    known is the log density of the weights.
+    (:attr:`~descentflow.representation.evidence.WeightEvidence.log_scale`); with it the score of a flight whose weights
+    are known is the log density of the weights.
 
     Args:
         mixture: Of the weights.
@@ -140,8 +140,8 @@ def log_observed(mixture: Mixture, evidence: Evidence, context: Tensor | None = 
 
     Example:
         >>> mixture = Mixture(torch.ones(1), torch.zeros(1, 2), torch.eye(2)[None])
-        >>> nothing_seen = Evidence(torch.zeros(1, 2), torch.tensor([0]), torch.zeros(1, 2, 2))
-        >>> float(log_observed(mixture, nothing_seen)), round(float(log_observed(mixture, Evidence.of_weights(
+        >>> nothing_seen = WeightEvidence(torch.zeros(1, 2), torch.tensor([0]), torch.zeros(1, 2, 2))
+        >>> float(log_observed(mixture, nothing_seen)), round(float(log_observed(mixture, WeightEvidence.of_weights(
         ...     torch.zeros(1, 2)))), 4)  # and the log density at the origin
         (0.0, -1.8379)
     """
@@ -175,11 +175,11 @@ def log_proportions(mixture: Mixture, context: Tensor) -> Tensor:
     return (mixture.probs.log() + context @ mixture.gate.T).log_softmax(1)
 
 
-def _joint_of_seen(mixture: Mixture, evidence: Evidence, context: Tensor) -> Tensor:
+def _joint_of_seen(mixture: Mixture, evidence: WeightEvidence, context: Tensor) -> Tensor:
     return posteriors(mixture, evidence, context).log_joint
 
 
-def _joint_of_known(mixture: Mixture, evidence: Evidence, context: Tensor) -> Tensor:
+def _joint_of_known(mixture: Mixture, evidence: WeightEvidence, context: Tensor) -> Tensor:
     normals = torch.distributions.MultivariateNormal(
         locations(mixture, context), scale_tril=mixture.scale_trils, validate_args=False
     )

@@ -11,7 +11,7 @@ from descentflow.densities.em import converge
 from descentflow.densities.em_steps import JITTER, RIDGE
 from descentflow.densities.importance import LEAST_VARIANCE
 from descentflow.densities.mixture_parameters import Mixture, cholesky_or_small, posteriors
-from descentflow.representation.evidence import Evidence
+from descentflow.representation.evidence import WeightEvidence
 
 MOST_STEPS, TOLERANCE = 1000, 1e-8
 """EM steps at most, and their tolerance (nats per flight)."""
@@ -19,7 +19,7 @@ MOST_STEPS, TOLERANCE = 1000, 1e-8
 
 @torch.no_grad()
 def one_gaussian(
-    evidence: Evidence, context: Tensor | None = None, *, ridge: float = RIDGE, jitter: float = JITTER
+    evidence: WeightEvidence, context: Tensor | None = None, *, ridge: float = RIDGE, jitter: float = JITTER
 ) -> Mixture:
     """The Gaussian of greatest marginal likelihood, its mean regressed on a context if there is one.
 
@@ -37,7 +37,7 @@ def one_gaussian(
 
     Example:
         >>> points = torch.tensor([[0.0], [1.0], [10.0], [11.0]]).double()
-        >>> blurred = Evidence(points, torch.zeros(4, dtype=torch.long), torch.full((1, 1, 1), 4.0).double())
+        >>> blurred = WeightEvidence(points, torch.zeros(4, dtype=torch.long), torch.full((1, 1, 1), 4.0).double())
         >>> found = one_gaussian(blurred)  # each seen with variance 1/4
         >>> round(float(found.scale_trils) ** 2, 3)  # variance of the points less that
         25.0
@@ -77,7 +77,7 @@ def one_gaussian(
 
 
 @torch.no_grad()
-def drawn_weights(gaussian: Mixture, evidence: Evidence, seed: int, context: Tensor | None = None) -> Tensor:
+def drawn_weights(gaussian: Mixture, evidence: WeightEvidence, seed: int, context: Tensor | None = None) -> Tensor:
     """Weights (n, d) of flights, each drawn given what was observed of it under one Gaussian; known ones as they are.
 
     Args:
@@ -89,7 +89,7 @@ def drawn_weights(gaussian: Mixture, evidence: Evidence, seed: int, context: Ten
     Example:
         >>> gaussian = Mixture(torch.ones(1), torch.zeros(1, 1), torch.ones(1, 1, 1))
         >>> alike = torch.zeros(10_000, dtype=torch.long)
-        >>> seen = Evidence(torch.full((10_000, 1), 4.0), alike, torch.full((1, 1, 1), 3.0))
+        >>> seen = WeightEvidence(torch.full((10_000, 1), 4.0), alike, torch.full((1, 1, 1), 3.0))
         >>> drawn_weights(gaussian, seen, seed=0).mean().round(decimals=1)
         tensor(3.)
     """

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Column:
+class SampleColumn:
     """One column: unit (in the writing of UDUNITS), meaning, and standard name of the CF conventions if there is one.
 
     Example:
@@ -18,33 +18,35 @@ class Column:
 
 
 COLUMNS = {
-    "sample_id": Column("1", "number of the sample"),
-    "flight_id": Column("1", "identifier of the sample"),
-    "callsign": Column("1", "invented callsign"),
-    "icao24": Column("1", "invented ICAO address"),
-    "typecode": Column("1", "ICAO type designator"),
-    "level_fl": Column("100 ft", "flight level"),
-    "time_s": Column("s", "time since the entry level"),
-    "altitude_ft": Column("ft", "pressure altitude", "barometric_altitude"),
-    "CAS": Column("knot", "calibrated airspeed"),
-    "Mach": Column("1", "Mach number"),
-    "TAS": Column("knot", "true airspeed", "platform_speed_wrt_air"),
-    "vertical_rate": Column("ft/min", "rate of change of pressure altitude, negative downwards"),
-    "drag_n": Column("N", "drag that flies the descent"),
-    "thrust_n": Column("N", "thrust of all engines that the descent asks for, at least that at idle"),
-    "fuel_flow_kg_s": Column("kg/s", "fuel flow of all engines"),
-    "fuel_kg": Column("kg", "fuel burnt since the entry level"),
-    "co2_kg": Column("kg", "carbon dioxide emitted since the entry level"),
-    "deviation_k": Column("K", "temperature that the sample is flown in, minus that of the standard atmosphere"),
-    "tailwind": Column("knot", "wind along the track that the sample is flown in, positive from behind"),
-    "distance_nm": Column("nautical_mile", "distance over the ground since the entry level"),
-    "distance_to_go_nm": Column("nautical_mile", "distance over the ground to the end point"),
-    "top_of_descent_nm": Column("nautical_mile", "distance over the ground from the entry level to the end point"),
-    "groundspeed": Column("knot", "speed over the ground", "platform_speed_wrt_ground"),
-    "latitude": Column("degrees_north", "latitude, WGS84", "latitude"),
-    "longitude": Column("degrees_east", "longitude, WGS84", "longitude"),
-    "track": Column("degree", "direction of flight over the ground, from true north", "platform_course"),
-    "timestamp": Column("UTC", "time", "time"),
+    "sample_id": SampleColumn("1", "number of the sample"),
+    "flight_id": SampleColumn("1", "identifier of the sample"),
+    "callsign": SampleColumn("1", "invented callsign"),
+    "icao24": SampleColumn("1", "invented ICAO address"),
+    "typecode": SampleColumn("1", "ICAO type designator"),
+    "level_fl": SampleColumn("100 ft", "flight level"),
+    "time_s": SampleColumn("s", "time since the entry level"),
+    "altitude_ft": SampleColumn("ft", "pressure altitude", "barometric_altitude"),
+    "CAS": SampleColumn("knot", "calibrated airspeed"),
+    "Mach": SampleColumn("1", "Mach number"),
+    "TAS": SampleColumn("knot", "true airspeed", "platform_speed_wrt_air"),
+    "vertical_rate": SampleColumn("ft/min", "rate of change of pressure altitude, negative downwards"),
+    "drag_n": SampleColumn("N", "drag that flies the descent"),
+    "thrust_n": SampleColumn("N", "thrust of all engines that the descent asks for, at least that at idle"),
+    "fuel_flow_kg_s": SampleColumn("kg/s", "fuel flow of all engines"),
+    "fuel_kg": SampleColumn("kg", "fuel burnt since the entry level"),
+    "co2_kg": SampleColumn("kg", "carbon dioxide emitted since the entry level"),
+    "deviation_k": SampleColumn("K", "temperature that the sample is flown in, minus that of the standard atmosphere"),
+    "tailwind": SampleColumn("knot", "wind along the track that the sample is flown in, positive from behind"),
+    "distance_nm": SampleColumn("nautical_mile", "distance over the ground since the entry level"),
+    "distance_to_go_nm": SampleColumn("nautical_mile", "distance over the ground to the end point"),
+    "top_of_descent_nm": SampleColumn(
+        "nautical_mile", "distance over the ground from the entry level to the end point"
+    ),
+    "groundspeed": SampleColumn("knot", "speed over the ground", "platform_speed_wrt_ground"),
+    "latitude": SampleColumn("degrees_north", "latitude, WGS84", "latitude"),
+    "longitude": SampleColumn("degrees_east", "longitude, WGS84", "longitude"),
+    "track": SampleColumn("degree", "direction of flight over the ground, from true north", "platform_course"),
+    "timestamp": SampleColumn("UTC", "time", "time"),
 }
 """Every column of samples and of flights; temperature and wind stand where samples have their own."""
 FUEL = ("thrust_n", "fuel_flow_kg_s", "fuel_kg", "co2_kg")

@@ -9,7 +9,7 @@ from descentflow.core.version import __version__
 from descentflow.densities.density import Density
 from descentflow.exports.columns import COLUMNS, FUEL
 from descentflow.exports.descent_graph import ALL_RULES, PROFILES, Precision, SamplerGraph
-from descentflow.representation.context import Column
+from descentflow.representation.context import ContextColumn
 
 FORMAT = "descentflow-sampler"
 VERSION = 1
@@ -113,7 +113,7 @@ def _outputs(sampler: SamplerGraph, precision: Precision) -> dict[str, Any]:
     }
 
 
-def _context(column: Column) -> dict[str, Any]:
+def _context(column: ContextColumn) -> dict[str, Any]:
     """A column of the context: how its value becomes numbers, in the order in which the input has them."""
     how = {
         "number": "(value - mean) / scale",

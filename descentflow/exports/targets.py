@@ -24,7 +24,7 @@ class Writer(Protocol):
 
 
 @dataclass(frozen=True)
-class Target:
+class ExportTarget:
     """One target: what it is for, the extensions that its output may have, and what must be known of the ground.
 
     Example:
@@ -85,18 +85,20 @@ DEFAULTS = {"models": 1, "precision": "float64", "step_s": None, "prefix": "", "
 """Options that some targets have and others refuse, with what they are where nobody asked."""
 ROWS, FLEET = ("step_s", "prefix"), ("models", "fly_as")
 TARGETS = {
-    "parquet": Target(
+    "parquet": ExportTarget(
         "the table of samples with unit and meaning in each field's metadata", (".parquet",), options=ROWS
     ),
-    "cf": Target("a trajectory file of the CF conventions 1.11 (NetCDF-4)", (".nc",), True, ROWS),
-    "traffic": Target("flights for the library traffic (Traffic.from_file)", (".parquet",), True, ROWS, step_s=1.0),
-    "bluesky": Target(
+    "cf": ExportTarget("a trajectory file of the CF conventions 1.11 (NetCDF-4)", (".nc",), True, ROWS),
+    "traffic": ExportTarget(
+        "flights for the library traffic (Traffic.from_file)", (".parquet",), True, ROWS, step_s=1.0
+    ),
+    "bluesky": ExportTarget(
         "a scenario for BlueSky (.scn), or a plugin that flies samples (.py)",
         (".scn", ".py"),
         options=("prefix", *FLEET),
     ),
-    "bluebird": Target("a predictor for bluebird-dt that flies samples", (".py",), options=FLEET),
-    "onnx": Target(
+    "bluebird": ExportTarget("a predictor for bluebird-dt that flies samples", (".py",), options=FLEET),
+    "onnx": ExportTarget(
         "the sampler itself, for onnxruntime in any language: random numbers in, descents out",
         (".onnx",),
         options=("precision",),
@@ -105,7 +107,7 @@ TARGETS = {
 """Every target by its name."""
 
 
-def target_of(name: str) -> Target:
+def target_of(name: str) -> ExportTarget:
     """The target of a name.
 
     Raises:

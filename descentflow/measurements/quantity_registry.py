@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Quantity:
+class MeasuredQuantity:
     """One quantity.
 
     Attributes:
@@ -30,45 +30,47 @@ class Quantity:
     is_noise: bool = False
 
 
-def _noise(name: str, label: str, unit: str) -> Quantity:
+def _noise(name: str, label: str, unit: str) -> MeasuredQuantity:
     meaning = f"ln of the short-scale {label} ({unit})" if unit else f"ln of the short-scale {label}"
-    return Quantity(name, label, "ln", meaning, is_noise=True)
+    return MeasuredQuantity(name, label, "ln", meaning, is_noise=True)
 
 
-QUANTITIES: dict[str, Quantity] = {
+QUANTITIES: dict[str, MeasuredQuantity] = {
     quantity.name: quantity
     for quantity in (
-        Quantity("rate", "rate of descent", "relative", "ln of the rate of descent over the polar's", by_band=True),
-        Quantity(
+        MeasuredQuantity(
+            "rate", "rate of descent", "relative", "ln of the rate of descent over the polar's", by_band=True
+        ),
+        MeasuredQuantity(
             "lag",
             "reported rate against altitude over time",
             "relative",
             "ln of the reported rate over the differenced altitude's",
             by_band=True,
         ),
-        Quantity("cas", "calibrated airspeed", "kt", "calibrated airspeed, kt", by_band=True),
-        Quantity(
+        MeasuredQuantity("cas", "calibrated airspeed", "kt", "calibrated airspeed, kt", by_band=True),
+        MeasuredQuantity(
             "mismatch",
             "IAS against Mach number",
             "kt",
             "IAS minus the CAS of the Mach number, kt",
             by_band=True,
         ),
-        Quantity(
+        MeasuredQuantity(
             "tas",
             "true airspeed against Mach number",
             "relative",
             "ln of TAS over that of the Mach number in standard air",
             by_band=True,
         ),
-        Quantity(
+        MeasuredQuantity(
             "wind",
             "change of the along-track wind",
             "m/s",
             "along-track wind minus the flight's mean, m/s",
             by_band=True,
         ),
-        Quantity(
+        MeasuredQuantity(
             "height",
             "geometric against pressure altitude",
             "m",
@@ -81,10 +83,12 @@ QUANTITIES: dict[str, Quantity] = {
         _noise("noise_tas", "noise of TAS", "kt"),
         _noise("noise_groundspeed", "noise of groundspeed", "kt"),
         _noise("noise_altitude", "noise of altitude", "m"),
-        Quantity("level", "time in level-offs", "s", "time lost in short gaps of altitude, s", is_count=True),
-        Quantity("level_gaps", "number of level-offs", "1", "number of short gaps of altitude", is_count=True),
-        Quantity("slow", "time in slow stretches", "s", "time lost in longer gaps of altitude, s", is_count=True),
-        Quantity(
+        MeasuredQuantity("level", "time in level-offs", "s", "time lost in short gaps of altitude, s", is_count=True),
+        MeasuredQuantity("level_gaps", "number of level-offs", "1", "number of short gaps of altitude", is_count=True),
+        MeasuredQuantity(
+            "slow", "time in slow stretches", "s", "time lost in longer gaps of altitude, s", is_count=True
+        ),
+        MeasuredQuantity(
             "missing",
             "levels cut out as managed",
             "1",

@@ -9,7 +9,7 @@ from torch import Tensor
 from descentflow.core.units import FT_M, KT_MPS
 from descentflow.diagnosis.inference.linear_gaussian import Array
 from descentflow.effects.flight_state import CHANGING, NEAR_MACH, constant_mach_slope
-from descentflow.repairs.flight_evidence import Evidence
+from descentflow.repairs.flight_evidence import FlightEvidence
 from descentflow.repairs.mixed_model import WIDE
 
 SPREADS = {"des_mach": 0.03, "des_cas_high_kt": 20.0, "des_cas_low_kt": 20.0}
@@ -34,7 +34,7 @@ class CrewSpeed:
     aircraft: int
 
 
-def crew_speeds(evidence: Evidence, prior: dict[str, float]) -> dict[str, CrewSpeed]:
+def crew_speeds(evidence: FlightEvidence, prior: dict[str, float]) -> dict[str, CrewSpeed]:
     """Mean speeds of the aircraft, drawn towards the file's by as much as they are uncertain.
 
     Args:
@@ -56,7 +56,7 @@ def crew_speeds(evidence: Evidence, prior: dict[str, float]) -> dict[str, CrewSp
     return {name: speed for name in prior if (speed := _pooled(held[name], evidence, prior[name], SPREADS[name]))}
 
 
-def _held(evidence: Evidence) -> dict[str, Tensor]:
+def _held(evidence: FlightEvidence) -> dict[str, Tensor]:
     """Speeds (n, K) in the bands where each is held, NaN elsewhere."""
     state, nan = evidence.state, torch.nan
     mach, cas_kt = state.mach(), state.cas_mps / KT_MPS
@@ -71,7 +71,7 @@ def _held(evidence: Evidence) -> dict[str, Tensor]:
     }
 
 
-def _pooled(held: Tensor, evidence: Evidence, prior: float, spread: float) -> CrewSpeed | None:
+def _pooled(held: Tensor, evidence: FlightEvidence, prior: float, spread: float) -> CrewSpeed | None:
     by_flight: Array = held.nanmean(1).numpy()
     shown = np.isfinite(by_flight)
     tails = evidence.quantities.airframe.numpy()

@@ -40,7 +40,7 @@ makes that 30. Bands below it have thrust above idle, or a held path, and show n
 
 
 @dataclass(frozen=True)
-class Evidence:
+class FlightEvidence:
     """Flights of one type in bands.
 
     Shapes: ``log_rate`` (n, K) ln of the rate of descent by altitude over time, m/s, NaN where not seen or not settled;
@@ -103,7 +103,7 @@ class Evidence:
         by_theta = np.stack([(at(theta + step) - at(theta - step)) / (2 * STEP) for step in steps], 2)
         return at(theta), by_theta, (at(theta, 1 + STEP) - at(theta, 1 - STEP)) / (2 * STEP)
 
-    def rows(self, index: Array) -> "Evidence":
+    def rows(self, index: Array) -> "FlightEvidence":
         """The flights at these positions."""
         at = torch.from_numpy(np.asarray(index, dtype=np.int64))
         parts = {name: getattr(self, name)[at] for name in ("log_rate", "deviation_k", "wind_slope_per_s", "turning")}
@@ -114,7 +114,9 @@ class Evidence:
         return len(self.log_rate)
 
 
-def flight_evidence(frame: pl.DataFrame, aircraft: PerformanceModel, around: pl.DataFrame | None = None) -> Evidence:
+def flight_evidence(
+    frame: pl.DataFrame, aircraft: PerformanceModel, around: pl.DataFrame | None = None
+) -> FlightEvidence:
     """Measure the flights of one type as the diagnosis does: settled, free descent in bands, in their own air.
 
     Args:
@@ -150,7 +152,7 @@ def flight_evidence(frame: pl.DataFrame, aircraft: PerformanceModel, around: pl.
     tas = mach_to_tas_mps(state.mach(), state.altitude_m, deviation)
     shallow = rate.exp() / (isa_fraction(state.altitude_m, deviation) * tas * share) < SHALLOWEST
     rate = torch.where(shallow, torch.nan, rate)
-    return Evidence(found, state, rate, deviation, slope, turning, without, int(shallow.sum()))
+    return FlightEvidence(found, state, rate, deviation, slope, turning, without, int(shallow.sum()))
 
 
 def _nothing(aircraft: PerformanceModel) -> DataError:

@@ -129,13 +129,13 @@ class Flights:
 
 
 @dataclass(frozen=True)
-class Posterior:
+class MixedModelPosterior:
     """Coefficients and misfits of all types, the sizes and the log marginal likelihood.
 
     Shapes: ``whole`` (T, D) means and ``covariance`` (T D, T D), of three coefficients and the misfit's parts a type.
 
     Example:
-        >>> Posterior(np.zeros((1, 5)), np.eye(5), Sizes(), 0.0).of(0)[0].tolist()
+        >>> MixedModelPosterior(np.zeros((1, 5)), np.eye(5), Sizes(), 0.0).of(0)[0].tolist()
         [0.0, 0.0, 0.0]
     """
 
@@ -154,13 +154,13 @@ class Posterior:
         one = self.only(kind)
         return one.whole[0, :3], one.covariance[:3, :3]
 
-    def only(self, kind: int) -> "Posterior":
+    def only(self, kind: int) -> "MixedModelPosterior":
         """Coefficients and misfits of one type."""
         at = slice(self.whole.shape[1] * kind, self.whole.shape[1] * (kind + 1))
         return replace(self, whole=self.whole[kind : kind + 1], covariance=self.covariance[at, at])
 
 
-def before_flights(flights: Flights, sizes: Sizes) -> Posterior:
+def before_flights(flights: Flights, sizes: Sizes) -> MixedModelPosterior:
     """Prior of coefficients and misfits.
 
     Example:
@@ -175,7 +175,7 @@ def before_flights(flights: Flights, sizes: Sizes) -> Posterior:
     found[:, :3, :, :3] = type_covariance(flights.groups, sizes).reshape(types, 3, types, 3)
     for kind in range(types):
         found[kind, 3:, kind, 3:] = np.eye(parts - 3)
-    return Posterior(np.zeros((types, parts)), found.reshape(types * parts, types * parts), sizes, 0.0)
+    return MixedModelPosterior(np.zeros((types, parts)), found.reshape(types * parts, types * parts), sizes, 0.0)
 
 
 def type_covariance(groups: np.ndarray, sizes: Sizes) -> Array:
@@ -208,7 +208,7 @@ def whitened(flights: Flights, sizes: Sizes) -> tuple[Array, Array]:
     return white.transpose(0, 2, 1) @ white, log.sum(1)
 
 
-def posterior(flights: Flights, sizes: Sizes) -> Posterior:
+def posterior(flights: Flights, sizes: Sizes) -> MixedModelPosterior:
     """Coefficients of all types at given sizes, and the marginal likelihood (without the constant).
 
     Example:
@@ -239,10 +239,10 @@ def posterior(flights: Flights, sizes: Sizes) -> Posterior:
     square = total[:, 0, 0].sum() - towards @ mean
     determinant = log.sum() + np.log(shared).sum() + np.linalg.slogdet(shrink)[1]
     covariance = (covariance + covariance.T) / 2
-    return Posterior(mean.reshape(-1, parts), covariance, sizes, float(-0.5 * (square + determinant)))
+    return MixedModelPosterior(mean.reshape(-1, parts), covariance, sizes, float(-0.5 * (square + determinant)))
 
 
-def fit(flights: Flights, first: Sizes = Sizes()) -> Posterior:
+def fit(flights: Flights, first: Sizes = Sizes()) -> MixedModelPosterior:
     """Coefficients at the likeliest sizes under weak priors about the first ones.
 
     Example:
@@ -274,7 +274,7 @@ def fit(flights: Flights, first: Sizes = Sizes()) -> Posterior:
     return posterior(flights, sizes_at(found))
 
 
-def predictive_log_density(flights: Flights, found: Posterior) -> Array:
+def predictive_log_density(flights: Flights, found: MixedModelPosterior) -> Array:
     """Log density (A,) of the flights of each new aircraft under a posterior, without the constant.
 
     Example:

@@ -15,8 +15,8 @@ from descentflow.core.errors import AircraftError, DataError
 from descentflow.diagnosis.inference.linear_gaussian import Array
 from descentflow.repairs.crew_speeds import CrewSpeed, crew_speeds
 from descentflow.repairs.held_out import held_out
-from descentflow.repairs.mixed_model import WIDE, Posterior
-from descentflow.repairs.repair_found import FACTORS, SPEEDS, Estimate, Repair
+from descentflow.repairs.mixed_model import WIDE, MixedModelPosterior
+from descentflow.repairs.repair_found import FACTORS, SPEEDS, CoefficientEstimate, Repair
 from descentflow.repairs.repaired_files import check_out, write_repair
 from descentflow.repairs.type_fit import Repairable, TypeFlights, fit_types, type_flights
 from descentflow.surveillance.open_descents import FlightSource
@@ -157,7 +157,7 @@ def _rounded(value: float) -> float:
     return float(f"{float(value):.{DIGITS}g}")
 
 
-def _estimates(before: Repairable, own: TypeFlights, found: Posterior) -> list[Estimate]:
+def _estimates(before: Repairable, own: TypeFlights, found: MixedModelPosterior) -> list[CoefficientEstimate]:
     mean, covariance = found.of(0)
     spread = WIDE * np.sqrt(covariance.diagonal())
     made = []
@@ -165,10 +165,12 @@ def _estimates(before: Repairable, own: TypeFlights, found: Posterior) -> list[E
         k = FACTORS.index(factor)
         ends = mean[k] + np.array([0.0, -spread[k], spread[k]])
         middle, *both = (value * float(by) for by in (np.exp(ends) if k < 2 else 1 + ends))
-        made.append(Estimate(name, value, _rounded(middle), min(both), max(both), "flights"))
+        made.append(CoefficientEstimate(name, value, _rounded(middle), min(both), max(both), "flights"))
     for name, speed in _speeds(own).items():
         estimate = round(speed.estimate, SPEEDS[name])
         made.append(
-            Estimate(name, float(getattr(before, name)), estimate, speed.low, speed.high, "speeds held", speed.aircraft)
+            CoefficientEstimate(
+                name, float(getattr(before, name)), estimate, speed.low, speed.high, "speeds held", speed.aircraft
+            )
         )
     return made

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from descentflow.repairs.held_out import HeldOut
-from descentflow.repairs.mixed_model import Posterior
+from descentflow.repairs.mixed_model import MixedModelPosterior
 from descentflow.repairs.type_fit import Repairable
 
 FACTORS = ("parasitic", "induced", "idle")
@@ -15,11 +15,11 @@ SPEEDS = {"des_mach": 2, "des_cas_high_kt": 0, "des_cas_low_kt": 0}
 
 
 @dataclass(frozen=True)
-class Estimate:
+class CoefficientEstimate:
     """One coefficient: the file's value, the repaired one and its 90 % interval.
 
     Example:
-        >>> Estimate("cd0_cr", 0.0175, 0.0182, 0.0171, 0.0194, "flights").name
+        >>> CoefficientEstimate("cd0_cr", 0.0175, 0.0182, 0.0171, 0.0194, "flights").name
         'cd0_cr'
     """
 
@@ -58,9 +58,9 @@ class Repair:
 
     before: Repairable
     after: Repairable
-    estimates: tuple[Estimate, ...]
+    estimates: tuple[CoefficientEstimate, ...]
     held_out: HeldOut
-    posterior: Posterior
+    posterior: MixedModelPosterior
     flights: Mapping[str, int]
     counts: Mapping[str, float]
     levels_fl: tuple[float, float]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from descentflow.repairs.flight_evidence import BAND_FL
 from descentflow.repairs.held_out import Error
-from descentflow.repairs.repair_found import Estimate, Repair
+from descentflow.repairs.repair_found import CoefficientEstimate, Repair
 from descentflow.reporting.pages import drawing, rendered
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def _signed(error: Error, form: str) -> list[str]:
     return [f"{error.before:{form}}", after, f"{error.floor:{form}}".lstrip("+")]
 
 
-def _numbers(one: Estimate) -> list[str]:
+def _numbers(one: CoefficientEstimate) -> list[str]:
     changed = f"{100 * (one.after / one.before - 1):+.0f} %" if not one.aircraft and one.before else ""
     return [f"{one.before:.4g}", f"{one.after:.4g}", changed, f"{one.low:.4g} to {one.high:.4g}", one.source]
 

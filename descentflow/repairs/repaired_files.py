@@ -16,7 +16,7 @@ from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_output, whole_file
 from descentflow.exports.bluebird_tables import KINDS, tables
 from descentflow.repairs.nominal_fleet import nominal_fleet
-from descentflow.repairs.repair_found import FACTORS, SPEEDS, Estimate, Repair
+from descentflow.repairs.repair_found import FACTORS, SPEEDS, CoefficientEstimate, Repair
 from descentflow.repairs.repair_page import page
 
 
@@ -134,7 +134,7 @@ def toml_text(found: Repair, after: Bada3Aircraft) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _entry(one: Estimate, flights: str) -> dict[str, Any]:
+def _entry(one: CoefficientEstimate, flights: str) -> dict[str, Any]:
     ends = [float(f"{end:.4g}") for end in (one.low, one.high)]
     return {"source": f"{one.source}: {flights}", "confidence": "fitted", "interval": ends}
 

@@ -17,8 +17,8 @@ from descentflow.diagnosis.inference.signatures import Signatures
 from descentflow.diagnosis.inference.two_sides import compare
 from descentflow.effects import EFFECTS
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.repairs.flight_evidence import Evidence, flight_evidence
-from descentflow.repairs.mixed_model import Flights, Posterior, fit, joined
+from descentflow.repairs.flight_evidence import FlightEvidence, flight_evidence
+from descentflow.repairs.mixed_model import Flights, MixedModelPosterior, fit, joined
 
 ROUNDS = 3
 """Gauss-Newton steps: ln rate is close to linear in these parameters."""
@@ -86,7 +86,7 @@ class TypeFlights:
     """
 
     aircraft: Repairable
-    evidence: Evidence
+    evidence: FlightEvidence
     shifts: Array
     unusual: Mapping[str, float]
 
@@ -138,7 +138,7 @@ def type_flights(frame: pl.DataFrame, aircraft: Repairable, around: pl.DataFrame
     return TypeFlights(aircraft, evidence, shifts, shares)
 
 
-def unusual_shifts(evidence: Evidence, aircraft: PerformanceModel) -> tuple[Array, dict[str, float]]:
+def unusual_shifts(evidence: FlightEvidence, aircraft: PerformanceModel) -> tuple[Array, dict[str, float]]:
     """Expected shift (n, K) of ln rate by what each flight does of its own, and the share of the flights by effect.
 
     Flights are compared with the equations of the aircraft, each in its own shape about the mean of all, so a drag that
@@ -205,7 +205,7 @@ def linearised(types: Sequence[TypeFlights], theta: Array) -> Flights:
     return joined([one.linear(theta[kind], kind, groups) for one, kind in zip(types, kinds, strict=True)], groups)
 
 
-def fit_types(types: Sequence[TypeFlights]) -> Posterior:
+def fit_types(types: Sequence[TypeFlights]) -> MixedModelPosterior:
     """Ln CD0, ln CD2 and relative idle thrust of each type, over the file's, at the reference mass.
 
     Args:

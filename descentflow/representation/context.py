@@ -23,7 +23,7 @@ MISSING_WORDS = ("", "-", "N/A", "NA", "NAN", "NULL", "NONE")
 
 
 @dataclass(frozen=True)
-class Column:
+class ContextColumn:
     """Encoding of one column as numbers.
 
     A number is standardised. An hour becomes the sine and cosine of the day's angle: 23:59 is close to 00:01. A
@@ -31,7 +31,8 @@ class Column:
     missing value, and the others are then zero.
 
     Example:
-        >>> Column("operator", "category", values=("AFR", "DLH", "(other)")).encode(pl.Series(["DLH", "AFR", "KLM"]))
+        >>> operator = ContextColumn("operator", "category", values=("AFR", "DLH", "(other)"))
+        >>> operator.encode(pl.Series(["DLH", "AFR", "KLM"]))
         tensor([[1., 0.],
                 [0., 0.],
                 [0., 1.]], dtype=torch.float64)
@@ -102,7 +103,7 @@ class ContextEncoder:
         tensor([[0., 1.]], dtype=torch.float64)
     """
 
-    def __init__(self, columns: Sequence[Column] = ()) -> None:
+    def __init__(self, columns: Sequence[ContextColumn] = ()) -> None:
         """Hold fitted columns; none for flights without a context."""
         self.columns = tuple(columns)
 
@@ -216,14 +217,14 @@ class ContextEncoder:
             plain = all(isinstance(one, int | float) and not isinstance(one, bool) for one in numbers)
             if not plain or not all(isinstance(one, str) for one in texts) or not isinstance(column["indicator"], bool):
                 raise TypeError(f"the context column {column}")
-        return cls([Column(**{**column, "values": tuple(column["values"])}) for column in state])
+        return cls([ContextColumn(**{**column, "values": tuple(column["values"])}) for column in state])
 
 
 NO_COLUMNS = ContextEncoder()
 """Of models whose density is not conditioned on any."""
 
 
-def _describe(column: Column) -> str:
+def _describe(column: ContextColumn) -> str:
     if column.kind == "category":
         return f"{column.name} (one of {', '.join(column.values)})"
     if column.kind == "hour":
@@ -232,7 +233,7 @@ def _describe(column: Column) -> str:
     return f"{column.name} (a number{seen})"
 
 
-def _fit_column(series: pl.Series, indicator: bool) -> Column:
+def _fit_column(series: pl.Series, indicator: bool) -> ContextColumn:
     name = series.name
     if series.dtype.is_numeric():
         return _number(series, indicator)
@@ -257,7 +258,7 @@ def _fit_column(series: pl.Series, indicator: bool) -> Column:
     rest = [OTHER] if len(often) < len(counts) else []
     if len(often) + len(rest) < 2 and not indicator:
         raise _constant(name, f"the category {counts[name].to_list()}")
-    return Column(name, "category", values=(*often, *rest) or (OTHER,), indicator=indicator)
+    return ContextColumn(name, "category", values=(*often, *rest) or (OTHER,), indicator=indicator)
 
 
 def _text(series: pl.Series) -> pl.Series:
@@ -267,18 +268,18 @@ def _text(series: pl.Series) -> pl.Series:
     return text.zip_with(~missing, pl.Series(text.name, [None], dtype=pl.String))
 
 
-def _number(series: pl.Series, indicator: bool) -> Column:
+def _number(series: pl.Series, indicator: bool) -> ContextColumn:
     values = [float(v) for v in series.drop_nulls().to_list() if isfinite(v)]
     if series.name == "hour":
         if not values or min(values) < 0 or max(values) > 24:
             raise DataError(f"context hour from {min(values, default=0):g} to {max(values, default=0):g}",
                             expected="hours of the day, 0 to 24", mend="correct the column")  # fmt: skip
-        return Column("hour", "hour", indicator=indicator)
+        return ContextColumn("hour", "hour", indicator=indicator)
     tensor = torch.tensor(values, dtype=torch.float64)
     if len(values) < 2 or not float(tensor.std()) > 0:
         raise _constant(series.name, "one number" if values else "none")
     moments = float(tensor.mean()), float(tensor.std())
-    return Column(series.name, "number", *moments, indicator=indicator, low=min(values), high=max(values))
+    return ContextColumn(series.name, "number", *moments, indicator=indicator, low=min(values), high=max(values))
 
 
 def _constant(name: str, got: str) -> DataError:

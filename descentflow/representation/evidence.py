@@ -23,7 +23,7 @@ CHUNK = 2048
 
 # Lightning's precision of 64 bits copies a batch field by field, which a frozen class does not let it.
 @dataclass(eq=False)
-class Evidence:
+class WeightEvidence:
     r"""Log-likelihood of the weights w of n flights, each up to a constant: $-(w - p_i)^T A_i (w - p_i) / 2$.
 
     Flights that observe the same levels have the same $A_i$, which is held once. Where nothing is missing, and where
@@ -35,7 +35,7 @@ class Evidence:
         precisions: (U, d, d) matrices $A$; U = 0 if the weights are known.
 
     Example:
-        >>> evidence = Evidence.of_weights(torch.randn(10, 3))
+        >>> evidence = WeightEvidence.of_weights(torch.randn(10, 3))
         >>> len(evidence), evidence.known, evidence.rows(torch.tensor([0, 4])).points.shape
         (10, True, torch.Size([2, 3]))
     """
@@ -45,14 +45,14 @@ class Evidence:
     precisions: Tensor
 
     @classmethod
-    def of_weights(cls, weights: Tensor) -> "Evidence":
+    def of_weights(cls, weights: Tensor) -> "WeightEvidence":
         """Evidence of flights whose weights (n, d) are known."""
         points = weights.to(torch.float64)
         d = points.shape[1]
         return cls(points, torch.zeros(len(points), dtype=torch.long, device=points.device), points.new_zeros(0, d, d))
 
     @classmethod
-    def of_information(cls, precisions: Tensor, shift: Tensor, group: Tensor) -> "Evidence":
+    def of_information(cls, precisions: Tensor, shift: Tensor, group: Tensor) -> "WeightEvidence":
         """Evidence of log-likelihoods ``shift' w - w' precision w / 2``.
 
         Args:
@@ -96,21 +96,21 @@ class Evidence:
         of_flight: Tensor = by_mask[self.group]
         return of_flight
 
-    def rows(self, index: Tensor) -> "Evidence":
+    def rows(self, index: Tensor) -> "WeightEvidence":
         """The flights at these positions, with the matrices that they need."""
         if self.known:
-            return Evidence(self.points[index], self.group[index], self.precisions)
+            return WeightEvidence(self.points[index], self.group[index], self.precisions)
         used, group = self.group[index].unique(return_inverse=True)  # type: ignore[no-untyped-call]
-        return Evidence(self.points[index], group, self.precisions[used])
+        return WeightEvidence(self.points[index], group, self.precisions[used])
 
-    def chunks(self, size: int = CHUNK) -> Iterator[tuple[Tensor, "Evidence"]]:
+    def chunks(self, size: int = CHUNK) -> Iterator[tuple[Tensor, "WeightEvidence"]]:
         """Positions and evidence of some flights at a time, those with the same matrix together."""
         for index in torch.split(self.group.argsort(stable=True), size):
             yield index, self.rows(index)
 
-    def to(self, device: torch.device | str) -> "Evidence":
+    def to(self, device: torch.device | str) -> "WeightEvidence":
         """The same on another device (Lightning moves batches by this)."""
-        return Evidence(self.points.to(device), self.group.to(device), self.precisions.to(device))
+        return WeightEvidence(self.points.to(device), self.group.to(device), self.precisions.to(device))
 
 
 def _times(matrices: Tensor, vectors: Tensor, group: Tensor) -> Tensor:

@@ -8,7 +8,7 @@ from torch import Tensor
 from descentflow.core.errors import ConfigError
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.drag_scale import Observed
-from descentflow.representation.evidence import Evidence, Gaps
+from descentflow.representation.evidence import Gaps, WeightEvidence
 from descentflow.representation.fpca.mask_groups import group_masks
 from descentflow.representation.profiles import Profiles
 
@@ -173,7 +173,7 @@ def has_noise_model(decoder: DescentDecoder) -> bool:
     return all(basis.loadings.shape[1] > 0 for basis in decoder.bases.values())
 
 
-def evidence_of(decoder: DescentDecoder, flights: Profiles, gaps: Gaps = "marginal") -> Evidence:
+def evidence_of(decoder: DescentDecoder, flights: Profiles, gaps: Gaps = "marginal") -> WeightEvidence:
     """Evidence of flights on their weights.
 
     Args:
@@ -195,10 +195,10 @@ def evidence_of(decoder: DescentDecoder, flights: Profiles, gaps: Gaps = "margin
         True
     """
     if gaps == "filled" or not has_noise_model(decoder):
-        return Evidence.of_weights(decoder.encode(flights))
+        return WeightEvidence.of_weights(decoder.encode(flights))
     curves = linear_curves(decoder)
     found = curves.information(decoder.drag_scale.observed(flights))
-    return Evidence.of_information(*found.marginal(curves.n_weights), found.group)
+    return WeightEvidence.of_information(*found.marginal(curves.n_weights), found.group)
 
 
 def _blocks(parts: list[Tensor]) -> Tensor:

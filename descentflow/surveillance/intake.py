@@ -12,7 +12,7 @@ from descentflow.surveillance.cleaning.chain import Outcome, clean
 from descentflow.surveillance.cleaning.flights import names_given, usable
 from descentflow.surveillance.cleaning.report_checks import nothing_left
 from descentflow.surveillance.read_rows import Source, row_blocks
-from descentflow.surveillance.request import Request
+from descentflow.surveillance.request import PreparationRequest
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import COLUMNS, REQUIRED
 
@@ -29,7 +29,7 @@ class Intake:
         names: Flight names of the source (:func:`~descentflow.surveillance.cleaning.flights.names_given`).
 
     Example:
-        >>> intake = take_in(["rows.parquet"], Request([]), [].append)
+        >>> intake = take_in(["rows.parquet"], PreparationRequest([]), [].append)
         >>> intake.columns[:2], intake.names.height
         (('timestamp', 'icao24'), 120)
     """
@@ -41,7 +41,7 @@ class Intake:
 
 def take_in(
     sources: Sequence[Source],
-    request: Request,
+    request: PreparationRequest,
     keep: Callable[[pl.DataFrame], None],
     block_rows: int = 500_000,
     alone: bool = True,
@@ -60,7 +60,7 @@ def take_in(
 
     Example:
         >>> held = []
-        >>> _ = take_in(["rows.parquet"], Request([]), held.append, block_rows=10_000)
+        >>> _ = take_in(["rows.parquet"], PreparationRequest([]), held.append, block_rows=10_000)
         >>> [len(block) for block in held]
         [10000, 10000, 3216]
     """
@@ -81,7 +81,7 @@ def take_in(
 
 
 def clean_held(
-    held: list[pl.DataFrame], intake: Intake, request: Request, threads: int, progress: Callable[[str], None]
+    held: list[pl.DataFrame], intake: Intake, request: PreparationRequest, threads: int, progress: Callable[[str], None]
 ) -> Outcome:
     """Clean rows that are held in memory, and complete the report of the intake.
 
@@ -96,7 +96,7 @@ def clean_held(
         DataError: If no row is usable, or no descent is left.
 
     Example:
-        >>> request, held = Request(["rows.parquet"]), []
+        >>> request, held = PreparationRequest(["rows.parquet"]), []
         >>> intake = take_in(request.files(), request, held.append)
         >>> clean_held(held, intake, request, 1, lambda stage: None).levels["flight_id"].n_unique()
         120
@@ -112,7 +112,7 @@ def clean_held(
 
 
 def _blocks(
-    sources: Sequence[Source], report: DropReport, request: Request, block_rows: int, alone: bool
+    sources: Sequence[Source], report: DropReport, request: PreparationRequest, block_rows: int, alone: bool
 ) -> Iterator[pl.DataFrame]:
     """Blocks of rows; an empty one for a group without rows that is one of several."""
     try:

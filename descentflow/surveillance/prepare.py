@@ -16,7 +16,7 @@ from descentflow.surveillance.intake import clean_held, take_in
 from descentflow.surveillance.out_of_core.resumable_run import prepare_to
 from descentflow.surveillance.out_of_core.spill import Memory
 from descentflow.surveillance.read_rows import read_table, source_of
-from descentflow.surveillance.request import Request, description
+from descentflow.surveillance.request import PreparationRequest, description
 from descentflow.surveillance.rows.addresses import named_types, types_held
 
 __all__ = ["MEMORY_BYTES", "Cleaning", "prepare"]
@@ -88,7 +88,7 @@ def prepare(
     """
     check_not_forked()
     rules = cleaning if isinstance(cleaning, Cleaning) else cleaning_of(cleaning or {}, "cleaning")
-    request = Request(
+    request = PreparationRequest(
         rows=[source_of(one) for one in (rows if isinstance(rows, Sequence) and not isinstance(rows, str) else [rows])],
         types=None if types is None else _types(types),
         typecodes=_typecodes(typecode),

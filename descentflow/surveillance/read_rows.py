@@ -12,7 +12,7 @@ from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.tabular import held_table, is_pandas
 from descentflow.surveillance.formats.known_formats import (
     ACCEPTED,
-    Part,
+    RowBlock,
     check_format,
     held_parts,
     put_together,
@@ -158,20 +158,20 @@ def _parts(
     format: str | None,
     block_rows: int,
     named: tuple[str, ...] = (),
-) -> Iterator[Part]:
+) -> Iterator[RowBlock]:
     """Rows of each source in its format, in parts; files that cannot be read are left to `unreadable`."""
     for source in sources:
         if isinstance(source, pl.DataFrame):
             found, parts = held_parts(source, TABLE_IN_MEMORY, report, block_rows, named)
-            yield from (Part(rows, found, TABLE_IN_MEMORY, number == 0) for number, rows in enumerate(parts))
+            yield from (RowBlock(rows, found, TABLE_IN_MEMORY, number == 0) for number, rows in enumerate(parts))
             continue
         with unreadable.watch(source):
             found, parts = recognised(replace(unpacked(source), columns=named), report, format, block_rows)
             for number, rows in enumerate(parts):
-                yield Part(rows, found, source.label, number == 0)
+                yield RowBlock(rows, found, source.label, number == 0)
 
 
-def _normalised(tables: Iterator[Part], report: DropReport, columns: Mapping[str, str]) -> Iterator[pl.DataFrame]:
+def _normalised(tables: Iterator[RowBlock], report: DropReport, columns: Mapping[str, str]) -> Iterator[pl.DataFrame]:
     """Rows in our names, types and units; names and units of tables that anybody may have made are checked.
 
     A folder of rows often holds the list of their types (`--types`), which has none: it is counted and left out.

@@ -33,7 +33,7 @@ HASHED_ROWS = 100_000
 
 
 @dataclass(frozen=True)
-class Request:
+class PreparationRequest:
     """Inputs and settings of a preparation.
 
     Attributes:
@@ -46,7 +46,7 @@ class Request:
         columns: Name in a row -> column of the rows' tables, where it has another name there.
 
     Example:
-        >>> request = Request(["rows.parquet"], cleaning=Cleaning(bottom_fl=200))
+        >>> request = PreparationRequest(["rows.parquet"], cleaning=Cleaning(bottom_fl=200))
         >>> request.files(), request.facts([])["settings"]["bottom_fl"]
         ([PosixPath('rows.parquet')], 200)
     """

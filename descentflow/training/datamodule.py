@@ -31,7 +31,7 @@ from descentflow.representation.encode_flights import (
     encode_parts,
     summary_of,
 )
-from descentflow.representation.evidence import Evidence
+from descentflow.representation.evidence import WeightEvidence
 from descentflow.representation.fit_representation import RepresentationSettings, fit_representation
 from descentflow.representation.flight_parts import Part, levels_shown, one_part, places, top_level, with_levels
 from descentflow.representation.linear_curves import evidence_of
@@ -103,7 +103,7 @@ class DescentDataModule(LightningDataModule):
         self.descents, self.aircraft, self.bada_dir, self.typecodes = descents, aircraft, bada_dir, typecodes
         self.bottom_fl, self.mass_kg, self.air, self.checkpoint = bottom_fl, mass_kg, air, checkpoint
         self.split, self.components, self.conditions, self.batches = split, components, conditions, batches
-        self._evidence: dict[Part, Evidence] = {}
+        self._evidence: dict[Part, WeightEvidence] = {}
         self._representation: Representation | None = None
         self._grid: list[float] = []
         self._parts: dict[Part, EncodedFlights] = {}
@@ -161,7 +161,7 @@ class DescentDataModule(LightningDataModule):
         """Standardised weights (n, d) of a part, float64, gaps filled by their expectation."""
         return self.flights(part).weights
 
-    def evidence(self, part: Part) -> Evidence:
+    def evidence(self, part: Part) -> WeightEvidence:
         """Evidence of a part's flights on their weights: what densities are fitted to and scored by."""
         if part not in self._evidence:
             self._evidence[part] = evidence_of(self.representation.decoder, self.profiles(part), self.components.gaps)
@@ -205,7 +205,7 @@ class DescentDataModule(LightningDataModule):
         )
         return found
 
-    def _read(self, done: Stage) -> "_Flights":
+    def _read(self, done: Stage) -> "_FitFlights":
         """All that is wanted of the rows, which are let go then: a gigabyte for forty thousand flights."""
         source = FlightSource(self.descents).without_rows()
         frame = of_typecodes(source, self.typecodes, name_of(self.descents))
@@ -252,7 +252,7 @@ class DescentDataModule(LightningDataModule):
             "reference": reference_state(shown, low, high, [*split.train, *split.validation]),
             "seen": SeenFlights.of(frame, split.train, split.validation),
         }
-        return _Flights(profiles, split, table, own_type, known)
+        return _FitFlights(profiles, split, table, own_type, known)
 
     def _on_the_grid(self, profiles: Profiles, split: Split) -> Profiles:
         return _on_levels_shown(profiles.between(*self._grid) if self._grid else profiles, split)
@@ -271,7 +271,7 @@ class DescentDataModule(LightningDataModule):
 
 
 @dataclass(frozen=True)
-class _Flights:
+class _FitFlights:
     """Flights of a fit.
 
     Attributes:

@@ -8,22 +8,22 @@ from torch import Tensor
 from torch.utils.data import DataLoader, Dataset, DistributedSampler
 
 from descentflow.core.counter_random import seed_for_index
-from descentflow.representation.evidence import Evidence
+from descentflow.representation.evidence import WeightEvidence
 
 
-class _Flights(Dataset[Any]):
+class _FlightDataset(Dataset[Any]):
     """Flights in memory, taken a whole batch at a time."""
 
-    def __init__(self, evidence: Evidence, context: Tensor) -> None:
+    def __init__(self, evidence: WeightEvidence, context: Tensor) -> None:
         self.evidence, self.context = evidence, context
 
     def __len__(self) -> int:
         return len(self.evidence)
 
-    def __getitem__(self, position: int) -> tuple[Evidence, Tensor]:
+    def __getitem__(self, position: int) -> tuple[WeightEvidence, Tensor]:
         return self.__getitems__([position])
 
-    def __getitems__(self, positions: list[int]) -> tuple[Evidence, Tensor]:
+    def __getitems__(self, positions: list[int]) -> tuple[WeightEvidence, Tensor]:
         index = torch.tensor(positions)
         return self.evidence.rows(index), self.context[index]
 
@@ -59,7 +59,7 @@ class ShuffledByEpoch(DistributedSampler[int]):
 
 
 def flight_batches(
-    evidence: Evidence, context: Tensor, batch_size: int = 512, *, shuffle: bool = False
+    evidence: WeightEvidence, context: Tensor, batch_size: int = 512, *, shuffle: bool = False
 ) -> DataLoader[Any]:
     """A DataLoader of batches ``(evidence, context)``.
 
@@ -71,12 +71,12 @@ def flight_batches(
             its part. Otherwise each goes through all flights.
 
     Example:
-        >>> weights = Evidence.of_weights(torch.randn(30, 4))
+        >>> weights = WeightEvidence.of_weights(torch.randn(30, 4))
         >>> (first, _), (second, _) = flight_batches(weights, torch.empty(30, 0), batch_size=20)
         >>> len(first), len(second)
         (20, 10)
     """
-    flights = _Flights(evidence, context)
+    flights = _FlightDataset(evidence, context)
     # Of several processes each goes through all flights that are no longer trained on: none counts twice in a mean.
     whole: DistributedSampler[int] = DistributedSampler(flights, num_replicas=1, rank=0, shuffle=False)
     order = ShuffledByEpoch(len(evidence), torch.initial_seed()) if shuffle else whole

@@ -12,7 +12,7 @@ from benchmarks.timing import best_of, print_row
 from descentflow.densities import MaskedAffineFlowDensity
 from descentflow.densities.density import Density
 from descentflow.densities.em import fit_mixture
-from descentflow.representation.evidence import Evidence
+from descentflow.representation.evidence import WeightEvidence
 from descentflow.representation.fpca.gappy import fit_components
 from descentflow.training.flight_batches import flight_batches
 
@@ -92,7 +92,7 @@ def _epoch(density: Density, weights: Tensor) -> None:
 def _one_epoch(module: nn.Module, log_prob: Callable[[Tensor], Tensor], weights: Tensor) -> None:
     optimizer = torch.optim.AdamW([p for p in module.parameters() if p.requires_grad], lr=1e-3, fused=True)
     none = weights.new_empty(len(weights), 0)
-    for batch, _ in flight_batches(Evidence.of_weights(weights), none, batch_size=BATCH, shuffle=True):
+    for batch, _ in flight_batches(WeightEvidence.of_weights(weights), none, batch_size=BATCH, shuffle=True):
         optimizer.zero_grad()
         (-log_prob(batch.points).mean()).backward()
         optimizer.step()

@@ -20,7 +20,7 @@ from descentflow.densities.mixture_parameters import Mixture, log_observed, n_pa
 from descentflow.generation.prediction.posterior import posterior_of, prior_of
 from descentflow.generation.rejection import sample_descents
 from descentflow.representation.context import ContextEncoder
-from descentflow.representation.evidence import Evidence
+from descentflow.representation.evidence import WeightEvidence
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
 
 D, C = 3, 2
@@ -130,7 +130,7 @@ def test_conditional_mixture_is_the_numerically_integrated_conditional() -> None
     bulk = conditional > 1e-4
     torch.testing.assert_close(stated[bulk], conditional[bulk], rtol=1e-3, atol=1e-6)
     torch.testing.assert_close(
-        log_observed(model.density.mixture_at(context), Evidence.of_weights(grid[bulk])),
+        log_observed(model.density.mixture_at(context), WeightEvidence.of_weights(grid[bulk])),
         stated[bulk].log(),
         rtol=1e-8,
         atol=1e-8,

@@ -15,7 +15,7 @@ from descentflow.densities.importance import estimate
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture, log_observed, posteriors
 from descentflow.densities.one_gaussian import drawn_weights, one_gaussian
-from descentflow.representation.evidence import Evidence
+from descentflow.representation.evidence import WeightEvidence
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
 
 D, K, C = 3, 2, 2
@@ -28,13 +28,17 @@ def truth(seed: int = 0, *, context: bool = False) -> Mixture:
     return Mixture(torch.tensor([0.3, 0.7]).double(), 2 * normal(K, D, seed=seed + 1), factor, *line)
 
 
-def gappy(weights: Tensor, seed: int = 0, noise: float = 0.1) -> tuple[Evidence, Tensor, Tensor]:
+def gappy(weights: Tensor, seed: int = 0, noise: float = 0.1) -> tuple[WeightEvidence, Tensor, Tensor]:
     """Weights of which each flight shows some coordinates, with noise: evidence, what was seen, and the mask."""
     patterns = torch.tensor([[1, 1, 1], [1, 1, 0], [1, 0, 0], [0, 1, 1]], dtype=torch.float64)
     group = torch.randint(len(patterns), (len(weights),), generator=torch.Generator().manual_seed(seed))
     mask = patterns[group]
     seen = mask * (weights + noise * normal(*weights.shape, seed=seed + 50))
-    return Evidence.of_information(torch.diag_embed(patterns / noise**2), seen / noise**2, group), seen, mask.bool()
+    return (
+        WeightEvidence.of_information(torch.diag_embed(patterns / noise**2), seen / noise**2, group),
+        seen,
+        mask.bool(),
+    )
 
 
 def drawn(mixture: Mixture, n: int, seed: int = 0) -> Tensor:
@@ -85,12 +89,12 @@ def test_the_posterior_is_the_conditional_of_the_joint_gaussian() -> None:
 def test_scores_are_log_densities_where_weights_are_seen_precisely_and_zero_where_nothing_is() -> None:
     mixture, weights = truth(), drawn(truth(), 30)
     one = torch.zeros(30, dtype=torch.long)
-    precise = Evidence(weights, one, 1e10 * torch.eye(D, dtype=torch.float64)[None])
+    precise = WeightEvidence(weights, one, 1e10 * torch.eye(D, dtype=torch.float64)[None])
     # A precision of 1e10 blurs by 1e-5 standard deviations.
     torch.testing.assert_close(
-        log_observed(mixture, precise), log_observed(mixture, Evidence.of_weights(weights)), rtol=0, atol=1e-4
+        log_observed(mixture, precise), log_observed(mixture, WeightEvidence.of_weights(weights)), rtol=0, atol=1e-4
     )
-    nothing = Evidence(weights, one, torch.zeros(1, D, D, dtype=torch.float64))
+    nothing = WeightEvidence(weights, one, torch.zeros(1, D, D, dtype=torch.float64))
     assert float(log_observed(mixture, nothing).abs().max()) < 1e-12
 
 
@@ -148,7 +152,7 @@ def test_some_of_many_flights_find_the_start_and_all_of_them_the_end(monkeypatch
 def test_chunks_and_order_of_flights_do_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
     evidence, _, _ = gappy(drawn(truth(), 100))
     expected = one_gaussian(evidence)
-    monkeypatch.setattr(Evidence.chunks, "__defaults__", (7,))
+    monkeypatch.setattr(WeightEvidence.chunks, "__defaults__", (7,))
     turned = evidence.rows(torch.arange(99, -1, -1))
     torch.testing.assert_close(one_gaussian(turned).scale_trils, expected.scale_trils, rtol=1e-6, atol=1e-9)
     torch.testing.assert_close(log_observed(truth(5), turned).flip(0), log_observed(truth(5), evidence))

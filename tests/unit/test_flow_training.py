@@ -6,7 +6,7 @@ import toys
 from lightning.pytorch import Callback, LightningModule, Trainer
 
 from descentflow.core.errors import DescentflowWarning
-from descentflow.representation.evidence import Evidence
+from descentflow.representation.evidence import WeightEvidence
 from descentflow.training.models import MaskedAffineFlow
 from descentflow.training.models.flow_model import FEWEST_FLIGHTS
 from descentflow.training.models.optimizers import FlowSteps
@@ -54,7 +54,7 @@ def test_with_too_few_flights_a_flow_is_its_gaussian() -> None:
     found = model.density.log_prob(held_out).double()
     # The flows are the identity in single precision.
     torch.testing.assert_close(
-        found, model.density.base_log_observed(Evidence.of_weights(held_out)), rtol=1e-4, atol=1e-4
+        found, model.density.base_log_observed(WeightEvidence.of_weights(held_out)), rtol=1e-4, atol=1e-4
     )
 
 

@@ -8,7 +8,7 @@ from toys import normal
 from descentflow.densities.em import fit_mixture
 from descentflow.densities.em_steps import Steps
 from descentflow.densities.mixture_parameters import log_observed
-from descentflow.representation.evidence import Evidence
+from descentflow.representation.evidence import WeightEvidence
 
 D = 5
 
@@ -34,7 +34,7 @@ def test_the_limit_is_scikit_learns_tied_mixture() -> None:
 
 def test_flights_not_seen_are_more_probable_where_few_teach() -> None:
     """Eight components of 120 flights: with five flights of what they share, others are more probable by half a nat."""
-    train, others = drawn(120, 5), Evidence.of_weights(drawn(2000, 6))
+    train, others = drawn(120, 5), WeightEvidence.of_weights(drawn(2000, 6))
     steps = (Steps(train, prior_flights=prior) for prior in (0.0, 5.0))
     without, shrunk = (log_observed(fit_mixture(one, 8, seed=0, n_restarts=2)[0], others).mean() for one in steps)
     assert float(shrunk) > float(without) + 0.5

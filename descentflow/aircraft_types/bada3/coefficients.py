@@ -4,14 +4,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
-from descentflow.aircraft_types.part import Part
+from descentflow.aircraft_types.coefficient_group import CoefficientGroup
 from descentflow.aircraft_types.standard_descent import STANDARD, Engine, GlobalParameters
 from descentflow.core.arguments import checked_arguments
 from descentflow.core.tensors import Number
 
 
 @dataclass(frozen=True)
-class Coefficients(Part):
+class Coefficients(CoefficientGroup):
     """Coefficients of one type, named and scaled as in the BADA 3 user manual (section 3, OPF and APF files).
 
     Numeric fields may be replaced by tensors (``dataclasses.replace(aircraft, cd0_cr=tensor)``) that

@@ -8,7 +8,7 @@ from typing import Any, NoReturn
 
 from descentflow.aircraft_types.bada4.bada4_aircraft import ENGINES, Bada4Aircraft
 from descentflow.aircraft_types.bada4.wing import Wing
-from descentflow.aircraft_types.part import Part
+from descentflow.aircraft_types.coefficient_group import CoefficientGroup
 from descentflow.aircraft_types.standard_descent import GlobalParameters
 from descentflow.core.errors import AircraftError
 from descentflow.core.tabular import optional_library
@@ -197,7 +197,7 @@ def _fuel_version(root: Element) -> tuple[str, tuple[float, float]]:
     return "4.3", (root.single("PFM/p_delta"), root.single("PFM/p_theta"))
 
 
-def _placed(part: type[Part], root: Element) -> dict[str, Any]:
+def _placed(part: type[CoefficientGroup], root: Element) -> dict[str, Any]:
     """Fields of a part that have places in the file."""
     found: dict[str, Any] = {}
     optional = {one.name for one in fields(part) if one.default == ()}

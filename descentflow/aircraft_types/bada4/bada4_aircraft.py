@@ -10,7 +10,7 @@ from torch import Tensor
 
 from descentflow.aircraft_types.bada4.engines import Air, Engines, Jet, Piston, Turboprop
 from descentflow.aircraft_types.bada4.wing import Wing
-from descentflow.aircraft_types.part import Numbers, Part, Places
+from descentflow.aircraft_types.coefficient_group import CoefficientGroup, Numbers, Places
 from descentflow.aircraft_types.standard_descent import STANDARD, Engine, GlobalParameters, StandardDescent
 from descentflow.core.arguments import checked_arguments
 from descentflow.core.constants import G0_MPS2, KAPPA, P0_PA
@@ -30,7 +30,7 @@ BUFFET_LOAD_FACTOR = 1.2
 
 
 @dataclass(frozen=True)
-class Bada4Aircraft(Part, StandardDescent):
+class Bada4Aircraft(CoefficientGroup, StandardDescent):
     """A type by the equations of BADA 4: a :class:`~descentflow.physics.performance_model.PerformanceModel`.
 
     Example:

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from descentflow.aircraft_types.bada4.wing import polynomial
-from descentflow.aircraft_types.part import Numbers, Part, Places
+from descentflow.aircraft_types.coefficient_group import CoefficientGroup, Numbers, Places
 from descentflow.core.constants import A0_MPS, G0_MPS2, KAPPA, P0_PA, R_AIR, T0_K
 from descentflow.core.tensors import Number, as_tensors
 from descentflow.core.units import FT_M
@@ -49,7 +49,7 @@ class Air(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Engines(Part, ABC):
+class Engines(CoefficientGroup, ABC):
     """All engines of a type.
 
     Example:

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types.part import Numbers, Part, Places
+from descentflow.aircraft_types.coefficient_group import CoefficientGroup, Numbers, Places
 from descentflow.core.tensors import Number, as_tensors
 from descentflow.physics.performance_model import Configuration, by_configuration
 
@@ -20,7 +20,7 @@ BUFFET_STEP, LEAST_MACH = 0.001, 0.1
 
 
 @dataclass(frozen=True)
-class Wing(Part):
+class Wing(CoefficientGroup):
     """Wing of a type, clean, for the approach and for the landing.
 
     Example:

@@ -22,11 +22,11 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Posterior:
+class GaussianPosterior:
     """Evidence (nats), and mean (k,) and covariance (k, k) of the sizes.
 
     Example:
-        >>> Posterior(-1.0, np.zeros(1), np.eye(1)).log_evidence
+        >>> GaussianPosterior(-1.0, np.zeros(1), np.eye(1)).log_evidence
         -1.0
     """
 
@@ -35,7 +35,7 @@ class Posterior:
     covariance: Array
 
 
-def posterior(x: Array, noise: Array, jacobian: Array, prior_mean: Array, prior_sd: Array) -> Posterior:
+def posterior(x: Array, noise: Array, jacobian: Array, prior_mean: Array, prior_sd: Array) -> GaussianPosterior:
     """Evidence and posterior of a linear Gaussian model.
 
     Args:
@@ -62,7 +62,7 @@ def posterior(x: Array, noise: Array, jacobian: Array, prior_mean: Array, prior_
     square = float(rest @ rest - towards @ step)
     covariance = cho_solve(solved, np.eye(len(prior_sd)), check_finite=False) * np.outer(prior_sd, prior_sd)
     log_evidence = -0.5 * (square + log_determinant + len(x) * math.log(2.0 * math.pi))
-    return Posterior(log_evidence, prior_mean + prior_sd * step, covariance)
+    return GaussianPosterior(log_evidence, prior_mean + prior_sd * step, covariance)
 
 
 class Precisions:

@@ -25,7 +25,7 @@ import numpy as np
 
 from descentflow.diagnosis.inference.assumptions import Assumptions
 from descentflow.diagnosis.inference.candidates import Candidate, linearised
-from descentflow.diagnosis.inference.linear_gaussian import Array, Posterior, posterior
+from descentflow.diagnosis.inference.linear_gaussian import Array, GaussianPosterior, posterior
 from descentflow.diagnosis.inference.moments import Moments
 from descentflow.diagnosis.inference.signatures import Signature
 from descentflow.measurements.quantity_registry import QUANTITIES
@@ -197,7 +197,7 @@ class SetFits:
         first, about = self._about[name]
         return linearised(about, sizes - first)
 
-    def _step(self, sizes: Mapping[str, Array], scales: Mapping[str, float]) -> tuple[Posterior, Array]:
+    def _step(self, sizes: Mapping[str, Array], scales: Mapping[str, float]) -> tuple[GaussianPosterior, Array]:
         """Posterior about the linearisation at sizes, and the covariance of what its Jacobian leaves."""
         x, noise = self.known.difference, self.known.covariance + self.unknown_covariance(scales)
         columns, mean, spread = [np.zeros((len(x), 0))], [np.zeros(0)], [np.zeros(0)]

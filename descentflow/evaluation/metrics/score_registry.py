@@ -26,11 +26,11 @@ from descentflow.evaluation.metrics.proper import (
     joint_energy_scores,
 )
 from descentflow.evaluation.metrics.statistic_kinds import (
+    DescentQuantity,
     DescentStatistic,
+    LevelPart,
     LevelStatistic,
-    Part,
     ProfileStatistic,
-    Quantity,
     Statistic,
 )
 from descentflow.physics.fuel import burnt_kg
@@ -58,9 +58,9 @@ def _cas_and_rate(descents: DescentSet) -> Values:
 
 
 QUANTITIES = (
-    Quantity("time_to_bottom_of_descent", "Time to bottom of descent", "time to bottom", "s", _times, False),
-    Quantity("cas", "CAS", "CAS", "kt", lambda descents: (descents.cas_mps / KT_MPS, descents.mask)),
-    Quantity(
+    DescentQuantity("time_to_bottom_of_descent", "Time to bottom of descent", "time to bottom", "s", _times, False),
+    DescentQuantity("cas", "CAS", "CAS", "kt", lambda descents: (descents.cas_mps / KT_MPS, descents.mask)),
+    DescentQuantity(
         "rocd",
         "Rate of climb or descent",
         "rate",
@@ -69,11 +69,11 @@ QUANTITIES = (
     ),
 )
 
-FUEL = Quantity("fuel", "Fuel from entry to bottom", "fuel", "kg", _fuel, False)
+FUEL = DescentQuantity("fuel", "Fuel from entry to bottom", "fuel", "kg", _fuel, False)
 """Scored where flights have a fuel flow."""
 
-WHOLE = Part(
-    Quantity("descent", "Whole descent", "whole descent", "1", _cas_and_rate),
+WHOLE = LevelPart(
+    DescentQuantity("descent", "Whole descent", "whole descent", "1", _cas_and_rate),
     "descent",
     "Whole descent",
     "whole descent",
@@ -125,7 +125,7 @@ def statistics_of(kind: type[Kind]) -> list[Kind]:
     return [one for one in STATISTICS.values() if isinstance(one, kind)]
 
 
-def parts_of(quantity: Quantity) -> list[Part]:
+def parts_of(quantity: DescentQuantity) -> list[LevelPart]:
     """Above and at or below the transition for what is compared by level, else the whole.
 
     Example:
@@ -133,9 +133,9 @@ def parts_of(quantity: Quantity) -> list[Part]:
         ['cas_above_transition', 'cas_below_transition']
     """
     if not quantity.by_level:
-        return [Part(quantity, quantity.name, quantity.label, quantity.short)]
+        return [LevelPart(quantity, quantity.name, quantity.label, quantity.short)]
     return [
-        Part(
+        LevelPart(
             quantity,
             f"{quantity.name}_{name}_transition",
             f"{quantity.label} {side} the transition altitude",
@@ -146,7 +146,7 @@ def parts_of(quantity: Quantity) -> list[Part]:
     ]
 
 
-def profile_of(quantity: Quantity) -> Part:
+def profile_of(quantity: DescentQuantity) -> LevelPart:
     """The whole profile of a quantity.
 
     Example:
@@ -154,10 +154,10 @@ def profile_of(quantity: Quantity) -> Part:
         'Rate of climb or descent, whole profile'
     """
     label = f"{quantity.label}, whole profile"
-    return Part(quantity, f"{quantity.name}_profile", label, f"{quantity.short} profile")
+    return LevelPart(quantity, f"{quantity.name}_profile", label, f"{quantity.short} profile")
 
 
-def level_parts() -> dict[str, Part]:
+def level_parts() -> dict[str, LevelPart]:
     """The parts that statistics by level are averaged over, by name: the paper's five quantities.
 
     Example:

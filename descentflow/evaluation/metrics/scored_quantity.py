@@ -9,7 +9,7 @@ from torch import Tensor
 from descentflow.evaluation.metrics.distances import MIN_VALUES, Values, level_spreads
 from descentflow.evaluation.metrics.noise_floor import Comparison
 from descentflow.evaluation.metrics.score_table import LevelScores, Score
-from descentflow.evaluation.metrics.statistic_kinds import LevelStatistic, Part, Quantity, Statistic
+from descentflow.evaluation.metrics.statistic_kinds import DescentQuantity, LevelPart, LevelStatistic, Statistic
 
 
 @dataclass(frozen=True)
@@ -37,14 +37,14 @@ class ScoredQuantity:
         'cas_below_transition'
     """
 
-    quantity: Quantity
+    quantity: DescentQuantity
     levels_fl: Tensor
     samples: Values
     real: Values
     found: Comparison
     nominal: Values
 
-    def row(self, part: Part, statistic: Statistic, chosen: Tensor) -> Score:
+    def row(self, part: LevelPart, statistic: Statistic, chosen: Tensor) -> Score:
         """The row of a statistic, at the levels where ``chosen`` is true: (K,), and (1,) of whole profiles."""
         by_level, whole = isinstance(statistic, LevelStatistic), self.found.whole[statistic.name]
         nominal, spreads = self._of_nominal(statistic), level_spreads(*self.real)
@@ -94,7 +94,7 @@ class ScoredQuantity:
         return statistic.of_one(self.nominal, self.real)
 
     def _reasons(
-        self, part: Part, statistic: Statistic, used: Tensor, n: tuple[int, int], numbers: dict[str, float]
+        self, part: LevelPart, statistic: Statistic, used: Tensor, n: tuple[int, int], numbers: dict[str, float]
     ) -> list[str]:
         """Reasons for missing numbers and levels."""
         no_floor = statistic.has_floor and isnan(numbers["floor"])

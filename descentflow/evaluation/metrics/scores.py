@@ -19,11 +19,11 @@ from descentflow.evaluation.metrics.score_registry import (
 from descentflow.evaluation.metrics.score_table import LevelScores, Score, ScoreTable
 from descentflow.evaluation.metrics.scored_quantity import ScoredQuantity
 from descentflow.evaluation.metrics.statistic_kinds import (
+    DescentQuantity,
     DescentStatistic,
+    LevelPart,
     LevelStatistic,
-    Part,
     ProfileStatistic,
-    Quantity,
     Statistic,
 )
 
@@ -84,11 +84,11 @@ def score(
     by_flight: dict[tuple[str, str], Tensor] = {}
     levels: list[LevelScores] = []
 
-    def scored(quantity: Quantity, compared: Comparison) -> ScoredQuantity:
+    def scored(quantity: DescentQuantity, compared: Comparison) -> ScoredQuantity:
         of = quantity.of
         return ScoredQuantity(quantity, real.levels_fl, of(samples), of(real), compared, of(nominal))
 
-    def add_whole(part: Part, statistic: Statistic, compared: Comparison) -> None:
+    def add_whole(part: LevelPart, statistic: Statistic, compared: Comparison) -> None:
         everywhere = torch.ones(1, dtype=torch.bool, device=real.mask.device)
         whole.append(scored(part.quantity, compared).row(part, statistic, everywhere))
         by_flight[part.name, statistic.name] = compared.whole[statistic.name]

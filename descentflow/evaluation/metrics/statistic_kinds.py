@@ -12,7 +12,7 @@ from descentflow.evaluation.metrics.proper import energy_scores, joint_energy_sc
 
 
 @dataclass(frozen=True)
-class Quantity:
+class DescentQuantity:
     """Compared values and mask of a set of descents, in the units of the field.
 
     Attributes:
@@ -24,7 +24,8 @@ class Quantity:
         by_level: Whether K counts the levels; else there is one value for each descent.
 
     Example:
-        >>> drag = Quantity("drag", "Drag", "drag", "kN", lambda descents: (descents.drag_n / 1000, descents.mask))
+        >>> drag_kn = lambda descents: (descents.drag_n / 1000, descents.mask)
+        >>> drag = DescentQuantity("drag", "Drag", "drag", "kN", drag_kn)
         >>> from descentflow.evaluation.metrics.score_registry import parts_of
         >>> [part.name for part in parts_of(drag)]
         ['drag_above_transition', 'drag_below_transition']
@@ -74,7 +75,7 @@ class Statistic:
     needs: str = "4 flights with samples at all of their levels"
     most_splits: int = 1000
 
-    def unit_of(self, quantity: Quantity) -> str:
+    def unit_of(self, quantity: DescentQuantity) -> str:
         """Unit of the statistic of a quantity."""
         return quantity.unit if self.unit is None else self.unit
 
@@ -149,7 +150,7 @@ class DescentStatistic(Statistic):
 
 
 @dataclass(frozen=True)
-class Part:
+class LevelPart:
     """Levels of a quantity over which the rows of the table average.
 
     Attributes:
@@ -165,7 +166,7 @@ class Part:
         tensor([False, False,  True])
     """
 
-    quantity: Quantity
+    quantity: DescentQuantity
     name: str
     label: str
     short: str

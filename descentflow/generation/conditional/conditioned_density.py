@@ -10,7 +10,7 @@ from torch import Tensor
 
 from descentflow.densities.density import Density
 from descentflow.densities.gaussian import TransformedDensity
-from descentflow.generation.conditional.constraints import Request, SpeedAsked
+from descentflow.generation.conditional.constraints import DescentRequest, SpeedAsked
 from descentflow.generation.conditional.draws import NothingPlausible, Proposed
 from descentflow.generation.conditional.latent_density import Array, LatentDensity
 from descentflow.generation.conditional.point_condition import PointCondition
@@ -42,7 +42,7 @@ class FreeTarget:
     Example:
         >>> from descentflow.densities.checkpoint import load_model
         >>> model = load_model("best.ckpt")
-        >>> target = FreeTarget(model, Request(entry=180))
+        >>> target = FreeTarget(model, DescentRequest(entry=180))
         >>> proposed = target.propose(np.full((1, target.width), 0.5))
         >>> proposed.entry, proposed.u.shape[1] == model.dimension + target.decoder.residuals.n_numbers
         (tensor([180]), True)
@@ -50,7 +50,7 @@ class FreeTarget:
 
     proposals = 1
 
-    def __init__(self, density: Density, request: Request) -> None:
+    def __init__(self, density: Density, request: DescentRequest) -> None:
         """Hold what is drawn of."""
         self.density, self.context, self.decoder = density, request.context, density.representation.decoder
         shares = np.exp(entry_shares(density.representation.plausibility))
@@ -137,11 +137,11 @@ class ConditionedTarget:
         return self.decoder.fly_scaled(self.latent.curves.scaled_profiles(u), entry)
 
 
-def conditioned_target(request: Request, latent: LatentDensity, density: Density) -> ConditionedTarget:
+def conditioned_target(request: DescentRequest, latent: LatentDensity, density: Density) -> ConditionedTarget:
     """The density's Gaussians given a request.
 
     Args:
-        request: As checked by :meth:`Request.check`.
+        request: As checked by :meth:`DescentRequest.check`.
         latent: The density, before or after what was flown.
         density: Itself; bands are cut to the bounds of its training flights unless something was flown.
 
@@ -153,7 +153,7 @@ def conditioned_target(request: Request, latent: LatentDensity, density: Density
         >>> from descentflow.densities.checkpoint import load_model
         >>> from descentflow.generation.conditional.latent_density import latent_density
         >>> model = load_model("best.ckpt")
-        >>> request = Request(180, (SpeedAsked("cas_kt", 50, 280.0, 280.0),))
+        >>> request = DescentRequest(180, (SpeedAsked("cas_kt", 50, 280.0, 280.0),))
         >>> target = conditioned_target(request, latent_density(model), model)
         >>> proposed = target.propose(np.full((1, target.width), 0.4))
         >>> round(float(target.fly(proposed.u, proposed.entry).cas_mps[0, 50]) / KT_MPS, 6)  # kt
@@ -205,7 +205,7 @@ def entry_shares(bounds: Plausibility) -> Array:
     return found
 
 
-def _entries(request: Request, log_entries: Array) -> np.ndarray:
+def _entries(request: DescentRequest, log_entries: Array) -> np.ndarray:
     """Levels of entry that the request leaves open."""
     if request.entry >= 0:
         return np.array([request.entry])

@@ -89,7 +89,7 @@ Constraint = SpeedAsked | PointAsked
 
 
 @dataclass(frozen=True)
-class Request:
+class DescentRequest:
     """One call's constraints.
 
     Attributes:
@@ -102,7 +102,7 @@ class Request:
         deviation_k: Temperature that the context gives, in which distances are flown.
 
     Example:
-        >>> Request(50, (SpeedAsked("cas_kt", 20, 280.0, 280.0),)).words([150.0 + k for k in range(201)])
+        >>> DescentRequest(50, (SpeedAsked("cas_kt", 20, 280.0, 280.0),)).words([150.0 + k for k in range(201)])
         ('entry at FL200', 'cas_kt 280 at FL170')
     """
 

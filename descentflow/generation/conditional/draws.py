@@ -47,7 +47,7 @@ class Proposed(NamedTuple):
     log_weight: Array
 
 
-class Target(Protocol):
+class LatentTarget(Protocol):
     """Latent draws: uniform numbers (n, ``width``) in (0, 1) make n proposals; the first chooses the entry.
 
     ``proposals`` are made for each draw at first: 1 where all have the same weight.
@@ -142,7 +142,7 @@ def uniform_of(seed: int, numbers: np.ndarray, count: int, stream: int) -> Array
     return found
 
 
-def accepted(target: Target, seed: int, numbers: np.ndarray, judge: Judge) -> Accepted:
+def accepted(target: LatentTarget, seed: int, numbers: np.ndarray, judge: Judge) -> Accepted:
     """For each number one of its own plausible proposals, by weight.
 
     Proposals are drawn one after another without replacement, until one is plausible: few of them are flown.
@@ -160,10 +160,10 @@ def accepted(target: Target, seed: int, numbers: np.ndarray, judge: Judge) -> Ac
     Example:
         >>> from descentflow.densities.checkpoint import load_model
         >>> from descentflow.generation.conditional.conditioned_density import conditioned_target
-        >>> from descentflow.generation.conditional.constraints import Request
+        >>> from descentflow.generation.conditional.constraints import DescentRequest
         >>> from descentflow.generation.conditional.latent_density import latent_density
         >>> model = load_model("best.ckpt")
-        >>> target = conditioned_target(Request(entry=180), latent_density(model), model)
+        >>> target = conditioned_target(DescentRequest(entry=180), latent_density(model), model)
         >>> found = accepted(target, 0, np.arange(50), judge_of(model.representation, 0, flown=False))
         >>> found.report.accepted, bool(model.representation.plausibility.broken_rules(found.flown).any())
         (50, False)
@@ -189,7 +189,7 @@ def accepted(target: Target, seed: int, numbers: np.ndarray, judge: Judge) -> Ac
 class _Search:
     """Draws of some numbers: which were found, and the account of those flown."""
 
-    def __init__(self, target: Target, seed: int, numbers: np.ndarray, judge: Judge) -> None:
+    def __init__(self, target: LatentTarget, seed: int, numbers: np.ndarray, judge: Judge) -> None:
         self.target, self.seed, self.numbers, self.judge = target, seed, numbers, judge
         self.equal = target.proposals == 1
         self.effective, self.none = np.ones(len(numbers)), np.zeros(len(numbers), dtype=bool)

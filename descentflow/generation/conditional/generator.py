@@ -20,11 +20,18 @@ from descentflow.generation.conditional.constraints import (
     Band,
     BySpeed,
     Constraint,
-    Request,
+    DescentRequest,
     points_asked,
     speeds_asked,
 )
-from descentflow.generation.conditional.draws import Accepted, NothingPlausible, Target, accepted, corrected, judge_of
+from descentflow.generation.conditional.draws import (
+    Accepted,
+    LatentTarget,
+    NothingPlausible,
+    accepted,
+    corrected,
+    judge_of,
+)
 from descentflow.generation.conditional.flown_so_far import FlownSoFar, flown_so_far
 from descentflow.generation.conditional.latent_density import LatentDensity, latent_density, latent_density_after
 from descentflow.generation.conditional.nearest_plausible import implausible
@@ -109,7 +116,7 @@ class Generator:
         self._latent: dict[tuple[tuple[str, str], ...], LatentDensity] = {}
         if density.n_context == 0 and density.mixture is not None:
             self._latent[()] = latent_density(density)
-        self._targets: dict[tuple[Any, ...], Target] = {}
+        self._targets: dict[tuple[Any, ...], LatentTarget] = {}
 
     def __repr__(self) -> str:
         """Of what it draws, and which descent is next."""
@@ -210,14 +217,14 @@ class Generator:
 
     def _request(
         self, entry_fl: float | None, context: Mapping[str, Any] | pl.DataFrame | None, flown: FlownSoFar | None
-    ) -> tuple[Request, pl.DataFrame]:
+    ) -> tuple[DescentRequest, pl.DataFrame]:
         """Entry, context and what was flown."""
         contexts = context_rows(context, self.representation.context)
         if len(contexts) > 1:
             raise ConfigError(f"{len(contexts)} contexts", expected="one for a call", mend="call once for each context")
         key = tuple((name, str(contexts[name][0])) for name in contexts.columns)
         encoded = self.representation.context.encode(contexts)
-        request = Request(
+        request = DescentRequest(
             key=key, context=encoded, deviation_k=float(given_deviation_k(self.representation, encoded)[0])
         )
         if flown is not None:
@@ -239,7 +246,7 @@ class Generator:
         middle = (self.levels_fl[0] + min(self.levels_fl[entry], self.transition_fl)) / 2
         return int((self.decoder.levels_fl - middle).abs().argmin())
 
-    def _accepted(self, request: Request, numbers: np.ndarray) -> Accepted:
+    def _accepted(self, request: DescentRequest, numbers: np.ndarray) -> Accepted:
         try:
             return accepted(
                 self._target(request),
@@ -259,7 +266,7 @@ class Generator:
 
         raise implausible(request, unmet[0], lambda rest, n: self._accepted(rest, np.arange(n)).flown, self.levels_fl)
 
-    def _target(self, request: Request) -> Target:
+    def _target(self, request: DescentRequest) -> LatentTarget:
         """The density given a request, kept for the next call that asks the same."""
         if request.flown is not None:
             after = latent_density_after(self.density, request.context, self.seed, request.flown, self.noise_multiple)
@@ -271,7 +278,7 @@ class Generator:
             found = self._targets[key] = self._made(request)
         return found
 
-    def _made(self, request: Request) -> Target:
+    def _made(self, request: DescentRequest) -> LatentTarget:
         if request.is_free and self.density.mixture is None:
             return FreeTarget(self.density, request)
         if (latent := self._latent.get(request.key)) is None:

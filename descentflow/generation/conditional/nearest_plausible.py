@@ -7,7 +7,13 @@ from math import ceil, floor
 import numpy as np
 
 from descentflow.core.errors import ImplausibleError
-from descentflow.generation.conditional.constraints import Constraint, PointAsked, Request, SpeedAsked, of_cas_mps
+from descentflow.generation.conditional.constraints import (
+    Constraint,
+    DescentRequest,
+    PointAsked,
+    SpeedAsked,
+    of_cas_mps,
+)
 from descentflow.generation.conditional.latent_density import Array
 from descentflow.generation.conditional.point_condition import since_entry
 from descentflow.representation.decoder.trajectories import Trajectories
@@ -18,7 +24,10 @@ DIGITS = {"cas_kt": 1, "mach": 4, "time_s": 1, "distance_nm": 2}
 
 
 def implausible(
-    request: Request, culprit: Constraint, draws: Callable[[Request, int], Trajectories], levels_fl: list[float]
+    request: DescentRequest,
+    culprit: Constraint,
+    draws: Callable[[DescentRequest, int], Trajectories],
+    levels_fl: list[float],
 ) -> ImplausibleError:
     """The error for a request, of which ``culprit`` cannot be met.
 
@@ -39,7 +48,7 @@ def implausible(
         ...     entry = torch.ones(3, dtype=int)
         ...     return Trajectories(torch.tensor([200.0, 330.0]), entry, cas, cas, cas, cas, cas, cas)
         >>> speed = SpeedAsked("cas_kt", 0, 300.0, 310.0)
-        >>> error = implausible(Request(1, (speed,)), speed, draws, [200.0, 330.0])
+        >>> error = implausible(DescentRequest(1, (speed,)), speed, draws, [200.0, 330.0])
         >>> error.constraint, round(error.nearest, 6), error.got
         ('cas_kt', 280.0, 'cas_kt 300 to 310 at FL200, which no descent of the model has with entry at FL330')
     """

@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from descentflow.generation.conditional.constraints import Request
+from descentflow.generation.conditional.constraints import DescentRequest
 from descentflow.generation.conditional.latent_density import Array, LatentDensity
 from descentflow.generation.conditional.speed_conditions import Conditions, cut_normal, log_between, log_total
 from descentflow.generation.given_temperature import in_given_air
@@ -73,7 +73,7 @@ class PointCondition:
         >>> decoder, latent = model.representation.decoder, latent_density(model)
         >>> u = np.zeros_like(latent.means)
         >>> free = conditions(latent.log_probs, latent.means, latent.roots, Rows(u[:, None][:, :0], *[u[:, :0]] * 3))
-        >>> request = Request(180, points=(PointAsked("time_s", 400.0, 400.0, (160.0, 160.0)),))
+        >>> request = DescentRequest(180, points=(PointAsked("time_s", 400.0, 400.0, (160.0, 160.0)),))
         >>> point = PointCondition(latent, decoder, request, free)
         >>> met, log_weight = point.meet(np.array([0]), u[:1], np.array([0.5]))
         >>> flown = decoder.fly_scaled(latent.curves.scaled_profiles(met), torch.tensor([180]))
@@ -81,7 +81,9 @@ class PointCondition:
         (400.0, True)
     """
 
-    def __init__(self, latent: LatentDensity, decoder: DescentDecoder, request: Request, speeds: Conditions) -> None:
+    def __init__(
+        self, latent: LatentDensity, decoder: DescentDecoder, request: DescentRequest, speeds: Conditions
+    ) -> None:
         """Take slopes at the Gaussians' means given the speeds."""
         (self.asked,) = request.points
         self.latent, self.decoder, self.request, self.speeds = latent, decoder, request, speeds

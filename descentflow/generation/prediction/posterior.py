@@ -9,7 +9,7 @@ from descentflow.core.errors import SamplingError
 from descentflow.densities.density import Density
 from descentflow.densities.em import fit_mixture
 from descentflow.densities.mixture_parameters import NO_CONTEXT, Mixture, log_observed, posteriors
-from descentflow.representation.evidence import Evidence
+from descentflow.representation.evidence import WeightEvidence
 from descentflow.representation.residuals import ResidualLine
 
 PROPOSAL_DRAWS, PROPOSAL_COMPONENTS, WIDER = 4000, 4, 1.3
@@ -47,13 +47,13 @@ class Prior:
     def log_prob(self, weights: Tensor) -> Tensor:
         """Log density (n,) of the exact density at weights (n, d)."""
         if self.exact is None:
-            return log_observed(self.mixture, Evidence.of_weights(weights))
+            return log_observed(self.mixture, WeightEvidence.of_weights(weights))
         return self.exact.log_prob(weights, self.context).double()
 
     @torch.no_grad()
     def log_ratio(self, weights: Tensor) -> Tensor:
         """Log (n,) of the exact density over the mixture, minus infinity where it is not finite."""
-        ratio = self.log_prob(weights) - log_observed(self.mixture, Evidence.of_weights(weights))
+        ratio = self.log_prob(weights) - log_observed(self.mixture, WeightEvidence.of_weights(weights))
         return torch.where(ratio.isfinite(), ratio, -torch.inf)
 
 
@@ -80,7 +80,7 @@ def prior_of(density: Density, seed: int = 0, context: Tensor = NO_CONTEXT) -> P
 
 
 @dataclass(frozen=True)
-class Posterior:
+class LatentPosterior:
     """Mixture of Gaussians over u = (w, r) given an observed part, weighted by a density where that is not the prior.
 
     Shapes: ``log_probs`` (K,), ``means`` (K, D), ``precision_trils`` (K, D, D) lower Cholesky factors of precisions.
@@ -139,7 +139,7 @@ class Posterior:
         return drawn
 
 
-def posterior_of(prior: Prior, precision: Tensor, shift: Tensor) -> Posterior:
+def posterior_of(prior: Prior, precision: Tensor, shift: Tensor) -> LatentPosterior:
     """Condition a prior on evidence.
 
     Args:
@@ -159,7 +159,7 @@ def posterior_of(prior: Prior, precision: Tensor, shift: Tensor) -> Posterior:
         tensor([[1., 0.]], dtype=torch.float64)
     """
     before = prior.joint(len(shift))
-    alone = Evidence.of_information(precision[None], shift[None], torch.zeros(1, dtype=torch.long))
+    alone = WeightEvidence.of_information(precision[None], shift[None], torch.zeros(1, dtype=torch.long))
     found = posteriors(before, alone)
     means, factors = found.means[0], found.precision_trils[0]
-    return Posterior(found.log_joint[0].log_softmax(0), means, factors, prior, prior.mixture.locs.shape[1])
+    return LatentPosterior(found.log_joint[0].log_softmax(0), means, factors, prior, prior.mixture.locs.shape[1])

@@ -49,14 +49,14 @@ class Format:
 
 
 @dataclass(frozen=True)
-class Part:
+class RowBlock:
     """Some rows of one file, with the columns as its format names them.
 
     Attributes:
         rows: A table, or what the format's `join` makes one of.
         format: Of the file.
         label: Name of the (first) file in messages.
-        first: Whether it is the first part of its file.
+        first: Whether it is the first block of its file.
     """
 
     rows: Columns
@@ -101,9 +101,9 @@ def check_format(name: str | None) -> None:
         )
 
 
-def put_together(parts: Iterator[Part], report: DropReport, block_rows: int) -> Iterator[Part]:
+def put_together(parts: Iterator[RowBlock], report: DropReport, block_rows: int) -> Iterator[RowBlock]:
     """Tables of the parts, in their order: one for each part of any columns, else one for many small parts."""
-    waiting: list[Part] = []
+    waiting: list[RowBlock] = []
     for part in parts:
         if waiting and (part.format.any_columns or not _belongs(part, waiting, block_rows)):
             yield _joined(waiting, report)
@@ -116,13 +116,13 @@ def put_together(parts: Iterator[Part], report: DropReport, block_rows: int) -> 
         yield _joined(waiting, report)
 
 
-def _joined(parts: Sequence[Part], report: DropReport) -> Part:
+def _joined(parts: Sequence[RowBlock], report: DropReport) -> RowBlock:
     rows: list[Columns] = [part.rows for part in parts]
     join = parts[0].format.join
     return replace(parts[0], rows=join(rows, report) if join else pl.concat(rows))
 
 
-def _belongs(part: Part, waiting: Sequence[Part], block_rows: int) -> bool:
+def _belongs(part: RowBlock, waiting: Sequence[RowBlock], block_rows: int) -> bool:
     """Test for a part that can be joined with those that wait, by format and number of rows."""
     count = sum(len(one.rows) for one in waiting)
     if part.format.join is not waiting[0].format.join:

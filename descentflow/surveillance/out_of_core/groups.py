@@ -14,7 +14,7 @@ from descentflow.core.workers import Engine
 from descentflow.surveillance.intake import Intake, take_in
 from descentflow.surveillance.out_of_core.job import ROWS
 from descentflow.surveillance.out_of_core.spill import Bucket, Memory, Spill, joined
-from descentflow.surveillance.request import Request
+from descentflow.surveillance.request import PreparationRequest
 from descentflow.surveillance.rows.drop_report import DropReport
 
 GROUP_BYTES = 256_000_000
@@ -27,7 +27,7 @@ class _Group:
 
     files: tuple[Path, ...]
     folder: Path
-    request: Request
+    request: PreparationRequest
     memory: Memory
     alone: bool
     """True if it is the only group: then it is an error if it has no row."""
@@ -91,7 +91,7 @@ def _read_group(group: _Group, always: bool) -> tuple[Intake, list[pl.DataFrame]
 
 
 def read_groups(
-    request: Request,
+    request: PreparationRequest,
     files: Sequence[Path],
     folder: Path,
     memory: Memory,
@@ -115,8 +115,9 @@ def read_groups(
         DataError: As :func:`~descentflow.surveillance.read_rows.row_blocks`.
 
     Example:
-        >>> files, memory = [Path("rows.parquet")], Memory(4_000_000)
-        >>> _, _, buckets = read_groups(Request([]), files, Path("groups.work"), memory, Engine(), lambda stage: None)
+        >>> files, memory, engine = [Path("rows.parquet")], Memory(4_000_000), Engine()
+        >>> request, folder = PreparationRequest([]), Path("groups.work")
+        >>> _, _, buckets = read_groups(request, files, folder, memory, engine, lambda stage: None)
         >>> sum(bucket.rows for bucket in buckets)
         23216
     """

@@ -14,7 +14,7 @@ from descentflow.surveillance.descents.store import KEY, ROW_GROUP
 from descentflow.surveillance.intake import Intake
 from descentflow.surveillance.out_of_core.job import PARTS
 from descentflow.surveillance.out_of_core.spill import Bucket, Memory, partitions
-from descentflow.surveillance.request import Request
+from descentflow.surveillance.request import PreparationRequest
 from descentflow.surveillance.rows.drop_report import DropReport
 
 DROPPED_ROWS, LEVEL_FLIGHT = "dropped_rows", "level_flight"
@@ -74,7 +74,7 @@ def _clean_partition(partition: Partition, work: Work) -> None:
 
 
 def clean_partitions(
-    request: Request,
+    request: PreparationRequest,
     intake: Intake,
     buckets: Sequence[Bucket],
     folder: Path,
@@ -98,7 +98,7 @@ def clean_partitions(
 
     Example:
         >>> from descentflow.surveillance.out_of_core.groups import read_groups
-        >>> request, memory, engine = Request(["rows.parquet"]), Memory(4_000_000), Engine()
+        >>> request, memory, engine = PreparationRequest(["rows.parquet"]), Memory(4_000_000), Engine()
         >>> folder = Path("parts.work")
         >>> intake, _, buckets = read_groups(request, request.files(), folder, memory, engine, lambda stage: None)
         >>> cleaned = clean_partitions(request, intake, buckets, folder, memory, engine, lambda stage: None)

@@ -18,7 +18,7 @@ from descentflow.surveillance.out_of_core.groups import read_groups
 from descentflow.surveillance.out_of_core.job import fingerprint, job_folder, remove_work, work_folder
 from descentflow.surveillance.out_of_core.partitions import Cleaned, clean_partitions
 from descentflow.surveillance.out_of_core.spill import Bucket, Memory
-from descentflow.surveillance.request import Request, description
+from descentflow.surveillance.request import PreparationRequest, description
 from descentflow.surveillance.rows.drop_report import some_flights
 
 TABLE_ENDINGS = (".csv", ".tsv", ".txt", ".json", ".jsonl", ".feather", ".arrow", ".ipc", ".pq", ".xlsx", ".html")
@@ -27,7 +27,7 @@ OTHER_ENDINGS = frozenset((*TABLE_ENDINGS, ".yaml", ".gz", ".zip", ".tar", ".pic
 Progress = Callable[[str], None]
 
 
-def prepare_to(out: Path, request: Request, memory: Memory, engine: Engine, progress: Progress) -> Descents:
+def prepare_to(out: Path, request: PreparationRequest, memory: Memory, engine: Engine, progress: Progress) -> Descents:
     """Prepare rows to a file (a name that ends in .parquet) or a store by type (any other name).
 
     Rows that do not fit in memory are distributed over partitions of whole aircraft on disk, in a folder beside the
@@ -50,7 +50,7 @@ def prepare_to(out: Path, request: Request, memory: Memory, engine: Engine, prog
 
     Example:
         >>> from descentflow.core.workers import Engine
-        >>> request, memory = Request(["rows.parquet"]), Memory(2_000_000_000)
+        >>> request, memory = PreparationRequest(["rows.parquet"]), Memory(2_000_000_000)
         >>> prepare_to(Path("prepared.parquet"), request, memory, Engine(), lambda stage: None).flights
         {'A320': 120}
     """
@@ -138,7 +138,7 @@ def _check_ending(out: Path) -> None:
 
 
 def _written(
-    out: Path, cleaned: Cleaned, request: Request, facts: dict[str, Any], folder: Path, progress: Progress
+    out: Path, cleaned: Cleaned, request: PreparationRequest, facts: dict[str, Any], folder: Path, progress: Progress
 ) -> Descents:
     parts = store.Parts.of(cleaned.levels)
     if parts.flights.is_empty():

@@ -118,7 +118,7 @@ READINGS: dict[str, tuple[Reading, ...]] = {
 
 
 @dataclass(frozen=True)
-class Evidence:
+class UnitEvidence:
     """Columns of the same rows, as given; (n,) each, NaN where missing.
 
     Attributes:
@@ -131,7 +131,7 @@ class Evidence:
     steps: pl.DataFrame
 
     @classmethod
-    def of(cls, rows: pl.DataFrame) -> "Evidence":
+    def of(cls, rows: pl.DataFrame) -> "UnitEvidence":
         """Columns that can be compared, of a sample of rows."""
         names = [name for name in ("altitude", "IAS", "Mach", "TAS", "groundspeed") if name in rows.columns]
         if rows["icao24"].n_unique() < MIN_AIRCRAFT:
@@ -216,13 +216,13 @@ class Solution:
         )
 
 
-def agreeing(evidence: Evidence, given: Solution) -> list[Solution]:
+def agreeing(evidence: UnitEvidence, given: Solution) -> list[Solution]:
     """Readings in which all columns agree, the ones that change least first; several if they do equally well."""
     found = sorted((one for one in _tried(evidence) if one.agrees and one.mends(given)), key=lambda one: one.rank)
     return [one for one in found if one.rank[:2] == found[0].rank[:2] and one.rank[2] < found[0].rank[2] + 0.2]
 
 
-def _tried(evidence: Evidence) -> Iterator[Solution]:
+def _tried(evidence: UnitEvidence) -> Iterator[Solution]:
     """Every reading of altitude, IAS and Mach; the others agree with these, or not, each for itself."""
     first: list[str] = [name for name in ("altitude", "IAS", "Mach") if name in evidence.given]
     for combination in itertools.product(*(READINGS[name] for name in first)):
@@ -235,7 +235,7 @@ def _tried(evidence: Evidence) -> Iterator[Solution]:
         yield judged(evidence, readings)
 
 
-def judged(evidence: Evidence, readings: dict[str, Reading], only: str = "") -> Solution:
+def judged(evidence: UnitEvidence, readings: dict[str, Reading], only: str = "") -> Solution:
     """Agreement of the columns by these readings, altitude's among them; of one column alone with the others."""
     values = {name: array * readings[name].factor for name, array in evidence.columns.items() if name in readings}
     altitude = values["altitude"]
@@ -263,7 +263,7 @@ def _mach(name: str, values: Array, altitude: Array, reading: Reading) -> Array:
 
 
 def _compared(
-    evidence: Evidence, machs: dict[str, Array], values: dict[str, Array], readings: dict[str, Reading]
+    evidence: UnitEvidence, machs: dict[str, Array], values: dict[str, Array], readings: dict[str, Reading]
 ) -> Iterator[tuple[str, float, float]]:
     """Pair of columns, difference, and what is allowed; NaN where too few rows have both."""
     altitude = values["altitude"]

@@ -16,8 +16,8 @@ from descentflow.surveillance.rows.readings import (
     MAX_TAS_OF_IAS,
     MIN_AIRCRAFT,
     SLOWEST_FPM,
-    Evidence,
     Solution,
+    UnitEvidence,
     agreeing,
     flies,
     judged,
@@ -86,7 +86,7 @@ def check_consistency(rows: pl.DataFrame, source: str) -> None:
     if flights := _contradicting_flights(rows):
         warn(f"{source}: {flights}")
         return
-    evidence = Evidence.of(rows)
+    evidence = UnitEvidence.of(rows)
     if not evidence.columns:
         return
     given = judged(evidence, evidence.given)
@@ -96,7 +96,7 @@ def check_consistency(rows: pl.DataFrame, source: str) -> None:
         _check_contradiction(evidence, given, rows, source)
 
 
-def _check_geometric(evidence: Evidence, source: str) -> None:
+def _check_geometric(evidence: UnitEvidence, source: str) -> None:
     """Warn of an altitude that IAS and Mach contradict as a geometric one would."""
     altitude, share = evidence.columns["altitude"], _excess_of_ias(evidence)
     shown = np.isfinite(share)
@@ -116,14 +116,14 @@ def _check_geometric(evidence: Evidence, source: str) -> None:
         )
 
 
-def _excess_of_ias(evidence: Evidence) -> np.ndarray:
+def _excess_of_ias(evidence: UnitEvidence) -> np.ndarray:
     """(n,) IAS less the CAS of Mach and altitude, over IAS; NaN without Mach."""
     altitude, ias = evidence.columns["altitude"], evidence.columns["IAS"]
     with np.errstate(all="ignore"):
         return np.asarray((ias - cas_of_mach_kt(evidence.columns.get("Mach", np.nan * ias), altitude)) / ias)
 
 
-def _check_contradiction(evidence: Evidence, given: Solution, rows: pl.DataFrame, source: str) -> None:
+def _check_contradiction(evidence: UnitEvidence, given: Solution, rows: pl.DataFrame, source: str) -> None:
     """Refuse by the reading that makes columns agree that do not, or name the column that contradicts the others.
 
     Nothing is said where airliners do not fly so in any reading, which the cleaning counts, or nobody can be blamed.
@@ -160,7 +160,7 @@ def _contradicting_flights(rows: pl.DataFrame) -> str:
     # Flights of one sign and factor are of one source.
     alike = wrong.with_columns(pl.col(compared).sign() * (pl.col(compared).abs().log(2).round() + 99))
     for some in alike.partition_by(compared, maintain_order=True):
-        evidence = Evidence.of(rows.join(some, on=names, how="semi"))
+        evidence = UnitEvidence.of(rows.join(some, on=names, how="semi"))
         given = judged(evidence, evidence.given) if evidence.columns else Solution({})
         best = [] if given.agrees else agreeing(evidence, given)[:1]
         if best and not best[0].off:

@@ -20,7 +20,7 @@ from descentflow.core.files import whole_file
 from descentflow.densities.checkpoint import OUTCOME, content_of, density_in, density_of, outcome_of, section_of
 from descentflow.densities.density import Density
 from descentflow.reporting.in_notebook import InNotebook
-from descentflow.representation.evidence import Evidence
+from descentflow.representation.evidence import WeightEvidence
 from descentflow.representation.read_checkpoint import HELD_OUT, SECTION
 from descentflow.representation.representation import Representation
 from descentflow.training.datamodule import DescentDataModule, data_of
@@ -33,7 +33,7 @@ TRAINING = "training"
 """Key of a checkpoint under which the fit's seed is kept, and whether it had stopped."""
 PRECISIONS = ("32-true", "64-true")
 """Of Lightning's trainer, in which all models train."""
-Batch = tuple[Evidence, Tensor]
+Batch = tuple[WeightEvidence, Tensor]
 """Observed part of some flights, and their encoded context (n, c)."""
 
 
@@ -217,7 +217,7 @@ class LatentModel(LightningModule, InNotebook, ABC, Generic[D]):
             lines.append(f"conditioned on {parts.context.describe()}")
         return "\n".join(lines)
 
-    def log_observed(self, evidence: Evidence, context: Tensor | None = None) -> Tensor:
+    def log_observed(self, evidence: WeightEvidence, context: Tensor | None = None) -> Tensor:
         """Log-likelihood (n,) of what was observed of n flights, see :meth:`~descentflow.densities.Density`."""
         return self.density.log_observed(evidence, context)
 
@@ -362,7 +362,7 @@ def check_precision(trainer: Trainer) -> None:
         )
 
 
-def training_flights(model: LatentModel[Any]) -> tuple[Evidence, Tensor]:
+def training_flights(model: LatentModel[Any]) -> tuple[WeightEvidence, Tensor]:
     """Evidence of all training flights, and their context, on the model's device.
 
     Example:

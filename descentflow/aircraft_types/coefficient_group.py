@@ -16,7 +16,7 @@ Places = Mapping[str, tuple[tuple[str, int], ...]]
 
 
 @dataclass(frozen=True)
-class Part:
+class CoefficientGroup:
     """Coefficients of a model, or of a part of one; a subclass names them as fields.
 
     Numbers may be replaced by tensors that broadcast against the batch, to differentiate by them.
@@ -86,8 +86,8 @@ class Part:
 
 def _part(kind: Any, value: Any) -> Any:
     """A value, built if it is that of a part."""
-    is_part = isinstance(kind, type) and issubclass(kind, Part)
-    return kind.of(value) if is_part and not isinstance(value, Part) else value
+    is_part = isinstance(kind, type) and issubclass(kind, CoefficientGroup)
+    return kind.of(value) if is_part and not isinstance(value, CoefficientGroup) else value
 
 
 def _is_number(value: Any) -> bool:
@@ -97,7 +97,7 @@ def _is_number(value: Any) -> bool:
 def _plain(value: Any) -> Any:
     if isinstance(value, tuple):
         return tuple(map(_plain, value))
-    if isinstance(value, Part):
+    if isinstance(value, CoefficientGroup):
         return value.plain()
     return value.item() if isinstance(value, Tensor) else value
 

@@ -132,6 +132,14 @@ def test_a_held_path_is_a_constant_angle_whatever_else_changes_the_rate(flown: T
     assert float((angle.std(1) / angle.mean(1)).max()) < 1e-6
 
 
+def test_a_held_path_is_flown_at_the_same_rate_at_another_speed(flown: Trajectories) -> None:
+    double, held = in_precision(flown, torch.float64), {"geometric_path": [1.0, 0.1, 0.03]}
+    alone = Correction(held, 57e3).apply(open_aircraft("A320"), double)
+    faster = Correction({**held, "speed_schedule": [10.0, 0.0]}, 57e3).apply(open_aircraft("A320"), double)
+    assert float((faster.cas_mps - double.cas_mps).mean()) > 1.0
+    assert torch.equal(faster.rate_mps, alone.rate_mps)
+
+
 def test_the_decoder_knows_no_correction() -> None:
     parts = toys.representation(60)
     weights = torch.zeros(1, parts.decoder.dimension).double()

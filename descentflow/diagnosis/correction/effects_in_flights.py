@@ -12,23 +12,13 @@ from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
 from descentflow.diagnosis.correction.flight_gaps import with_gaps
 from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.effects import Effect
-from descentflow.effects.effect import Shift
-from descentflow.effects.flight_law import DiffersByFlight
+from descentflow.effects.effects_together import changes_together, slope_over_levels
 from descentflow.effects.flight_state import SLOWEST_MPS, FlightState, log_rate
 from descentflow.measurements.along_track import drift_cosine, level_part_kt
 from descentflow.measurements.level_channels import LevelGrid
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.surveillance.cleaning.thresholds import Cleaning
-
-SLOPE_LEVELS = 15
-"""Levels over which the slope of CAS is taken on either side: reports are rounded to a knot."""
-BY_LEVEL = ("rate", "cas", "tas", "wind", "height")
-"""Quantities that change on every level."""
-STREAMS = 100
-"""Streams of random numbers that one effect may use."""
-LAWS = 100_000
-"""Stream of the number that decides which of the effects that differ by flight a flight has."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +43,10 @@ class AddedEffects:
     mass_kg: float
     cleaning: Cleaning
     seed: int
+
+    def changes(self, state: FlightState) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
+        """Changes of a simulator's flights that are flown, and that are reported alone; shares are exact."""
+        return changes_together(state, self.catalogue, self.theta, DrawNumbers(self.seed), exact_shares=True)
 
 
 def with_effects(grid: LevelGrid, aircraft: PerformanceModel, added: AddedEffects) -> LevelGrid:
@@ -81,7 +75,7 @@ def with_effects(grid: LevelGrid, aircraft: PerformanceModel, added: AddedEffect
         1.021
     """
     state = state_of_levels(grid, aircraft, added)
-    flown, reported = changes_of(state, added)
+    flown, reported = added.changes(state)
     moved = _flown(grid, state, flown)
     moved = with_gaps(moved, flown, DrawNumbers(added.seed), added.cleaning)
     moved = _reported(moved, reported)
@@ -104,16 +98,13 @@ def state_of_levels(grid: LevelGrid, aircraft: PerformanceModel, added: AddedEff
     """
     cas = filled(grid.values["IAS"]) * KT_MPS
     top = torch.where(grid.mask, grid.altitude_m, -torch.inf).amax(1, keepdim=True)
-    n = cas.shape[1]
-    index = torch.arange(n)
-    low, high = (index - SLOPE_LEVELS).clamp(min=0), (index + SLOPE_LEVELS).clamp(max=n - 1)
     state = FlightState(
         aircraft,
         added.mass_kg,
         grid.altitude_m,
         FL_M,
         cas,
-        (cas[:, high] - cas[:, low]) / ((high - low) * FL_M),
+        slope_over_levels(cas),
         _tailwind_mps(grid),
         grid.mask,
         (top - grid.altitude_m).clamp(min=0.0),
@@ -142,74 +133,6 @@ def filled(values: Tensor) -> Tensor:
         for row, seen in zip(table, np.isfinite(table), strict=True)
     ]
     return torch.from_numpy(np.stack(rows))
-
-
-def changes_of(state: FlightState, added: AddedEffects) -> tuple[dict[str, Tensor], dict[str, Tensor]]:
-    """Changes that are flown, and that are reported alone, of all effects together, in the flights that each takes.
-
-    Args:
-        state: The simulator's flights, which do not have the effects.
-        added: What is put in.
-
-    Example:
-        >>> from dataclasses import replace
-        >>> from descentflow.effects import EFFECTS
-        >>> from descentflow.effects.example_flights import example_flights
-        >>> warm = AddedEffects(EFFECTS, {"temperature": torch.tensor([10.0])}, 60e3, Cleaning(), seed=0)
-        >>> flown, reported = changes_of(replace(example_flights(), affected=False), warm)
-        >>> round(float(flown["tas"].mean()), 3), float(reported["rate"].abs().max())
-        (0.021, 0.0)
-    """
-    flown, reported = ({name: torch.zeros_like(state.cas_mps) for name in BY_LEVEL} for _ in range(2))
-    held, begun = torch.zeros(len(state.cas_mps), dtype=torch.bool), 0.0
-    rate_held = torch.zeros_like(state.cas_mps)
-    for place, (name, theta) in enumerate(added.theta.items()):
-        effect = added.catalogue[name]
-        share, whole = effect.mixture(theta.double())
-        n, draws = len(state.cas_mps), DrawNumbers(added.seed)
-        law = isinstance(effect, DiffersByFlight) and effect.is_law(theta)
-        # A flight has one effect that flights have each in their own way, or none: one number decides which.
-        number = even(draws.uniform(n, stream=LAWS if law else place * STREAMS))
-        first = begun if law else 0.0
-        begun += share if law else 0.0
-        taken = torch.nonzero((number >= first) & (number < first + share))[:, 0]
-        if not len(taken):
-            continue
-        if law and isinstance(effect, DiffersByFlight):
-            uniform = [draws.uniform(n, stream=place * STREAMS + 1 + i)[taken] for i in range(effect.own_draws)]
-            change = effect.own_change(state.rows(taken), whole, torch.stack(uniform, 1))
-            if effect.holds_rate:
-                held[taken], rate_held[taken] = True, change.flown["rate"]
-                continue
-        else:
-            change = effect.change(state.rows(taken), whole)
-        for total, shift in ((flown, change.flown), (reported, change.reported)):
-            _add(total, shift, taken, n)
-    if bool((flown["cas"] != 0).any()):
-        # At another speed the aircraft falls as the polar says.
-        faster = log_rate(state, faster_mps=flown["cas"] * KT_MPS)
-        flown["rate"] = flown["rate"] + faster - state.own_log_rate
-    # Whatever else would change a rate that is held: it is held.
-    flown["rate"] = torch.where(held[:, None], rate_held, flown["rate"])
-    return flown, reported
-
-
-def even(number: Tensor) -> Tensor:
-    """Numbers (n,) in the same order, evenly over [0, 1): a share of few flights is that share, and no lot.
-
-    Example:
-        >>> even(torch.tensor([0.2, 0.9, 0.1, 0.3]))
-        tensor([0.3750, 0.8750, 0.1250, 0.6250], dtype=torch.float64)
-    """
-    return (number.argsort().argsort().double() + 0.5) / len(number)
-
-
-def _add(total: dict[str, Tensor], shift: Shift, rows: Tensor, n: int) -> None:
-    """Add the shifts of an effect in some of n flights."""
-    for quantity, value in shift.items():
-        if quantity not in total:
-            total[quantity] = torch.zeros(n, *value.shape[1:], dtype=torch.float64)
-        total[quantity][rows] += value
 
 
 def _flown(grid: LevelGrid, state: FlightState, change: dict[str, Tensor]) -> LevelGrid:
@@ -296,7 +219,7 @@ def corrected_entries(compared: Compared, added: AddedEffects) -> Tensor:
     if not len(simulated) or not added.theta:
         return left
     state = _before(compared, simulated)
-    flown, reported = changes_of(state, added)
+    flown, reported = added.changes(state)
     moved = dict(flown)
     moved["cas"] = flown["cas"] + reported["cas"]
     # The rate of a comparison is beyond the polar's at the speed that the flight reports.

@@ -71,7 +71,7 @@ def main() -> None:
         told = []
         for score, unit in SCORES.items():
             more = ((one[score] - first[score]) / first[score].mean()).fill_nan(None).drop_nulls()
-            error = 2 * float(more.std()) / len(more) ** 0.5  # type: ignore[arg-type]
+            error = 2 * float(more.std()) / len(more) ** 0.5
             told.append(f"{score} {one[score].mean():.2f} {unit} ({more.mean():+.1%} +- {error:.1%})")
         print(f"{name}: {', '.join(told)}", flush=True)
 

@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -113,7 +114,7 @@ def bluebird(checkpoint: str, folder: Path) -> Figure:
     sys.path.insert(0, str(folder))
     sampled = importlib.import_module("sampled_a320").SampledDescents
 
-    def seconds(predictor: object, seed: int) -> float:
+    def seconds(predictor: Any, seed: int) -> float:
         flight = Aircraft(
             lat=51.0, lon=0.0, fl=340.0, heading=90.0, flight_plan=None, callsign=f"A{seed}", selected_fl=140,
             aircraft_type="A320", random_seed=seed,

@@ -185,18 +185,18 @@ def _gpu() -> None:
 def _gpu_row(arguments: tuple[object, ...], n: int) -> None:
     cas = arguments[4]
     assert isinstance(cas, Tensor)
-    flown, copied = integrate(*arguments), torch.empty_like(cas)  # type: ignore[arg-type]
+    flown, copied = integrate(*arguments), torch.empty_like(cas)
     torch.cuda.reset_peak_memory_stats()
 
     def chunks(work: object) -> float:
         def all_chunks() -> None:
             for _ in range(n // GPU_CHUNK):
-                work()  # type: ignore[operator]
+                work()
             torch.cuda.synchronize()
 
         return best_of(all_chunks, repeats=3)
 
-    eager = chunks(lambda: integrate(*arguments, out=flown))  # type: ignore[arg-type]
+    eager = chunks(lambda: integrate(*arguments, out=flown))
     copy = 3 * chunks(lambda: copied.copy_(cas))
     cells = [str(cas.dtype).split(".")[1], f"{n:,}", f"{eager:.3f}", f"{copy:.3f}"]
     peak = torch.cuda.max_memory_allocated() / 2**30

@@ -108,7 +108,9 @@ def _peers(world: pl.DataFrame, folder: Path) -> None:
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     print(f"{PEER_ROWS:,} rows, once more in this process: {PEER_ROWS / wall:,.0f} rows/s, {cpu:.1f} CPU s")
     try:
-        from benchmarks.peer_pandas import pd, prepare_pandas
+        import pandas as pd
+
+        from benchmarks.peer_pandas import prepare_pandas
     except ImportError:
         print("pandas is not installed: nothing to compare with")
         return

@@ -80,7 +80,7 @@ def _plan(flight: pl.DataFrame, rows: pl.DataFrame | None, bottom_fl: float) -> 
         str(about["flight_id"]),
         str(about["icao24"]),
         str(about["typecode"]),
-        flight["timestamp"].min(),  # type: ignore[arg-type]
+        flight["timestamp"].min(),
         top,
         bottom_fl,
         mach,

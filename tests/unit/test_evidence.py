@@ -140,7 +140,7 @@ def test_sizes_that_are_put_into_flights_make_the_means_whatever_shapes_expect()
     parts = np.stack([sized, of_share], 1)
     cause = FlightsEffect("e", LAW, parts, 0.0, 0.1 * np.eye(11), np.array([0.1, 0.2]))
     known = toy(2.5 * sized + of_share, sd=0.001)
-    found = SetFits(known, [cause], Assumptions(), is_exact=True).fit(("e",))
+    found = SetFits(known, [cause], Assumptions()).fit(("e",), is_exact=True)
     assert found.sizes["e"] == pytest.approx([2.5, 1.0], rel=0.001)  # drawn to one by (0.001 / 0.1)^2 / 11
 
 

@@ -106,7 +106,6 @@ class SetFits:
         assumed: Assumptions,
         *,
         linear_about: Mapping[str, Array] | None = None,
-        is_exact: bool = False,
     ) -> None:
         """Take the candidates.
 
@@ -115,10 +114,7 @@ class SetFits:
             candidates: Effects that may be causes.
             assumed: Constants.
             linear_about: Sizes by candidate about which all is linear; each is linearised at every size if absent.
-            is_exact: Whether sizes are those that make the difference that is seen where they are put into the
-                simulator's flights, with these equations and these coefficients, whatever either may miss.
         """
-        self._is_exact = is_exact
         self.known, self.assumed = known, assumed
         self.candidates = {candidate.name: candidate for candidate in candidates}
         self._about = {name: (sizes, self.candidates[name].at(sizes)) for name, sizes in (linear_about or {}).items()}
@@ -131,6 +127,8 @@ class SetFits:
         unknown: Mapping[str, float] | None = None,
         first: Mapping[str, Array] | None = None,
         rounds: int = GAUSS_NEWTON_ROUNDS,
+        *,
+        is_exact: bool = False,
     ) -> SetFit:
         """Fit a set.
 
@@ -139,16 +137,18 @@ class SetFits:
             unknown: Scales of an unknown cause.
             first: Sizes at which to begin.
             rounds: Number of Gauss-Newton steps.
+            is_exact: Whether sizes are those that make the difference that is seen where they are put into the
+                simulator's flights, with these equations and these coefficients, whatever either may miss.
         """
         scales, begin = dict(unknown or {}), first or {}
         sizes = {name: begin.get(name, self.candidates[name].start) for name in names}
         for done in range(rounds):
-            found, _ = self._step(sizes, scales)
+            found, _ = self._step(sizes, scales, is_exact)
             # A misfit grows with its size, so sizes can leap about the solution: after the first step by half the way.
             share = 0.5 if done else 1.0
             for name, part in zip(names, self._split(names, found.mean), strict=True):
                 sizes[name] = self.candidates[name].clamp(sizes[name] + share * (part - sizes[name]))
-        last, noise = self._step(sizes, scales)
+        last, noise = self._step(sizes, scales, is_exact)
         gained = sum(self.candidates[name].log_gain for name in names)
         errors = self._split(names, np.sqrt(np.maximum(last.covariance.diagonal(), 0.0)))
         shifts = {name: self._signature(name, sizes[name]).shift for name in names}
@@ -197,18 +197,20 @@ class SetFits:
         first, about = self._about[name]
         return linearised(about, sizes - first)
 
-    def _step(self, sizes: Mapping[str, Array], scales: Mapping[str, float]) -> tuple[GaussianPosterior, Array]:
+    def _step(
+        self, sizes: Mapping[str, Array], scales: Mapping[str, float], is_exact: bool
+    ) -> tuple[GaussianPosterior, Array]:
         """Posterior about the linearisation at sizes, and the covariance of what its Jacobian leaves."""
         x, noise = self.known.difference, self.known.covariance + self.unknown_covariance(scales)
         columns, mean, spread = [np.zeros((len(x), 0))], [np.zeros(0)], [np.zeros(0)]
         for name, size in sizes.items():
             candidate = self.candidates[name]
             found = self._signature(name, size)
-            noise = noise + (0.0 if self._is_exact else found.misfit + found.unsure)
+            noise = noise + (0.0 if is_exact else found.misfit + found.unsure)
             x = x - found.shift + found.jacobian @ size
             columns.append(found.jacobian)
             mean.append(candidate.start)
-            spread.append(candidate.free_sd if self._is_exact else candidate.prior_sd)
+            spread.append(candidate.free_sd if is_exact else candidate.prior_sd)
         return posterior(x, noise, np.concatenate(columns, 1), np.concatenate(mean), np.concatenate(spread)), noise
 
     def _split(self, names: Names, values: Array) -> list[Array]:
@@ -234,7 +236,7 @@ MOST_FITTED = 20
 
 
 class Search:
-    """All sets of a catalogue's effects."""
+    """All sets of a catalogue's effects: a linear fit screens every small one, and whole fits weigh the heaviest."""
 
     def __init__(
         self,
@@ -253,13 +255,12 @@ class Search:
         """
         self.known, self.assumed, self.exclusive = known, assumed, [set(group) for group in exclusive]
         self.fits = SetFits(known, candidates, assumed)
-        self._sized = SetFits(known, candidates, assumed, is_exact=True)
         self._alone = {one.name: self.fits.fit((one.name,)).sizes[one.name] for one in candidates}
-        self._screen = SetFits(known, candidates, assumed, linear_about=self._alone)
+        self._linear_fits = SetFits(known, candidates, assumed, linear_about=self._alone)
 
     def sized(self, fit: SetFit) -> SetFit:
         """A set with the sizes that make the difference by these equations; errors stay those of all they may miss."""
-        found = self._sized.fit(fit.names, fit.unknown, fit.sizes)
+        found = self.fits.fit(fit.names, fit.unknown, fit.sizes, is_exact=True)
         return replace(fit, sizes=found.sizes, shifts=found.shifts)
 
     def sets(self) -> list[SetFit]:
@@ -296,7 +297,7 @@ class Search:
         """Sets that weigh most where all is linear, and the empty one."""
         every = (itertools.combinations(self.fits.candidates, count) for count in range(MOST_ENUMERATED + 1))
         allowed = [names for names in itertools.chain(*every) if self._allowed(names)]
-        weight = {names: self._screen.fit(names, first=self._alone, rounds=1).log_weight for names in allowed}
+        weight = {names: self._linear_fits.fit(names, first=self._alone, rounds=1).log_weight for names in allowed}
         return list(dict.fromkeys([*sorted(allowed, key=lambda names: -weight[names])[:MOST_FITTED], ()]))
 
     def _grow(self, fitted: dict[Names, SetFit]) -> None:

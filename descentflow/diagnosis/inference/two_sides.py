@@ -152,73 +152,85 @@ def compare(
         >>> compare(flights.rows(first), flights.rows(~first), aircraft("A320")).quantities()[:4]
         ('rate', 'lag', 'cas', 'mismatch')
     """
-    both, n_before = (_joined(simulated_flights, real), len(simulated_flights)) if simulated_flights else (real, 0)
-    state = state_of(both, aircraft, float(aircraft.mass_reference_kg), assumed)
-    is_real = torch.arange(len(both)) >= n_before
+    both = _joined(simulated_flights, real) if simulated_flights else real
+    is_real = torch.arange(len(both)) >= len(both) - len(real)
     settled = both.physics["depth_m"] >= assumed.settled_m
-    coefficients = SimulatorCoefficients.unknown(assumed)
+    rate, lag = (torch.where(settled, x, torch.nan) for x in (both.physics["log_rate"], both.values["lag"]))
+    coefficients, mass_kg = SimulatorCoefficients.unknown(assumed), float(aircraft.mass_reference_kg)
     if simulated_flights:
-        own = state_of(simulated_flights, aircraft, state.mass_kg, assumed)
-        seen = torch.where(settled[:n_before], simulated_flights.physics["log_rate"], torch.nan)
-        coefficients = simulator_coefficients(own, seen, simulated_flights.airframe, assumed)
-    state = coefficients.applied(state)
-    values = dict(both.values)
-    expected = log_rate(state)
-    turning = both.physics.get("turning", torch.full_like(expected, torch.nan))
-    if bool(turning[is_real].isfinite().any()):
-        state = replace(state, turned_more=turned_more(turning, is_real))
-        expected = expected + by_own_turns(state, turning, is_real)
-    values["rate"] = torch.where(settled, both.physics["log_rate"] - expected, torch.nan)
-    values["lag"] = torch.where(settled, values["lag"], torch.nan)
-    if state.rate_change_per_s is not None:
-        state = replace(state, usual_rate_change_per_s=state.rate_change_per_s[is_real].nanmean(0).nan_to_num(0.0))
-    if simulated_flights:
-        beyond = values["rate"][~is_real].nanmean(0).nan_to_num(0.0)
-        delay = report_delay_s(state.rows(torch.nonzero(~is_real)[:, 0]), values["lag"][~is_real])
-        state = replace(state, beyond_polar=beyond, report_delay_s=delay)
-    entries, columns = [], []
-    # Where the simulator's flights measured nothing, flights of mean zero with the real spread are its claim.
-    stand_in = torch.arange(n_before) % len(real)
-    for name in (*BY_BAND, *OF_FLIGHT):
-        if name not in values or not (simulated_flights or name in CLAIMED_ZERO):
-            continue
-        table = values[name] if name in BY_BAND else values[name][:, None]
-        for band in range(table.shape[1]):
-            column = table[:, band]
-            simulated = column[~is_real]
-            anchored = bool(simulated_flights) and _enough(simulated)
-            # What a few of the simulator's flights show is not enough to compare, and no claim of physics either.
-            claimed = name in CLAIMED_ZERO and not bool(simulated.isfinite().any())
-            if not _enough(column[is_real]) or not (anchored or claimed):
-                continue
-            if _tells_nothing(column, both.airframe):
-                continue
-            entries.append(Entry(name, band if name in BY_BAND else -1))
-            sides = [column[is_real], column[~is_real]] if anchored else [column[is_real]]
-            shown, *known = _drawn_in(sides, assumed.extreme, assumed.negligible_shift(name))
-            normal = known[0] if anchored else (shown - shown.nanmean())[stand_in]
-            columns.append(torch.cat([normal, shown]))
+        own = state_of(simulated_flights, aircraft, mass_kg, assumed)
+        coefficients = simulator_coefficients(own, rate[~is_real], simulated_flights.airframe, assumed)
+    state = coefficients.applied(state_of(both, aircraft, mass_kg, assumed))
+    state, expected = _with_turns(state, both.physics.get("turning"), is_real)
+    values = {**both.values, "rate": rate - expected, "lag": lag}
+    columns = _columns(values, is_real, both.airframe, assumed)
     if not columns:
         raise DataError(
             f"no quantity that {MIN_FLIGHTS_SHOWING} of {len(real)} real flights show in one band",
             expected=f"at least {MIN_FLIGHTS_SHOWING} flights on both sides through the same levels",
             mend="give more flights",
         )
-    y = torch.stack(columns, 1)
-    scale = _spread(y, is_real)
+    y = torch.stack(list(columns.values()), 1)
     return Compared(
-        tuple(entries),
+        tuple(columns),
         y,
         is_real,
-        scale,
+        _spread(y, is_real),
         both.airframe,
         both.known_day,
-        state,
+        _with_usual(state, values, is_real),
         real.band_fl,
         coefficients,
         real.names,
         assumed,
     )
+
+
+def _with_turns(state: FlightState, turning: Tensor | None, real: Tensor) -> tuple[FlightState, Tensor]:
+    """State, and ln of the polar's rate (n, K), with each flight's own turns where those of real flights are known."""
+    expected = log_rate(state)
+    if turning is None or not bool(turning[real].isfinite().any()):
+        return state, expected
+    state = replace(state, turned_more=turned_more(turning, real))
+    return state, expected + by_own_turns(state, turning, real)
+
+
+def _with_usual(state: FlightState, values: Mapping[str, Tensor], real: Tensor) -> FlightState:
+    """State with the mean change of real flights' rate, and what the simulator's add to the polar and report late."""
+    assert state.rate_change_per_s is not None
+    usual = state.rate_change_per_s[real].nanmean(0).nan_to_num(0.0)
+    state = replace(state, usual_rate_change_per_s=usual)
+    if bool(real.all()):
+        return state
+    beyond = values["rate"][~real].nanmean(0).nan_to_num(0.0)
+    delay = report_delay_s(state.rows(torch.nonzero(~real)[:, 0]), values["lag"][~real])
+    return replace(state, beyond_polar=beyond, report_delay_s=delay)
+
+
+def _columns(values: Mapping[str, Tensor], real: Tensor, airframe: Tensor, assumed: Assumptions) -> dict[Entry, Tensor]:
+    """Entries that can be compared, each with its values (n,)."""
+    found = {}
+    for name in (name for name in (*BY_BAND, *OF_FLIGHT) if name in values):
+        for band, column in enumerate(values[name].unbind(1)) if name in BY_BAND else [(-1, values[name])]:
+            compared = _compared(name, column, real, assumed)
+            if compared is not None and not _tells_nothing(column, airframe):
+                found[Entry(name, band)] = compared
+    return found
+
+
+def _compared(name: str, column: Tensor, real: Tensor, assumed: Assumptions) -> Tensor | None:
+    """Values (n,) of both sides without extremes; None where too few flights show any."""
+    shown, simulated = column[real], column[~real]
+    anchored = _enough(simulated)
+    # What a few of the simulator's flights show is not enough to compare, and no claim of physics either.
+    claimed = name in CLAIMED_ZERO and not bool(simulated.isfinite().any())
+    if not _enough(shown) or not (anchored or claimed):
+        return None
+    sides = [shown, simulated] if anchored else [shown]
+    shown, *known = _drawn_in(sides, assumed.extreme, assumed.negligible_shift(name))
+    # Where the simulator's flights measured nothing, flights of mean zero with the real spread are its claim.
+    stand_in = torch.arange(len(simulated)) % len(shown)
+    return torch.cat([known[0] if anchored else (shown - shown.nanmean())[stand_in], shown])
 
 
 def _tells_nothing(column: Tensor, airframe: Tensor) -> bool:

@@ -5,9 +5,7 @@ same cleaning as its flights. That a model descends as flights do from which it 
 are counted. A model that knows the air of its flights is compared in standard air.
 """
 
-import re
-import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,31 +14,21 @@ import polars as pl
 
 from descentflow.aircraft_types.nearest_type import nearest_type
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
-from descentflow.core.errors import CheckpointError, ConfigError, DataError, UnknownTypeError, warn
+from descentflow.core.errors import ConfigError, DataError, UnknownTypeError, warn
 from descentflow.core.version import __version__
 from descentflow.diagnosis.findings.findings import SEEN
 from descentflow.diagnosis.findings.inputs_found import CoefficientsUsed, InputUsed, Provenance
-from descentflow.diagnosis.input_descriptions import input_of_flights, input_of_model
-from descentflow.diagnosis.simulator import Simulator, types_of
+from descentflow.diagnosis.input_descriptions import input_of_flights, input_of_model, rows_dropped
+from descentflow.diagnosis.simulator import FLIGHTS, MODEL, TYPE, Simulator, kind_of_simulator, types_of
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.surveillance.descents.prepared_descents import Descents
-from descentflow.surveillance.open_descents import FlightSource, are_rows, paths_of
+from descentflow.surveillance.open_descents import FlightSource, paths_of
 
 if TYPE_CHECKING:
+    from descentflow.representation.own_air import AirSource
     from descentflow.representation.representation import Representation
 
-Air = str | Path | Sequence[str | Path] | None
-"""Source of flights' air: ``measured``, or the files of a weather field."""
-DESIGNATOR = re.compile(r"[A-Z][A-Z0-9]{1,3}")
-"""Type designators of ICAO Doc 8643: two to four letters and digits, a letter first."""
-MODEL_NAME = re.compile(r"[\w-]+")
-"""Names of models of BADA 4, such as A320-231; names of files have a dot."""
-CHECKPOINT_SUFFIXES = (".ckpt", ".pt", ".pth")
-"""Endings of names of checkpoints: a damaged one still is no table of rows."""
-
 OWN = "it beside a simulator's flights, for a checkpoint and a type have coefficients of their own"
-FLIGHTS, MODEL, TYPE = "flights", "a checkpoint", "a type"
-"""Kinds of simulators."""
 MISPLACED = (
     (
         "air",
@@ -126,7 +114,7 @@ class Inputs:
     bada_dir: str | Path | None = None
     nearest_type: bool = False
     any_type: bool = False
-    air: Air = None
+    air: "AirSource | None" = None
     columns: Mapping[str, str] | None = None
     simulator_columns: Mapping[str, str] | None = None
     progress: Callable[[str], None] = lambda _: None
@@ -147,14 +135,9 @@ class Inputs:
         if self.simulator is None:
             # Of BADA 4 the name of a model stands for a type, and is no designator.
             return replace(self, simulator=find_aircraft(str(self.typecode), self.bada_dir), typecode=None).open()
-        if isinstance(self.simulator, PerformanceModel) or is_type(self.simulator, self.bada_dir):
-            self._refuse(TYPE)
-            return self._nominal()
-        if are_flights(self.simulator):
-            self._refuse(FLIGHTS)
-            return self._with_flights()
-        self._refuse(MODEL)
-        return self._with_model()
+        kind = kind_of_simulator(self.simulator, self.bada_dir)
+        self._refuse(kind)
+        return {TYPE: self._nominal, FLIGHTS: self._with_flights, MODEL: self._with_model}[kind]()
 
     def _refuse(self, kind: str) -> None:
         """Refuse what does not go with a kind of simulator (ConfigError)."""
@@ -275,71 +258,9 @@ class Inputs:
         return found, CoefficientsUsed(found.typecode, found.source, of_flights, nearest, asked)
 
 
-def is_type(simulator: object, bada_dir: str | Path | None = None) -> bool:
-    """Test for a text that is the designator of a type, or of a model in a folder of BADA 4, and no file.
-
-    Example:
-        >>> is_type("A320"), is_type("best.ckpt"), is_type(Path("A320"))
-        (True, False, False)
-        >>> is_type("A320-231"), is_type("A320-231", "bada"), is_type("best.ckpt", "bada")
-        (False, True, False)
-    """
-    named = DESIGNATOR if bada_dir is None else MODEL_NAME
-    return isinstance(simulator, str) and named.fullmatch(simulator) is not None and not Path(simulator).exists()
-
-
-def are_flights(simulator: Any) -> bool:
-    """Test for flights, by the content of files, and not a checkpoint or a model.
-
-    Raises:
-        CheckpointError: If there is no such checkpoint.
-        ConfigError: If there is a checkpoint among several paths.
-        DataError: If there is no such file.
-
-    Example:
-        >>> are_flights("descents.parquet"), are_flights("best.ckpt")
-        (True, False)
-    """
-    paths = paths_of(simulator)
-    if not paths:
-        several = simulator if isinstance(simulator, list | tuple) else [simulator]
-        return bool(several) and all(isinstance(one, Descents) or are_rows(one) for one in several)
-    for path in paths:
-        if not path.exists():
-            error = CheckpointError if path.suffix in CHECKPOINT_SUFFIXES else DataError
-            typed = MODEL_NAME.fullmatch(str(path))
-            raise error(
-                f"no file {path}",
-                expected="a checkpoint, or rows or prepared descents of a simulator's flights",
-                mend=f"check the path{', or ask for nominal BADA with typecode (--typecode)' if typed else ''}",
-            )
-    checkpoints = [path for path in paths if is_checkpoint(path)]
-    if checkpoints and len(paths) > 1:
-        raise ConfigError(
-            f"the checkpoint {checkpoints[0]} among {len(paths)} paths of a simulator",
-            expected="one checkpoint alone, or paths of flights",
-            mend="diagnose them one by one",
-        )
-    return not checkpoints
-
-
-def is_checkpoint(path: Path) -> bool:
-    """Test for a checkpoint by its content, or by its name although it is damaged.
-
-    Example:
-        >>> is_checkpoint(Path("best.ckpt")), is_checkpoint(Path("rows.parquet"))
-        (True, False)
-    """
-    if path.is_dir():
-        return False
-    if zipfile.is_zipfile(path):
-        with zipfile.ZipFile(path) as archive:
-            if any(name.endswith("data.pkl") for name in archive.namelist()):
-                return True
-    return path.suffix in CHECKPOINT_SUFFIXES
-
-
-def without_weather(frame: pl.DataFrame, parts: "Representation", air: Air = None) -> tuple[pl.DataFrame, int]:
+def without_weather(
+    frame: pl.DataFrame, parts: "Representation", air: "AirSource | None" = None
+) -> tuple[pl.DataFrame, int]:
     """Real flights in standard air, and how many were left out because nothing is known of their air.
 
     The training flights that a checkpoint carries were brought there likewise, each by its own temperature and wind:
@@ -377,13 +298,6 @@ def without_weather(frame: pl.DataFrame, parts: "Representation", air: Air = Non
             mend="give such flights, or diagnose a model that was fitted with data.air=standard",
         )
     return found, airs.without
-
-
-def rows_dropped(descents: Descents, what: str = "rows") -> dict[str, int]:
-    """Rows that preparation left out, by its step."""
-    report = descents.metadata.get("report") or {}
-    steps = report.get("steps", []) if isinstance(report, dict) else []
-    return {f"{what}_{s['step']}": int(s["rows_dropped"]) for s in steps if s.get("rows_dropped")}
 
 
 def _own_flights(real: pl.DataFrame, name: str, parts: "Representation") -> dict[str, int]:

@@ -48,6 +48,13 @@ def input_of_flights(name: str, descents: Descents) -> InputUsed:
     )
 
 
+def rows_dropped(descents: Descents, what: str = "rows") -> dict[str, int]:
+    """Rows that preparation left out, by its step."""
+    report = descents.metadata.get("report") or {}
+    steps = report.get("steps", []) if isinstance(report, dict) else []
+    return {f"{what}_{s['step']}": int(s["rows_dropped"]) for s in steps if s.get("rows_dropped")}
+
+
 def settings_in_text(cleaning: Cleaning | None) -> dict[str, str]:
     """Cleaning settings by name; none where they are unknown."""
     return {} if cleaning is None else {name: str(value) for name, value in asdict(cleaning).items()}

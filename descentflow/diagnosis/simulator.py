@@ -1,21 +1,32 @@
-"""Simulators to diagnose: a model, flights of any simulator, or nominal BADA; levels and types that suit each."""
+"""Simulators to diagnose: a model, flights of any simulator, or a type's nominal descent; what suits each."""
 
+import re
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
-from descentflow.core.errors import DataError
+from descentflow.core.errors import CheckpointError, ConfigError, DataError
 from descentflow.diagnosis.findings.inputs_found import CoefficientsUsed
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents
+from descentflow.surveillance.open_descents import are_rows, paths_of
 
 if TYPE_CHECKING:
     from descentflow.densities.density import Density
     from descentflow.representation.representation import Representation
 
+FLIGHTS, MODEL, TYPE = "flights", "a checkpoint", "a type"
+"""Kinds of simulators."""
+DESIGNATOR = re.compile(r"[A-Z][A-Z0-9]{1,3}")
+"""Type designators of ICAO Doc 8643: two to four letters and digits, a letter first."""
+MODEL_NAME = re.compile(r"[\w-]+")
+"""Names of models of BADA 4, such as A320-231; names of files have a dot."""
+CHECKPOINT_SUFFIXES = (".ckpt", ".pt", ".pth")
+"""Endings of names of checkpoints: a damaged one still is no table of rows."""
 MIN_LEVELS_FL = 30.0
 """Height of the levels that both sides show: six bands of 500 ft, the least that has a shape in altitude."""
 
@@ -141,3 +152,60 @@ def _levels_of(frame: pl.DataFrame) -> tuple[float, float]:
     lowest = frame["level_fl"].to_numpy().min(initial=10_000)
     top = sorted(reached.tolist(), reverse=True)[max(len(reached) // 4 - 1, 0)] if len(reached) else lowest
     return float(lowest), float(max(top, lowest + 20))
+
+
+def kind_of_simulator(simulator: Any, bada_dir: str | Path | None = None) -> str:
+    """Kind of what a user gives as a simulator: a type, flights or a checkpoint (which a model in memory counts as).
+
+    A type is an aircraft, its designator, or a model's name in a folder of BADA 4, where no file has that name. Flights
+    are known by the content of files.
+
+    Raises:
+        CheckpointError: If there is no such checkpoint.
+        ConfigError: If there is a checkpoint among several paths.
+        DataError: If there is no such file.
+
+    Example:
+        >>> [kind_of_simulator(one) for one in ("A320", "descents.parquet", "best.ckpt")]
+        ['a type', 'flights', 'a checkpoint']
+        >>> kind_of_simulator("A320-231", "bada")
+        'a type'
+    """
+    if isinstance(simulator, PerformanceModel):
+        return TYPE
+    named = DESIGNATOR if bada_dir is None else MODEL_NAME
+    if isinstance(simulator, str) and named.fullmatch(simulator) and not Path(simulator).exists():
+        return TYPE
+    paths = paths_of(simulator)
+    if not paths:
+        several = simulator if isinstance(simulator, list | tuple) else [simulator]
+        rows = bool(several) and all(isinstance(one, Descents) or are_rows(one) for one in several)
+        return FLIGHTS if rows else MODEL
+    for path in paths:
+        if not path.exists():
+            error = CheckpointError if path.suffix in CHECKPOINT_SUFFIXES else DataError
+            typed = MODEL_NAME.fullmatch(str(path))
+            raise error(
+                f"no file {path}",
+                expected="a checkpoint, or rows or prepared descents of a simulator's flights",
+                mend=f"check the path{', or ask for nominal BADA with typecode (--typecode)' if typed else ''}",
+            )
+    checkpoints = [path for path in paths if _is_checkpoint(path)]
+    if checkpoints and len(paths) > 1:
+        raise ConfigError(
+            f"the checkpoint {checkpoints[0]} among {len(paths)} paths of a simulator",
+            expected="one checkpoint alone, or paths of flights",
+            mend="diagnose them one by one",
+        )
+    return MODEL if checkpoints else FLIGHTS
+
+
+def _is_checkpoint(path: Path) -> bool:
+    """Test for a checkpoint by its content, or by its name although it is damaged."""
+    if path.is_dir():
+        return False
+    if zipfile.is_zipfile(path):
+        with zipfile.ZipFile(path) as archive:
+            if any(name.endswith("data.pkl") for name in archive.namelist()):
+                return True
+    return path.suffix in CHECKPOINT_SUFFIXES

@@ -18,6 +18,10 @@ and prediction keep to one thread.
 
 Every error that is raised on purpose is a :class:`DescentflowError`.
 
+Reading order: :mod:`~descentflow.surveillance`, :mod:`~descentflow.representation`, :mod:`~descentflow.densities`,
+:mod:`~descentflow.training`, :mod:`~descentflow.generation`, :mod:`~descentflow.evaluation`,
+:mod:`~descentflow.diagnosis`; each names the module to read first.
+
 Example:
     >>> import descentflow as df
     >>> descents = df.prepare("rows.parquet", typecode="A320")

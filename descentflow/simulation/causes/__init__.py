@@ -1,9 +1,8 @@
 """Causes that a world can inject in its flights, each flown in time: those of the catalogue, and some outside it.
 
-Their values stand in :mod:`~descentflow.simulation.plantable`. Read
-:mod:`~descentflow.simulation.causes.cause` (what a cause is) and
-:mod:`~descentflow.simulation.causes.injection` (how several act together), then any of the files of causes;
-:mod:`~descentflow.simulation.causes.injection` has all of them.
+Reading order: :mod:`~descentflow.simulation.causes.cause` (what a cause is), any file of causes, then
+:mod:`~descentflow.simulation.causes.injection` (all of them, and how several act together). Their values stand in
+:mod:`~descentflow.simulation.plantable`.
 """
 
 from descentflow.simulation.causes.injection import CAUSES, Injection

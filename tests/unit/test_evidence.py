@@ -24,7 +24,7 @@ from descentflow.diagnosis.inference.flight_mixture import (
     flight_windows,
 )
 from descentflow.diagnosis.inference.linear_gaussian import Precisions, posterior, shrunk
-from descentflow.diagnosis.inference.moments import Moments, moments, sums_by_clusters, sums_over
+from descentflow.diagnosis.inference.moments import Moments, moments, sums_by_aircraft_and_day, sums_over
 from descentflow.diagnosis.inference.naming import name_effects, nuisances
 from descentflow.diagnosis.inference.sets import Search, SetFit, SetFits
 from descentflow.diagnosis.inference.two_sides import Compared, Entry
@@ -90,7 +90,7 @@ def test_errors_of_a_mean_are_by_days_where_the_flights_of_a_day_are_alike(days:
     day, one = np.repeat(np.arange(days), 10), np.array(["tas"])
     for _ in range(1000):
         seen = rng.normal(size=(days, 1))[day] + 0.3 * rng.normal(size=(len(day), 1))
-        rows = sums_by_clusters(seen - seen.mean(0), np.arange(len(day)), day, one, np.eye(1))
+        rows = sums_by_aircraft_and_day(seen - seen.mean(0), np.arange(len(day)), day, one, np.eye(1))
         inside += float(abs(seen.mean())) < 1.96 * np.sqrt((rows**2).sum())
     # Student's interval holds 95 %; the standard error of 1,000 is 0.7 %, and the ratio is never below one.
     assert 930 <= inside <= 975
@@ -98,7 +98,7 @@ def test_errors_of_a_mean_are_by_days_where_the_flights_of_a_day_are_alike(days:
 
 def test_flights_of_one_day_are_known_by_their_aircraft() -> None:
     own = np.random.default_rng(5).normal(size=(30, 1))
-    rows = sums_by_clusters(own - own.mean(0), np.arange(30), np.zeros(30), np.array(["tas"]), np.eye(1))
+    rows = sums_by_aircraft_and_day(own - own.mean(0), np.arange(30), np.zeros(30), np.array(["tas"]), np.eye(1))
     assert (rows**2).sum() == pytest.approx(own.var(ddof=1) / 30)
 
 

@@ -68,7 +68,7 @@ def moments(compared: Compared) -> Moments:
         mean = np.nanmean(y[side], 0)
         difference = difference + sign * mean
         departures[side] = y[side] - mean
-        sums.append(sums_by_clusters(departures[side], airframe[side], day[side], quantity, kernel))
+        sums.append(sums_by_aircraft_and_day(departures[side], airframe[side], day[side], quantity, kernel))
         # Flights that differ by less than the step of a field share one error of rounding, which no mean takes away;
         # at speeds that differ each is rounded otherwise.
         variance, of_speed = np.nanvar(y[side], 0), quantity == "cas"
@@ -89,7 +89,7 @@ def smooth_kernel(compared: Compared, quantity: np.ndarray, length_m: float) -> 
     return np.where(quantity[:, None] == quantity, np.exp(-0.5 * apart**2), 0.0)
 
 
-def sums_by_clusters(
+def sums_by_aircraft_and_day(
     departures: Array, airframe: np.ndarray, day: np.ndarray, quantity: np.ndarray, kernel: Array
 ) -> Array:
     """Contributions (c, p) of aircraft and of days to the error of a side's mean.
@@ -99,7 +99,7 @@ def sums_by_clusters(
 
     Example:
         >>> apart, names = np.array([[1.0], [1.1], [-1.0], [-1.1]]), np.array(["rate"])
-        >>> rows = sums_by_clusters(apart, np.arange(4), np.array([1, 1, 2, 2]), names, np.eye(1))
+        >>> rows = sums_by_aircraft_and_day(apart, np.arange(4), np.array([1, 1, 2, 2]), names, np.eye(1))
         >>> bool((rows**2).sum() > 10 * (sums_over(apart, np.arange(4)) ** 2).sum())  # two days, one degree of freedom
         True
     """
@@ -117,8 +117,8 @@ def sums_by_clusters(
     return found
 
 
-def sums_over(departures: Array, cluster: np.ndarray) -> Array:
-    """Contribution of each cluster (c, p) to the error of its side's mean, scaled so that squares are unbiased.
+def sums_over(departures: Array, group: np.ndarray) -> Array:
+    """Contribution of each group (c, p) to the error of its side's mean, scaled so that squares are unbiased.
 
     Example:
         >>> sums_over(np.array([[1.0], [1.0], [-2.0]]), np.array([7, 7, 9])).round(2)
@@ -126,11 +126,11 @@ def sums_over(departures: Array, cluster: np.ndarray) -> Array:
                [-0.94]])
     """
     count = np.maximum(np.isfinite(departures).sum(0), 1)
-    _, index = np.unique(cluster, return_inverse=True)
-    clusters = int(index.max()) + 1
-    total = np.zeros((clusters, departures.shape[1]))
+    _, index = np.unique(group, return_inverse=True)
+    groups = int(index.max()) + 1
+    total = np.zeros((groups, departures.shape[1]))
     np.add.at(total, index, np.nan_to_num(departures) / count)
-    found: Array = total * np.sqrt(clusters / max(clusters - 1, 1))
+    found: Array = total * np.sqrt(groups / max(groups - 1, 1))
     return found
 
 

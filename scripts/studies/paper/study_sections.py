@@ -193,8 +193,7 @@ def components(plan: StudyPlan, folder: Path, theirs: pl.DataFrame | None) -> li
     text = paragraph(
         "Principal components that explain 80 % of the variance, of drag and of CAS, and components of the Gaussian "
         "mixture, by AIC as ours are fitted and by BIC in the paper, which allows at most one mixture component per 15 "
-        "training flights per parameter. Ours are pairs of a cluster of speeds and one of drags where flights are few; "
-        "the last column has how many components of CAS are modelled."
+        "training flights per parameter. The last column has how many components of CAS are modelled."
     )
     return [text, table(head + papers, rows)]
 

@@ -34,7 +34,7 @@ WINDOW = 3
 """Bands on either side, with whose median a band is compared."""
 OUTLIER = 4.0
 """Robust standard deviations that it may be away: one of 16,000 normal ones (Hampel's identifier)."""
-Part = tuple[Tensor, float, Tensor]
+ReportedChannel = tuple[Tensor, float, Tensor]
 """Values (n, L) of a channel, the step of its reports, and the weight (n, L) of its error in what is observed."""
 
 
@@ -80,7 +80,7 @@ def temperature_reports(grid: LevelGrid) -> AirReports:
         (cas - 0.5) * KT_MPS, grid.altitude_m
     )
     of_mach = -2 * temperature / mach
-    parts: list[Part] = [
+    parts: list[ReportedChannel] = [
         (tas, STEPS["TAS"], 2 * temperature / tas),
         (reported, STEPS["Mach"], torch.where(has_mach, of_mach, 0.0)),
         (cas, STEPS["IAS"], torch.where(has_mach, 0.0, of_mach * mach_per_kt)),
@@ -104,11 +104,11 @@ def tailwind_reports(grid: LevelGrid) -> AirReports:
     tas, groundspeed = grid.values["TAS"], grid.values["groundspeed"]
     along = level_part_kt(grid.values) * drift_cosine(grid.values)
     weight = torch.full_like(tas, KT_MPS)
-    parts: list[Part] = [(tas, STEPS["TAS"], -weight), (groundspeed, STEPS["groundspeed"], weight)]
+    parts: list[ReportedChannel] = [(tas, STEPS["TAS"], -weight), (groundspeed, STEPS["groundspeed"], weight)]
     return _banded(grid, _possible((groundspeed - along) * KT_MPS, MAX_WIND_MPS), parts)
 
 
-def _banded(grid: LevelGrid, values: Tensor, parts: list[Part]) -> AirReports:
+def _banded(grid: LevelGrid, values: Tensor, parts: list[ReportedChannel]) -> AirReports:
     """Means over bands, and the covariance of their errors by rounding."""
     n, n_levels = values.shape
     count = -(-n_levels // BAND_LEVELS)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_typecodes
 from descentflow.aircraft_types.registry import every_aircraft
-from descentflow.aircraft_types.standard_descent import Engine
+from descentflow.aircraft_types.standard_descent import EngineKind
 from descentflow.core.errors import AircraftError
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ class TypeSize(NamedTuple):
         2
     """
 
-    engine: Engine
+    engine: EngineKind
     n_engines: int
     mass_maximum_kg: float
 
@@ -48,7 +48,9 @@ def type_sizes() -> Mapping[str, TypeSize]:
     text = files("descentflow.aircraft_types.open_types").joinpath(SIZES).read_text(encoding="utf-8")
     rows = csv.DictReader(text.splitlines())
     return {
-        row["typecode"]: TypeSize(cast("Engine", row["engine"]), int(row["n_engines"]), float(row["mass_maximum_kg"]))
+        row["typecode"]: TypeSize(
+            cast("EngineKind", row["engine"]), int(row["n_engines"]), float(row["mass_maximum_kg"])
+        )
         for row in rows
     }
 

@@ -15,7 +15,7 @@ from descentflow.physics.airspeed import crossover_altitude_m, mach_to_cas_mps
 from descentflow.physics.atmosphere import is_below
 from descentflow.physics.performance_model import APPROACH, CLEAN, LANDING, Configuration
 
-Engine = Literal["jet", "turboprop", "piston"]
+EngineKind = Literal["jet", "turboprop", "piston"]
 BUFFET_FLOOR_M = 15000 * FT_M
 """The low-speed buffet limits jets and turboprops of BADA 3 from this altitude up."""
 HIGH_SCHEDULE_M = 10000 * FT_M
@@ -69,7 +69,7 @@ class StandardDescent(ABC):
     """
 
     typecode: str
-    engine: Engine
+    engine: EngineKind
     wake_category: str
     source: str
     limits: GlobalParameters

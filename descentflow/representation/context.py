@@ -11,7 +11,7 @@ from torch import Tensor
 
 from descentflow.core.errors import ConfigError, DataError
 
-Kind = Literal["number", "category", "hour"]
+ColumnKind = Literal["number", "category", "hour"]
 Missing = Literal["drop", "indicator"]
 OTHER = "(other)"
 """Category of the rare and the unseen."""
@@ -39,7 +39,7 @@ class ContextColumn:
     """
 
     name: str
-    kind: Kind
+    kind: ColumnKind
     mean: float = 0.0
     scale: float = 1.0
     values: tuple[str, ...] = ()

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
 from descentflow.aircraft_types.coefficient_group import CoefficientGroup
-from descentflow.aircraft_types.standard_descent import STANDARD, Engine, GlobalParameters
+from descentflow.aircraft_types.standard_descent import STANDARD, EngineKind, GlobalParameters
 from descentflow.core.arguments import checked_arguments
 from descentflow.core.tensors import Number
 
@@ -36,7 +36,7 @@ class Coefficients(CoefficientGroup):
     """Far wider than any aircraft's, of coefficients that shift bounds and still let a descent fly."""
 
     typecode: str
-    engine: Engine
+    engine: EngineKind
     n_engines: int
     wake_category: str
     source: str

@@ -5,10 +5,10 @@ from pathlib import Path
 
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
 from descentflow.aircraft_types.bada3.fixed_columns import Line, data_lines, header, read_lines, write_lines
-from descentflow.aircraft_types.standard_descent import Engine
+from descentflow.aircraft_types.standard_descent import EngineKind
 
 PHASES = ("CR", "IC", "TO", "AP", "LD")
-ENGINES: dict[str, Engine] = {"JET": "jet", "TURBOPROP": "turboprop", "PISTON": "piston"}
+ENGINES: dict[str, EngineKind] = {"JET": "jet", "TURBOPROP": "turboprop", "PISTON": "piston"}
 TYPECODE, N_ENGINES, ENGINE, WAKE = (5, 11), (20, 21), (33, 42), (59, 60)
 """Columns of the first data line."""
 TONNES = ("mass_reference_kg", "mass_minimum_kg", "mass_maximum_kg", "mass_payload_kg")
@@ -59,7 +59,7 @@ class Opf:
 
     typecode: str
     n_engines: int
-    engine: Engine
+    engine: EngineKind
     wake_category: str
     numbers: dict[str, float]
     modified: str = ""

@@ -11,7 +11,7 @@ from torch import Tensor
 from descentflow.aircraft_types.bada4.engines import Air, Engines, Jet, Piston, Turboprop
 from descentflow.aircraft_types.bada4.wing import Wing
 from descentflow.aircraft_types.coefficient_group import CoefficientGroup, Numbers, Places
-from descentflow.aircraft_types.standard_descent import STANDARD, Engine, GlobalParameters, StandardDescent
+from descentflow.aircraft_types.standard_descent import STANDARD, EngineKind, GlobalParameters, StandardDescent
 from descentflow.core.arguments import checked_arguments
 from descentflow.core.constants import G0_MPS2, KAPPA, P0_PA
 from descentflow.core.errors import AircraftError
@@ -50,7 +50,7 @@ class Bada4Aircraft(CoefficientGroup, StandardDescent):
         {"mass_reference_kg", *PLACES, "mmo", "des_cas_low_kt", "des_cas_high_kt", "des_mach"}
     )
     typecode: str
-    engine: Engine
+    engine: EngineKind
     wake_category: str
     source: str
     engines: Engines

@@ -7,7 +7,7 @@ import torch
 from bada4_dummies import dummies
 
 from descentflow.aircraft_types.bada3.apf_file import read_apf, write_apf
-from descentflow.aircraft_types.bada3.bada_directory import load_aircraft, load_directory, read_synonym, to_aircraft
+from descentflow.aircraft_types.bada3.bada_directory import load_aircraft, load_directory, to_aircraft
 from descentflow.aircraft_types.bada3.fixed_columns import e10
 from descentflow.aircraft_types.bada3.gpf_file import read_gpf
 from descentflow.aircraft_types.bada3.opf_file import read_opf, write_opf
@@ -78,16 +78,6 @@ def test_a_repaired_file_changes_in_its_own_columns_alone(dummy, tmp_path):
     assert len(changed) == 5  # the title, these, and the clean polar
 
 
-def test_opf_says_what_the_file_prints(dummy):
-    opf = read_opf(dummy / "BZJT__.OPF")
-    assert (opf.typecode, opf.n_engines, opf.engine, opf.wake_category) == ("BZJT", 2, "jet", "M")
-    assert opf.modified
-    assert opf.numbers["mass_reference_kg"] == 6350.0
-    assert opf.numbers["ct_des_high"] == -0.1861
-    assert opf.numbers["altitude_des_ft"] == 38290.0
-    assert opf.numbers["length_m"] == 14.9
-
-
 def test_apf_keeps_the_order_mach_high_low(dummy, tmp_path):
     speeds = read_apf(dummy / "TP2M__.APF").speeds
     assert [speeds[f"cruise_{name}"] for name in ("cas_low_kt", "cas_high_kt", "mach")] == [230.0, 220.0, 0.45]
@@ -118,12 +108,6 @@ def test_a_whole_directory_loads(dummy):
     everything = load_directory(dummy)
     assert len(everything) == 136
     assert {a.engine for a in everything.values()} == {"jet", "turboprop", "piston"}
-
-
-def test_synonyms_name_the_files_of_every_type(dummy):
-    synonyms = read_synonym(dummy / "SYNONYM.NEW")
-    assert len(synonyms) == 136
-    assert all((dummy / f"{file}.OPF").is_file() for file in synonyms.values())
 
 
 def test_flap_names_may_hold_blanks(release):
@@ -188,19 +172,6 @@ def test_malformed_lines_are_named_by_file_and_line(release, spoil):
     edit(release / file, index, change)
     with pytest.raises(AircraftError, match=rf"{file} {place}"):
         load_aircraft("A320", release)
-
-
-@pytest.mark.parametrize(
-    ("change", "place"),
-    [
-        (lambda x: x.replace(".20000E+01", "two"), "line 25"),
-        (lambda x: x.replace(".20000E+01", ""), "line 25"),
-    ],
-)
-def test_malformed_gpf_lines_are_named(release, change, place):
-    edit(release / "BADA.GPF", 24, change)
-    with pytest.raises(AircraftError, match=rf"BADA.GPF {place}"):
-        read_gpf(release / "BADA.GPF")
 
 
 def test_a_gpf_without_a_parameter_is_refused(release):

@@ -1,6 +1,5 @@
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import torch
 from scipy.integrate import solve_ivp
@@ -8,7 +7,7 @@ from scipy.integrate import solve_ivp
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.errors import AircraftError
 from descentflow.core.units import FL_M
-from descentflow.physics.nominal_descent import NominalDescent, nominal_descent, nominal_state
+from descentflow.physics.nominal_descent import nominal_descent, nominal_state
 
 DOUBLE = torch.float64
 # A thrust step inside the grid, so that every kind of jump is crossed.
@@ -53,13 +52,6 @@ def test_time_does_not_depend_on_the_grid():
     torch.testing.assert_close(coarse, fine[[0, 73, 280]], rtol=1e-8, atol=0)
 
 
-def test_time_falls_from_the_bottom_to_zero_at_the_top():
-    descent = nominal_descent(JET, GRID)
-    assert descent.time_s[-1].item() == 0.0
-    assert (descent.time_s.diff() < 0).all()
-    assert isinstance(descent, NominalDescent)
-
-
 def test_a_batch_is_its_members():
     masses = torch.tensor([[48e3, 60e3, 72e3]], dtype=DOUBLE)
     deviations = torch.tensor([[-10.0], [15.0]], dtype=DOUBLE)
@@ -82,13 +74,6 @@ def test_float32_grid_gives_float32_close_to_float64():
     assert single.time_s.dtype == torch.float32
     error = (single.time_s[:-1].double() / nominal_descent(JET, GRID).time_s[:-1] - 1).abs().max().item()
     assert error < 2e-5
-
-
-def test_states_at_levels_are_the_schedule_s():
-    descent = nominal_descent(JET, torch.arange(0, 381), 60e3)
-    assert (descent.rate_mps < 0).all()
-    assert set(descent.configuration.tolist()) == {0, 1, 2}
-    assert np.isclose(descent.cas_mps[100].item() / 0.514444, JET.des_cas_high_kt)
 
 
 @pytest.mark.parametrize("levels", [[200, 150], [150, 150, 160]])

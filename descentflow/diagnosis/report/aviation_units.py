@@ -8,7 +8,7 @@ from descentflow.diagnosis.findings.costs_found import LevelMeans, Measured
 from descentflow.diagnosis.findings.plain_values import number
 from descentflow.measurements.quantity_registry import QUANTITIES
 
-DECIMALS = {"s": 0, "NM": 1, "ft/min": 0, "kt": 1, "ft": 0, "%": 1, "factor": 2}
+DECIMALS = {"s": 0, "NM": 1, "ft/min": 0, "kt": 1, "ft": 0, "%": 1, "factor": 2, "kg": 1}
 """Digits after the point that a reader cares for."""
 
 
@@ -99,9 +99,13 @@ def between(value: Measured, unit: str) -> str:
     Example:
         >>> between(Measured(25.0, 22.0, 28.0), "s")
         '+25 s (+22 to +28)'
+        >>> between(Measured(-0.01, -3.3, 3.28), "s"), between(Measured(2.0, -8.0, 29.0), "s")
+        ('0.0 s (-3.3 to +3.3)', '+2 s (-8 to +29)')
     """
-    text = with_unit(value.estimate, unit, signed=True)
-    ends = [_rounded(end, _decimals(value.estimate, unit), True) for end in value.ends]
+    # The digits of the widest are enough for all three.
+    decimals = _decimals(max(map(abs, (value.estimate, *value.ends))), unit)
+    text, *ends = (_rounded(one, decimals, True) for one in (value.estimate, *value.ends))
+    text = text if unit == "1" else f"{text} {unit}"
     return f"{text} ({' to '.join(ends)})" if ends else text
 
 

@@ -11,7 +11,6 @@ from descentflow.simulation.world import World, simulate
 from descentflow.simulation.world_config import WorldConfig
 from descentflow.surveillance.prepare import prepare
 from studies.blind_diagnosis.hypsometry import (
-    gravity_mps2,
     hypsometric_deviation,
     speed_deviation,
 )
@@ -49,14 +48,6 @@ def test_heights_and_speeds_give_the_temperature_that_was_flown(windy: World, de
         assert np.abs(errors).max() < tolerance
         assert found.mean_k == pytest.approx(np.mean(list(truth.values())), abs=0.5)
         assert 0.1 < found.error_k < 2
-
-
-def test_gravity_is_that_of_the_place() -> None:
-    # Normal gravity at the equator, 45 degrees and the pole (GRS80), and 3.1 mm/s^2 less a kilometre up.
-    np.testing.assert_allclose(
-        gravity_mps2(np.array([0.0, 45.0, 90.0]), np.zeros(3)), [9.780327, 9.806199, 9.832186], atol=2e-6
-    )
-    assert gravity_mps2(np.zeros(1), np.array([1000.0]))[0] == pytest.approx(9.780327 - 0.00307, abs=1e-4)
 
 
 def test_the_wind_of_others_gives_the_gradient_along_a_track(windy: World, descents: pl.DataFrame) -> None:

@@ -8,10 +8,10 @@ import pytest
 from blind_toys import few_flights, study
 
 from studies.blind_diagnosis.blind_draw import draw_plan
-from studies.blind_diagnosis.blind_plan import SCALE_GROUP, SetPlan
+from studies.blind_diagnosis.blind_plan import SetPlan
 from studies.blind_diagnosis.blind_worlds import OWN
 from studies.blind_diagnosis.drawn_causes import DRAWN
-from studies.blind_diagnosis.outcome import matched, outcomes
+from studies.blind_diagnosis.outcome import outcomes
 from studies.blind_diagnosis.study_score import GOALS, score, table
 from studies.blind_diagnosis.true_sizes import true_sizes
 
@@ -104,10 +104,3 @@ def test_truth_of_foreign_flights_is_what_is_flown() -> None:
     assert true_sizes(single("drag_polar", {"factor": 1.1}, **foreign)) == {}
     heavy = true_sizes(single("mass", {"factor": 1.1, "share": 0.5}, **foreign))["mass"]
     assert heavy["relative_change"] == pytest.approx(0.05, abs=0.012)
-
-
-def test_groups_stand_for_causes_one_to_one() -> None:
-    scale, brakes = frozenset(SCALE_GROUP), frozenset({"speed_brake"})
-    assert matched([scale, brakes], ["speed_brake", "mass"])
-    assert not matched([scale], ["speed_brake", "mass"])
-    assert not matched([scale, scale], ["speed_brake", "mass"])

@@ -1,20 +1,16 @@
 """Vectors of the fidelity benchmark: SciPy's energy distance, and a classifier that separates what differs."""
 
 import numpy as np
-import torch
 import toys
 from scipy.spatial.distance import cdist
 
-from benchmarks.fidelity_rivals import RIVALS
 from benchmarks.fidelity_vectors import (
     Vectors,
     altitude_noise_ft,
     auc,
-    coarse,
     energy_distance,
     reported,
     vectors_of,
-    with_gaps_of,
 )
 
 
@@ -36,15 +32,6 @@ def test_energy_distance_is_that_of_scipys_distances() -> None:
     assert abs(energy_distance(one, other, spread) - expected) < 1e-6
 
 
-def test_times_of_bins_are_those_between_their_edges() -> None:
-    shown = toys.flights(3, 5)
-    found = vectors_of(shown.levels_fl, shown.time_s, shown.cas_mps, shown.mask)
-    whole = np.isfinite(found.log_s[0]).sum()
-    seconds = (shown.time_s[0, 0] - shown.time_s[0, 10 * whole]).item()
-    assert abs(np.exp(found.log_s[0, :whole]).sum() - seconds) < 1e-9
-    assert coarse(found).log_s.shape[1] == found.log_s.shape[1] // 3
-
-
 def test_noise_that_was_put_on_is_measured() -> None:
     """Of smooth flights, 300 with some 20 third differences each: known to 2 %, and what bends adds to its square."""
     smooth = flights(300, 4)
@@ -59,12 +46,3 @@ def test_the_classifier_separates_what_differs_alone() -> None:
     faster = Vectors(same.edges_fl, same.cas_kt + 40, same.log_s, same.entry_fl)
     assert 0.35 < auc(one, same, np.random.default_rng(1), size=100) < 0.65
     assert auc(one, faster, np.random.default_rng(1), size=100) > 0.9
-
-
-def test_rivals_are_near_the_flights_that_they_learnt_from() -> None:
-    shown = toys.flights(150, 3)
-    train = vectors_of(shown.levels_fl, shown.time_s, shown.cas_mps, shown.mask)
-    for rival in RIVALS.values():
-        drawn = with_gaps_of(rival(train, 400, 0), train, np.random.default_rng(2))
-        assert abs(np.nanmean(drawn.cas_kt) - np.nanmean(train.cas_kt)) < 3
-        assert torch.tensor(reported(drawn, np.random.default_rng(3), 11.0).cas_kt).nan_to_num().frac().abs().max() == 0

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from studies.paper.fidelity_goals import GOALS, judged, of_types
-from studies.paper.fidelity_measures import time_shown, top_spread
+from studies.paper.fidelity_measures import top_spread
 from studies.paper.study_plan import StudyPlan
 
 LEVELS = torch.arange(150.0, 351.0, dtype=torch.float64)
@@ -69,24 +69,3 @@ def test_what_is_reached_stands_beside_what_is_wanted(tmp_path: Path) -> None:
     assert found["covered_worst_level"]["met"] is False
     assert found["kept"]["met"] is True
     assert set(found) <= {goal.name for goal in GOALS}
-
-
-def descending(n: int, seed: int, slow: float = 1.0) -> DescentSet:
-    """Flights of 2.5 to 4.5 s a level, and samples that are slower by a factor."""
-    pace = slow * (3.5 + 0.5 * torch.randn(n, 1, generator=torch.Generator().manual_seed(seed), dtype=torch.float64))
-    below_top = torch.arange(len(LEVELS) - 1, -1, -1, dtype=torch.float64)
-    rate = noise(n, seed)
-    return DescentSet(LEVELS, pace * below_top, rate, rate, rate, torch.ones_like(rate, dtype=torch.bool))
-
-
-def test_gaps_of_slow_flights_are_put_into_samples() -> None:
-    """Slow flights lose the upper half of their levels, slow samples do not: times without gaps differ, these do not.
-
-    Of 2,000 flights both ratios stay within 0.25 of 1 for the right samples; those that are a tenth slower do not.
-    """
-    real = descending(2_000, seed=0)
-    pace = (real.time_s[:, 0] - real.time_s[:, -1]) / (len(LEVELS) - 1)
-    real.mask[(pace > 3.5), 100:] = False
-    for slow, apart in ((1.0, False), (1.1, True)):
-        found = time_shown(descending(2_000, seed=1, slow=slow), real)
-        assert all((abs(ratio - 1) > 0.25) is apart for ratio in found.values()), found

@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from flying.flight_plans import FlightPlan, cas_of_mach_kt, flight_plans
-from flying.radar_reports import NOISE, reports, table
+from flying.radar_reports import reports, table
 
 START = datetime(2024, 3, 1, 10, tzinfo=UTC)
 
@@ -75,16 +75,3 @@ def test_reports_are_sampled_at_the_intervals_and_quantised() -> None:
     assert all(t > 358 or t < 3.1 for t in rows["track"])
     assert "Mach" not in rows.columns  # the state has none
     assert table([rows, rows.drop("track")]).height == 14
-
-
-def test_noise_is_of_the_size_asked_for_and_another_in_each_flight() -> None:
-    """Standard deviation of 4,001 draws, rounded to 32 ft/min: within five standard errors (5 % and the rounding)."""
-    plan = FlightPlan("f", "a1", "A320", START, 360, 100, 0.78, 290, (4.0,), ("vertical_rate",))
-    time = np.arange(0.0, 16001.0)
-    state = {"time_s": time, "altitude": 36000 - time, "IAS": 0 * time, "vertical_rate": 0 * time}
-    first, again, other = (reports(plan, state, number, noise=3.0)["vertical_rate"] for number in (1, 1, 2))
-    assert first.equals(again)
-    assert not first.equals(other)
-    expected = np.hypot(3.0 * NOISE["vertical_rate"], 32 / np.sqrt(12))
-    assert abs(first.to_numpy().std() / expected - 1) < 0.06
-    assert set(reports(plan, state)["vertical_rate"]) == {0.0}

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 pytest.importorskip("jsbsim", reason="JSBSim is an extra: pip install '.[jsbsim]'")
 
-from descentflow.core.units import FL_M, FPM_MPS
+from descentflow.core.units import FL_M
 from descentflow.physics.airspeed import tas_to_cas_mps
 from descentflow.physics.atmosphere import isa_temperature_k, pressure_altitude_m
 from descentflow.simulation.causes.air_and_instruments import KT_PER_KFT
@@ -113,50 +113,6 @@ def test_a_tailwind_gradient_slows_the_descent_by_the_closed_form(plain: JsbsimW
         assert (expected < -0.04).all()
         assert change.mean() == pytest.approx(expected.mean(), rel=0.05)
         np.testing.assert_allclose(change, expected, atol=0.006)
-
-
-def test_anti_ice_keeps_a_share_of_drag_between_two_levels(plain: JsbsimWorld) -> None:
-    """By the energy balance the rate falls by that share there, and is as it was elsewhere."""
-    values = {"share": 1.0, "drag_share": 0.4, "low_fl": 200.0, "high_fl": 250.0}
-    iced = fly("MD11", 1, seed=5, effects={"anti_ice": values}, config=STEADY)
-    levels = np.array([225, 180, 290]) * FL_M
-    ratio = at(iced.truth, "rate_mps", levels) / at(
-        plain.truth.filter(flight_id=iced.flights["flight_id"][0]), "rate_mps", levels
-    )
-    # Thrust follows drag by the lever's pace, and lags behind its change with altitude.
-    np.testing.assert_allclose(ratio, [0.6, 1.0, 1.0], atol=0.02)
-
-
-def time_to_fl150(truth: pl.DataFrame) -> Array:
-    own = truth.group_by("flight_id", maintain_order=True)
-    return np.array([at(t, "time_s", np.array([150 * FL_M]))[0] for _, t in own])
-
-
-@pytest.mark.parametrize("kind", ["geometric_path", "vertical_speed_mode"])
-def test_paths_and_rates_are_held(kind: str) -> None:
-    values = {"share": 1.0, "of_idle": 0.9} | ({"depth_fl": 80.0} if kind == "vertical_speed_mode" else {})
-    wind = {"wind_gradient": {"slope_kt_per_kft": 1.0, "spread_kt_per_kft": 0.0}}
-    world = fly("MD11", 1, seed=2, effects={kind: values, **wind}, config=STEADY)
-    for (name,), own in world.truth.group_by("flight_id"):
-        plan = world.flights.row(by_predicate=pl.col("flight_id") == name, named=True)
-        held = own.filter(pl.col("label").is_in(["constant_path", "constant_rate"]))
-        assert len(held) > 60
-        if kind == "geometric_path":
-            climb = column(held, "tas_mps") * np.sin(column(held, "gamma"))
-            angle = np.degrees(np.arctan(climb / column(held, "groundspeed_mps")))
-            assert np.degrees(plan["hold_angle"]) * 10 == pytest.approx(round(np.degrees(plan["hold_angle"]) * 10))
-            off = np.abs(angle - np.degrees(plan["hold_angle"]))
-            assert off.max() < 0.1
-            assert (off < 0.03).mean() > 0.9
-        else:
-            assert plan["hold_rate_fpm"] % 100 == pytest.approx(0, abs=1e-6) or plan["hold_rate_fpm"] % 100 > 99.999
-            np.testing.assert_allclose(column(held, "rate_mps") / FPM_MPS, plan["hold_rate_fpm"], atol=40)
-        assert np.abs(column(held, "speed_error_mps")).max() < 2.5
-
-
-def test_half_the_step_changes_next_to_nothing() -> None:
-    times = [time_to_fl150(fly("787-8", 1, seed=0, config=JsbsimConfig(step_s=s)).truth)[0] for s in (0.1, 0.05)]
-    assert times[0] == pytest.approx(times[1], rel=1e-4)
 
 
 def test_rows_are_the_same_to_the_bit_for_the_same_seed() -> None:

@@ -5,14 +5,7 @@ import sys
 from pathlib import Path
 
 import matplotlib
-import numpy as np
 import pytest
-import torch
-
-from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-from descentflow.core.units import FPM_MPS
-from descentflow.physics.nominal_descent import nominal_descent
-from studies.aircraft.open_aircraft_figures import open_aircraft_figure
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "open_aircraft_page.py"
 
@@ -20,14 +13,6 @@ SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "open_aircraft_page.p
 @pytest.fixture(scope="module", autouse=True)
 def _no_window() -> None:
     matplotlib.use("agg")
-
-
-def test_lines_are_the_nominal_descent() -> None:
-    figure = open_aircraft_figure("B738")
-    line = next(x for x in figure.axes[0].lines if x.get_label().startswith("reference mass"))
-    level = np.asarray(line.get_ydata())
-    descent = nominal_descent(open_aircraft("B738"), torch.as_tensor(level))
-    np.testing.assert_allclose(line.get_xdata(), -descent.rate_mps.numpy() / FPM_MPS, rtol=1e-6)  # one mass, same grid
 
 
 def test_the_page_holds_everything_in_one_file(

@@ -35,15 +35,6 @@ def test_time_is_the_integral_of_the_rates(tmp_path: Path) -> None:
     assert (flown["altitude"][0], flown["vertical_rate"][0]) == (36000.0, -2500.0)
 
 
-def test_the_lower_of_the_two_speeds_is_flown(tmp_path: Path) -> None:
-    flown = fly(read_tables(written(tmp_path))["MEDIUM"], PLAN)
-    high, low = flown["altitude"] > 33000, flown["altitude"] < 28000
-    assert np.abs(flown["Mach"][high] - 0.78).max() < 1e-9
-    assert flown["IAS"][low] == pytest.approx(np.interp(flown["altitude"][low] / 100, [100, 300], [250, 290]))
-    by_cas_alone = fly(read_tables(written(tmp_path, mach_des=[None] * 3))["MEDIUM"], PLAN)
-    assert by_cas_alone["IAS"][0] == pytest.approx(290)
-
-
 def test_draws_follow_the_truncated_normal(tmp_path: Path) -> None:
     """Kolmogorov-Smirnov of 2,000 draws: a right sampler fails one run in 10,000, and the seed is fixed."""
     table, generator = read_tables(written(tmp_path, rocd_des=2500))["MEDIUM"], np.random.default_rng(3)

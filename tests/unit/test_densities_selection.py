@@ -13,10 +13,8 @@ from descentflow.densities.component_search import (
     select_mixture,
 )
 from descentflow.evaluation.metrics.noise_floor import level_distances
-from descentflow.training.data_settings import ContextSettings
-from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models import Gaussian, GaussianMixture, MaskedAffineFlow
-from studies.forecast_scores import crps_each, energy_score_each, forecast_scores, skill
+from studies.forecast_scores import crps_each, energy_score_each, skill
 
 CONFIGS = Path(__file__).resolve().parents[2] / "descentflow" / "configs" / "model"
 D = 4
@@ -96,23 +94,3 @@ def test_skill_covers_the_true_difference() -> None:
         found = skill(noise - 0.1, torch.zeros(200), seed=seed, n_resamples=400)
         held += found.low <= -0.1 <= found.high
     assert 0.9 - 3 * 0.0212 <= held / 200 <= 0.9 + 3 * 0.0212
-
-
-def test_forecasts_are_better_where_the_context_tells_something(tmp_path: Path) -> None:
-    import polars as pl
-
-    descents = toys.write_descents_file(tmp_path / "d.parquet", 300)
-    frame = pl.read_parquet(descents)
-    speed = frame.filter(pl.col("level_fl") == 160).select("flight_id", speed="IAS", nothing=pl.col("IAS").shuffle(0))
-    speed.write_parquet(tmp_path / "t.parquet")
-    scores = {}
-    for name in ("speed", "nothing"):
-        data = DescentDataModule(descents, conditions=ContextSettings([name], tmp_path / "t.parquet"))
-        data.setup()
-        density = toys.fit(Gaussian(), data, 1).density
-        part = data.profiles("test"), data.weights("test"), data.contexts("test")
-        scores[name] = forecast_scores(density, *part, n_draws=40)
-    for key in ("nll", "energy", "crps_cas_kt", "crps_time_s"):
-        difference = (scores["speed"][key] - scores["nothing"][key]).nanmean()
-        assert float(difference) < 0
-    assert float(scores["speed"]["crps_cas_kt"].mean()) < 0.5 * float(scores["nothing"]["crps_cas_kt"].mean())

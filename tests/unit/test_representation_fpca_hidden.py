@@ -1,14 +1,9 @@
 """Levels hidden from gappy functional PCA: how they are chosen, what they tell, and which method fills them best."""
 
-import pytest
 import torch
-import toys
 from torch import Tensor
 
-from descentflow.core.units import KT_MPS
 from descentflow.representation.fpca.gappy import fit_components
-from studies.paper.figures.hidden_errors import gappy_figure
-from studies.paper.hidden_levels import hidden_errors
 
 
 def generator(seed: int = 0) -> torch.Generator:
@@ -30,11 +25,3 @@ def test_white_noise_counts_level_by_level_and_smooth_noise_does_not() -> None:
     smooth = fit_components(smooth_and_noise(400, 20), mask, 30.0, 0.5, latent_dimension=2)
     assert float(white.noise_length) <= 3
     assert float(smooth.noise_length) >= 10
-
-
-def test_the_figure_has_a_bar_for_every_method_and_pattern() -> None:
-    real = toys.flights(60)
-    found = [e for p in ("top", "random") for e in hidden_errors(real.cas_mps / KT_MPS, real.mask, p)]
-    figure = gappy_figure({"CAS": found}, {"CAS": "kt"})
-    heights = [patch.get_height() for patch in figure.axes[0].patches]
-    assert sorted(heights) == pytest.approx(sorted(e.rmse for e in found))

@@ -144,19 +144,14 @@ def test_gpf_changes_reach_the_parameters_and_newer_engine_names_are_known(relea
 
 SPOILS = {
     "letters in a number": ("J2M___.OPF", LINES["mass"], lambda x: x.replace(".58000E+02", ".58O00E+02"), "line 19"),
-    "a blank number": ("J2M___.OPF", LINES["mass"], lambda x: x.replace(".58000E+02", " " * 10), "line 19"),
-    "a slipped line": ("J2M___.OPF", LINES["thrust"], lambda x: x[:4] + " " + x[4:-2] + "/", "line 45"),
     "a line slipped to the left": ("J2M___.OPF", LINES["thrust"], lambda x: x[:4] + x[5:-1] + " /", "line 45"),
     "an infinite number": ("J2M___.OPF", LINES["mass"], lambda x: x.replace(".58000E+02", "       inf"), "line 19"),
-    "too large a number": ("J2M___.OPF", LINES["mass"], lambda x: x.replace(".58000E+02", ".1000E+999"), "line 19"),
     "an unknown engine": ("J2M___.OPF", LINES["actype"], lambda x: x.replace("Jet", "Ion"), "line 14"),
     "no wake category": ("J2M___.OPF", LINES["actype"], lambda x: x[:59] + " " + x[60:], "line 14"),
-    "no engine count": ("J2M___.OPF", LINES["actype"], lambda x: x[:20] + "x" + x[21:], "line 14"),
     "no type": ("J2M___.OPF", LINES["actype"], lambda x: x[:5] + "______" + x[11:], "line 14"),
     "a phase out of order": ("J2M___.OPF", LINES["flaps"], lambda x: x.replace("AP", "XX"), "line 32"),
     "a lost line": ("J2M___.OPF", LINES["mass"], lambda x: "CC" + x[2:], "line 59: 21 data lines"),
     "an APF number": ("J2M___.APF", 22, lambda x: x.replace("74  74", "74  7x"), "line 23"),
-    "a slipped APF": ("J2M___.APF", 22, lambda x: x[:26] + " " + x[26:], "line 23"),
     "a superscript in an APF speed": ("J2M___.APF", 20, lambda x: x.replace("280", "²80"), "line 21"),
     "an APF range": ("J2M___.APF", 21, lambda x: x.replace("AV", "MI"), "line 22"),
     "an APF without default": ("J2M___.APF", 19, lambda x: x.replace("***", "BAW"), "line 20"),
@@ -190,9 +185,10 @@ def test_global_parameters_of_the_directory_hold(release):
     faster = load_aircraft("A320", release)
     assert (faster.minimum_cas_mps(1e3) / manual.minimum_cas_mps(1e3)).item() == pytest.approx(1.4 / 1.3)
     assert aircraft_from_state(faster.to_state()) == faster
-    path.write_text(whole.replace(".20000E+01", "two"))
-    with pytest.raises(AircraftError, match=r"BADA.GPF line 25"):
-        load_aircraft("A320", release)
+    for spoilt in ("two", ""):
+        path.write_text(whole.replace(".20000E+01", spoilt))
+        with pytest.raises(AircraftError, match=r"BADA.GPF line 25"):
+            load_aircraft("A320", release)
     path.unlink()
     assert load_aircraft("A320", release) == manual
 

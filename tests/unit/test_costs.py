@@ -9,7 +9,7 @@ from example_sides import example_sides
 from torch import Tensor
 
 from descentflow.core.units import FPM_MPS, KT_MPS, NM_M
-from descentflow.diagnosis.correction.costs import costs_of, profile_of
+from descentflow.diagnosis.correction.costs import costs_of
 from descentflow.diagnosis.findings.costs_found import Cost
 from descentflow.diagnosis.inference.two_sides import Compared, Entry
 from descentflow.effects import EFFECTS
@@ -67,14 +67,6 @@ def test_constant_rates_and_speeds_have_a_closed_form() -> None:
         assert cost.after is None
 
 
-def test_thirds_add_up_to_the_whole() -> None:
-    costs = costs_of(flying(two_rates(12.0, 10.0)), None, seed=0)
-    assert sum(by_name(costs, part)["time"].before.estimate for part in (1, 2, 3)) == pytest.approx(
-        by_name(costs)["time"].before.estimate
-    )
-    assert [by_name(costs, part)["time"].low_fl for part in (1, 2, 3)] == [150.0, 230.0, 290.0]
-
-
 def test_a_rate_that_grows_with_altitude_has_a_logarithm_for_its_time() -> None:
     a, b = 2.0, 1e-3
     altitude = example_sides().state.altitude_m
@@ -100,19 +92,6 @@ def test_what_a_cause_makes_is_gone_after_it() -> None:
     ratio = (warm["time"].before.estimate - plain["time"].before.estimate) / plain["time"].flights
     assert ratio == pytest.approx(0.023, abs=0.004)
     assert warm["time"].before.excludes_zero
-
-
-def test_slower_flights_cost_time_by_their_speed() -> None:
-    """Taking a change of CAS off changes TAS, and the rate with it by the polar."""
-    sides = example_sides(EFFECTS["speed_schedule"], [20.0, 0.0], n=40)
-    shift = torch.zeros_like(sides.y)
-    shift[:, sides.columns("cas")] = 20.0
-    shift = torch.where(sides.real[:, None], shift, 0.0)
-    found = by_name(costs_of(sides, sides.y - shift, seed=0))
-    assert found["cas"].before.estimate - found["cas"].after.estimate == pytest.approx(20.0)
-    assert found["tas"].after is None if "tas" not in found else found["tas"].after.estimate < found["tas"].flights
-    # Twenty knots less: a longer descent, by the polar.
-    assert found["time"].after.estimate > found["time"].before.estimate
 
 
 def test_at_equal_speed_only_what_the_polar_does_not_say_counts() -> None:
@@ -174,14 +153,6 @@ def test_intervals_of_whole_aircraft_cover_the_truth() -> None:
     # Binomial: 90 % of 200 runs is 180, spread 4.2; 25 aircraft a side take a per cent or two off. Four spreads.
     assert 160 <= covered <= 195
     assert 4 <= above_floor <= 40
-
-
-def test_the_profile_is_what_the_simulator_flies() -> None:
-    profile = profile_of(flying(two_rates(12.0, 10.0), tas_mps=200.0))
-    assert [means.level_fl for means in profile] == pytest.approx([160.0 + 20 * k for k in range(11)])
-    assert [means.rate_fpm for means in profile] == pytest.approx([12 / FPM_MPS] * 11)
-    # Distance over time, with knots and miles as BADA and ICAO have them: they differ by a part in a million.
-    assert [means.tas_kt for means in profile] == pytest.approx([200 / KT_MPS] * 11)
 
 
 def test_without_a_rate_there_is_no_cost() -> None:

@@ -51,11 +51,6 @@ class Nameless(Effect):
         return {"rate": theta[0]}
 
 
-def test_an_effect_without_words_is_called_by_its_name() -> None:
-    assert Nameless().in_words(0.3) == "odd thing"
-    assert Nameless().parameters[0].text == "some size"
-
-
 def test_a_catalogue_that_cannot_be_used_gets_a_clear_error() -> None:
     class Strange(Nameless):
         needs = ("speed",)

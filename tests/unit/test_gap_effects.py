@@ -6,30 +6,12 @@ import gap_toys
 import pytest
 import torch
 
-from descentflow.diagnosis.inference.assumptions import NEGLIGIBLE
 from descentflow.effects import EFFECTS
 from descentflow.effects.flight_state import log_rate
-from descentflow.effects.windowed_effect import WindowedEffect
 from descentflow.measurements.quantity_registry import QUANTITIES
 from descentflow.physics.airspeed import cas_to_tas_mps
 
 pytestmark = pytest.mark.usefixtures("worlds_once")
-
-THETA = {
-    "temperature": [6.0],
-    "wind_gradient": [0.002],
-    "mass": [-0.08],
-    "idle_thrust": [0.4],
-    "drag_polar": [0.07],
-    "speed_brake": [0.3, 213.0, 268.0, 0.6, 0.1, 8.0, 6.0, 0.1],
-    "turn": [0.04],
-    "geometric_path": [0.5, 0.08, 0.02],
-    "vertical_speed_mode": [0.2, 5.0, 0.04],
-    "level_off": [20.0, 0.3],
-    "speed_schedule": [8.0, 0.01],
-    "airspeed_bias": [2.0, 1.0],
-    "vertical_rate_lag": [8.0, -0.2],
-}
 
 
 @pytest.mark.parametrize("name", EFFECTS)
@@ -63,20 +45,6 @@ def test_sizes_are_those_of_the_energy_balance(name: str, value: float, at_mach:
     assert float(low) == pytest.approx(at_cas, rel=0.35)
 
 
-@pytest.mark.parametrize("name", [n for n, effect in EFFECTS.items() if not isinstance(effect, WindowedEffect)])
-def test_late_reports_move_no_effect_without_an_edge(name: str) -> None:
-    """Only ends of windows are passed through the reporting chain: elsewhere that would change nothing that matters."""
-    state, theta = gap_toys.state(), torch.tensor(THETA[name], dtype=torch.float64)
-    shift = EFFECTS[name].shift(state, theta).get("rate")
-    if shift is None:
-        return
-    mean = torch.where(state.mask, shift, torch.nan).nanmean(0)
-    # Three seconds, as transponders smooth: more than simulated and six-degree-of-freedom flights show (1.7 s).
-    below_m = replace(state, report_delay_s=3.0).reported_below_m
-    late = torch.gradient(mean, spacing=(state.altitude_m,))[0] * below_m
-    assert float(late.abs().max()) < NEGLIGIBLE["rate"]
-
-
 def test_another_speed_changes_the_kinetic_energy_by_its_slope_too() -> None:
     """Of a change that is linear in altitude the slope is known; what is not known of it changes nothing."""
     state = gap_toys.state()
@@ -88,19 +56,6 @@ def test_another_speed_changes_the_kinetic_energy_by_its_slope_too() -> None:
     partly = log_rate(state, faster_mps=change)
     torch.testing.assert_close(partly[:, :4], log_rate(other)[:, :4], rtol=1e-12, atol=1e-12)
     torch.testing.assert_close(partly[:, 5:], log_rate(state)[:, 5:], rtol=0, atol=0)
-
-
-def test_the_noise_of_a_flight_makes_no_steeper_path() -> None:
-    """A held path is below the idle path, and the lowest of a flight's own noise is none."""
-    path, state = EFFECTS["geometric_path"], gap_toys.state(200, affected=False)
-    noise = 0.05 * torch.randn(state.cas_mps.shape, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
-    theta, uniform = torch.tensor([1.0, 0.1, 0.0]).double(), torch.full((200, 1), 0.5).double()
-    flown = []
-    for own in (torch.zeros_like(noise), noise):
-        at = replace(state, beyond_polar=own)
-        flown.append(own + path.own_change(at, theta, uniform).flown["rate"])
-    # The mean noise of a flight of 11 bands is its own: 0.05 over the root of 11 and of 200 flights, four times.
-    assert abs(float((flown[1] - flown[0]).mean())) < 4 * 0.05 / (11 * 200) ** 0.5
 
 
 def test_a_held_path_is_below_the_lowest_of_an_idle_path_that_bends() -> None:

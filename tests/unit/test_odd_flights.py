@@ -42,18 +42,6 @@ def test_flights_that_have_what_is_left_come_first() -> None:
     assert mean == pytest.approx(2000 * 0.284, rel=0.2)
 
 
-def test_what_a_cause_explains_is_not_held_against_a_flight() -> None:
-    sides = some()
-    left = sides.y.clone()
-    at = [i for i, e in enumerate(sides.entries) if e.quantity == "rate" and e.band in (4, 5, 6)]
-    for flight in HAVING[:10]:
-        left[80 + flight, at] -= 0.25
-    found = flights_worth_a_look(sides, left, [])
-    # What is left of the mean is an eighth of 0.25, four times what chance gives: hence not all ten.
-    assert len({one.flight for one in found} & {f"flight-{i}" for i in HAVING[10:]}) >= 8
-    assert len({one.flight for one in found} & {f"flight-{i}" for i in HAVING[:10]}) <= 2
-
-
 def test_without_identifiers_none_is_named() -> None:
     sides = some()
     assert flights_worth_a_look(replace(sides, names=()), sides.y, []) == []

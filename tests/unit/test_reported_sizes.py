@@ -5,10 +5,8 @@ import math
 import pytest
 import torch
 
-from descentflow.diagnosis.findings.costs_found import Measured
-from descentflow.diagnosis.report.sizes import NINETY, reported_text, share_of, sizes_of
+from descentflow.diagnosis.report.sizes import NINETY, share_of, sizes_of
 from descentflow.effects import EFFECTS
-from descentflow.effects.effect import Parameter
 
 
 def test_brakes_are_told_as_the_flights_with_brakes_have_them() -> None:
@@ -36,28 +34,3 @@ def test_wind_is_told_in_knots_per_thousand_feet() -> None:
     assert size.unit == "kt per 1,000 ft"
     assert size.value.estimate == pytest.approx(1.6)
     assert size.text == "tailwind +1.6 kt per 1,000 ft (+1.34 to +1.86)"
-
-
-def test_what_the_data_say_nothing_of_is_not_told() -> None:
-    late, error = EFFECTS["vertical_rate_lag"], torch.tensor([0.5, 0.0]).double()
-    found = sizes_of(late, torch.tensor([8.0, -0.7]).double(), error, 400)
-    assert [size.text for size in found] == ["lag +8 s (+7.18 to +8.82)"]
-
-
-def test_every_parameter_has_words_and_a_unit() -> None:
-    for effect in EFFECTS.values():
-        for p in effect.parameters:
-            if p.shown_as == "flights":
-                continue
-            text = reported_text(p, Measured(p.reported(p.scale), p.reported(0.5 * p.scale), p.reported(1.5 * p.scale)))
-            assert "ln of" not in text
-            assert "m/s" not in text
-            assert "relative" not in text
-            assert p.reported_unit != "1" or p.name in ("mach", "gaps")
-
-
-def test_values_grow_with_the_parameter_however_they_are_told() -> None:
-    """An interval's ends keep their order."""
-    for shown in ("number", "change", "logarithm", "percent"):
-        p = Parameter("size", -1.0, 1.0, "1", 0.1, shown_as=shown)
-        assert p.reported(-0.5) < p.reported(0.0) < p.reported(0.5)

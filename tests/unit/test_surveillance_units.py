@@ -211,8 +211,8 @@ def test_rows_without_any_address_are_told_as_that(rows: pl.DataFrame) -> None:
 
 
 @pytest.mark.parametrize("typecode", ["BE20", "PC12", "AT76", "C56X"])
-@pytest.mark.parametrize("without", [(), ("Mach",), ("Mach", "TAS"), ("Mach", "TAS", "groundspeed")])
-def test_slow_and_low_types_are_read_as_they_are(typecode: str, without: tuple[str, ...]) -> None:
+def test_slow_and_low_types_are_read_as_they_are(typecode: str) -> None:
     """A King Air holds Mach 0.44 at FL300, less than any jet."""
     rows = simulate(typecode, 12, 3, "london-fir-2019").rows
-    check_units(rows.drop(without), "rows.parquet")
+    for without in ((), ("Mach",), ("Mach", "TAS"), ("Mach", "TAS", "groundspeed")):
+        check_units(rows.drop(without), "rows.parquet")

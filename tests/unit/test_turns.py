@@ -3,7 +3,6 @@
 from dataclasses import replace
 from typing import Any
 
-import polars as pl
 import pytest
 import torch
 from example_sides import example_sides
@@ -16,7 +15,7 @@ from descentflow.diagnosis.inference.two_sides import Compared, compare
 from descentflow.effects import EFFECTS
 from descentflow.effects.flight_state import log_rate
 from descentflow.measurements.level_channels import LevelGrid
-from descentflow.measurements.quantities import CHANNELS, Quantities, quantities_of, reference_state
+from descentflow.measurements.quantities import CHANNELS, Quantities, quantities_of
 from descentflow.measurements.turning import induced_by_turns
 from descentflow.simulation.world import simulate
 from descentflow.surveillance.prepare import prepare
@@ -121,23 +120,6 @@ def test_a_checkpoint_of_before_turns_were_measured_is_taken_to_fly_straight(tur
     torch.testing.assert_close(sides.state.turned_more, turning.physics["turning"].nanmean(0).nan_to_num(0.0))
     with pytest.raises(KeyError, match="version 1"):
         Quantities.from_state({**state, "version": 1})
-
-
-def test_headings_that_no_real_flight_reports_say_nothing_of_turns(turning: Quantities) -> None:
-    """A checkpoint knows its flights' turns; against flights without headings brakes of own levels may be turns."""
-    nothing = torch.full_like(turning.physics["turning"], torch.nan)
-    real = replace(turning, physics={**turning.physics, "turning": nothing})
-    assert compare(turning, real, aircraft("A320")).state.turned_more is None
-
-
-def test_flights_without_directions_have_no_turns(turning: Quantities) -> None:
-    frame = prepare(simulate("A320", 60, 81).rows).frame.drop("heading", "track")
-    assert "turning" not in quantities_of(frame, 150, 350, CHANNELS).physics
-    reference = reference_state(frame, 150, 350, frame["flight_id"].unique().to_list())
-    assert reference is not None
-    assert isinstance(frame, pl.DataFrame)
-    none = Quantities.from_state(reference)
-    assert compare(none, none, aircraft("A320")).state.turned_more is None
 
 
 def test_a_turn_is_as_large_as_headings_say() -> None:

@@ -46,14 +46,6 @@ def test_drag_comes_back(scale: DragScale) -> None:
     torch.testing.assert_close(scale.drag_n(scale.scaled(drag_n, cas_mps), cas_mps), drag_n, rtol=1e-14, atol=0)
 
 
-def test_the_typical_force_is_zero_on_the_logarithm_and_a_unit_without_it() -> None:
-    typical = (SCALE.thrust_n + SCALE.force_n * torch.tensor([1.02, 1.01]))[None]
-    cas_mps = SCALE.cas_mps + 10
-    assert float(SCALE.scaled(typical, cas_mps).abs().max()) < 1e-3
-    unit = replace(SCALE, logarithm=False).scaled(typical, cas_mps)
-    torch.testing.assert_close(unit, torch.full((1, 2), 3e4).double())
-
-
 def test_what_hardly_descends_has_the_least_force() -> None:
     climbing = torch.tensor([[-5_000.0, 1_000.0]]).double()
     least = SCALE.thrust_n + LEAST_FORCE * SCALE.force_n

@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from descentflow.core.units import KT_MPS
-from descentflow.evaluation.figures.components import components_figure, weight_deviations
 from descentflow.evaluation.figures.level_cuts import cuts_figure
 from descentflow.evaluation.figures.profile_bands import profiles_figure
 from descentflow.evaluation.figures.score_figures import acceptance_figure, level_scores_figure
@@ -56,30 +55,6 @@ def test_profiles_show_each_set_with_its_mean() -> None:
     )
 
 
-def test_mean_time_is_of_descents_that_span_the_grid() -> None:
-    real = flights(40)
-    figure = profiles_figure(real, {}, nominal())
-    time = np.asarray(line(figure.axes[2], "mean of held out").get_xdata())
-    assert time[0] * 60 == pytest.approx(float(real.time_to_bottom_s().mean()), rel=1e-12)
-    assert time[-1] == 0
-
-
-def test_what_stands_at_missing_levels_is_not_drawn() -> None:
-    real = flights(40)
-    spoilt = DescentSet(
-        real.levels_fl,
-        *(torch.where(real.mask, v, 1e9) for v in (real.time_s, real.cas_mps, real.rate_mps)),
-        mask=real.mask,
-        drag_n=torch.where(real.mask, real.drag_n, torch.nan),
-    )
-    for one, other in zip(
-        profiles_figure(real, {}, nominal()).axes, profiles_figure(spoilt, {}, nominal()).axes, strict=True
-    ):
-        assert one.get_xlim() == other.get_xlim()
-        for first, second in zip(one.lines, other.lines, strict=True):
-            np.testing.assert_array_equal(first.get_xdata(), second.get_xdata())
-
-
 def test_distances_are_those_of_the_scores() -> None:
     samples, real = flights(60, 1), flights(50)
     table = score(samples, real, 290.0, seed=3, n_splits=4)
@@ -111,24 +86,3 @@ def test_acceptance_accounts_for_every_draw() -> None:
     assert sum(patch.get_width() for patch in figure.axes[0].patches) == pytest.approx(100)
     assert [patch.get_width() for patch in figure.axes[1].patches] == [0, 25, 15]
     assert "70.0% plausible" in figure.get_suptitle()
-
-
-def test_components_are_drawn_at_two_deviations() -> None:
-    parts = toys.representation(200)
-    basis = parts.decoder.drag_basis
-    deviations = weight_deviations(basis)
-    weights = (
-        basis.loadings
-        @ torch.randn(basis.loadings.shape[1], 20_000, generator=torch.Generator().manual_seed(0)).double()
-    )
-    noise = (
-        torch.randn(weights.shape, generator=torch.Generator().manual_seed(1)).double() * basis.noise_variance.sqrt()
-    )
-    drawn_weights = basis.components @ (weights + noise) * basis.spacing_m
-    # The standard deviation of 20,000 normal draws has a relative error of 0.5 %.
-    torch.testing.assert_close(drawn_weights.std(1), deviations, rtol=0.025, atol=0)
-    levels_fl = parts.decoder.levels_fl
-    figure = drawn(components_figure(basis, parts.decoder.cas_basis, levels_fl, toys.newtons(levels_fl)))
-    up = np.asarray(line(figure.axes[0], "mean + two s.d. of the weight").get_xdata()) * 1000
-    expected = basis.mean + 2 * deviations[0] * basis.components[0]
-    np.testing.assert_allclose(up, expected, rtol=1e-12)

@@ -1,6 +1,5 @@
 """A statistic is one entry: registered, it is in the table, the file, the intervals and the figure."""
 
-from dataclasses import replace
 from math import isnan
 from pathlib import Path
 
@@ -63,24 +62,3 @@ def test_a_new_statistic_is_found_everywhere(tmp_path: Path) -> None:
     assert written["score"].to_list() == [r.score for r in table if r.statistic == "toy"]
     figure = level_scores_figure(table, 290.0)
     assert "toy, CAS (toy unit)" in [ax.get_xlabel() for ax in figure.axes]
-
-
-def test_what_is_registered_has_a_name_and_a_label_of_its_own() -> None:
-    assert [one.name for one in STATISTICS.values()] == list(STATISTICS)
-    for field in ("label", "short"):
-        assert len({getattr(one, field) for one in STATISTICS.values()}) == len(STATISTICS)
-
-
-def test_a_wrong_shape_is_seen_by_the_energy_score_alone() -> None:
-    """Each level keeps its distribution, but levels are shuffled between samples: profiles lose their smoothness."""
-    real = descents(300, 0)
-    drawn = descents(300, 1)
-    full = [one.subset(one.spans_grid()) for one in (real, drawn)]
-    order = torch.stack(
-        [torch.randperm(len(full[1]), generator=torch.Generator().manual_seed(k)) for k in range(21)], 1
-    )
-
-    shuffled = replace(full[1], rate_mps=full[1].rate_mps.gather(0, order))
-    right, wrong = (score(one, full[0], 290.0, n_splits=2) for one in (full[1], shuffled))
-    assert wrong.get("rocd_below_transition", "ks").score == right.get("rocd_below_transition", "ks").score
-    assert wrong.get("rocd_profile", "energy").score > 1.05 * right.get("rocd_profile", "energy").score

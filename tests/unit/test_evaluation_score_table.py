@@ -49,16 +49,6 @@ def test_levels_with_too_few_flights_are_left_out_and_counted() -> None:
     assert row.note == "2 of 5 levels left out: fewer than 4 descents"
 
 
-def test_the_worst_level_is_found() -> None:
-    samples, real = plain(40, 1), plain(20)
-    spoilt = samples.cas_mps.clone()
-    spoilt[:, 3] += 30 * KT_MPS
-    table = score(replace(samples, cas_mps=spoilt), real, 205.0)
-    for statistic in ("ks", "wasserstein", "mae"):
-        assert table.get("cas_below_transition", statistic).worst_fl == 203
-    assert isnan(table.get("time_to_bottom_of_descent", "ks").worst_fl)
-
-
 def test_nominal_is_compared_with_what_was_observed() -> None:
     real = plain(20)
     mask = real.mask.clone()

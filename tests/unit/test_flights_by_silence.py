@@ -60,13 +60,6 @@ def test_a_flight_with_a_long_gap_before_its_descent_keeps_its_name() -> None:
     assert prepare(rows).frame["flight_id"].unique().to_list() == ["AB1"]
 
 
-def test_flights_of_other_names_in_between_are_no_silence() -> None:
-    names = ["AB1", "AB2", "AB1", "AB2"]
-    rows = rows_at([0.0, 500.0, 1000.0, 1500.0], altitude=[4.0, 3.0, 2.0, 1.0]).with_columns(flight_id=pl.Series(names))
-    assert separated(rows, 1000.0, DropReport())["flight_id"].to_list() == names
-    assert separated(rows, 999.0, DropReport())["flight_id"].n_unique() == 4
-
-
 def test_a_flight_over_midnight_is_one_in_the_traces_of_two_days(tmp_path: Path) -> None:
     until_midnight_s = (datetime(2024, 3, 2, tzinfo=UTC) - START).total_seconds()
     whole = flight(start_s=until_midnight_s - 600.0)

@@ -12,7 +12,6 @@ from example_sides import example_sides
 from scipy.stats import wasserstein_distance
 
 from descentflow.aircraft_types.registry import aircraft
-from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import FL_M, FT_M, KT_MPS
 from descentflow.diagnosis.correction.corrected_descents import corrected_descents
 from descentflow.diagnosis.correction.corrected_simulator import sampled_descents
@@ -67,18 +66,6 @@ def test_the_thrust_that_flew_a_rate_comes_back_and_is_never_below_idle(name: st
     flow = model.idle_fuel_flow_kg_s(altitude, tas, deviation)
     assert torch.equal(found.flow_kg_s[idles], flow.expand(len(cas))[idles])
     assert bool((found.flow_kg_s >= flow).all())
-
-
-def test_level_flight_at_one_true_airspeed_takes_the_drag() -> None:
-    model = model_of("A320")
-    found = burn(model, 140.0, 6000.0, 0.0)
-    tas = cas_to_tas_mps(140.0, 6000.0)
-    assert found.thrust_n.item() == pytest.approx(model.drag_n(tas, 6000.0).item())
-    # In still, standard air one newton beyond it lifts the mass as a watt by the speed does.
-    climbing = burn(model, 140.0, 6000.0, 1.0)
-    share = energy_share_factor_local(140.0, 6000.0, 0.0).item()
-    excess = model.mass_reference_kg * G0_MPS2 / tas.item() / share
-    assert (climbing.thrust_n - found.thrust_n).item() == pytest.approx(excess)
 
 
 @pytest.mark.parametrize("warmer", [False, True], ids=["ISA", "ISA+20"])
@@ -175,16 +162,6 @@ def test_fuel_is_scored_where_flights_have_a_flow() -> None:
     assert row.score == pytest.approx(wasserstein_distance(*map(np.abs, burnt)), rel=1e-9)
     assert 0 < row.floor < row.score
     assert verdict(table, Detection(torch.tensor([torch.nan]), ())).count("fuel") == 1
-
-
-def test_without_a_fuel_flow_there_is_no_row_of_it() -> None:
-    seen, sampled = seen_and_sampled()
-    part = seen.between(150, 160).subset([0, 2])
-    assert part.fuel_flow_kg_s is not None
-    assert part.fuel_flow_kg_s.shape == (2, 11)
-    real = DescentSet.of_profiles(replace(seen, fuel_flow_kg_s=None))
-    table = score(DescentSet.of_trajectories(sampled), real, transition_fl=291.5, n_splits=2)
-    assert "fuel" not in {row.quantity for row in table}
 
 
 def test_prepared_descents_keep_the_fuel_flow_of_rows() -> None:

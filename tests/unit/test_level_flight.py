@@ -94,19 +94,6 @@ def test_cruise_below_the_highest_altitude_begins_the_descent_later() -> None:
             assert (begin - rows["timestamp"][0]).total_seconds() == 100 + held_s
 
 
-def test_the_distance_is_over_the_ground_or_else_through_the_air(world) -> None:
-    rows = world.rows
-
-    def level(some: pl.DataFrame) -> pl.DataFrame:
-        return stretches(some).filter(kind="level")
-
-    mean = rows.filter(pl.col("vertical_rate").abs() < 300)["groundspeed"].mean()
-    assert level(rows)["distance_nm"].sum() == pytest.approx(level(rows)["seconds"].sum() / 3600 * mean, rel=0.15)
-    through = level(rows.drop("groundspeed", "TAS"))["distance_nm"]
-    assert through.to_numpy() == pytest.approx(level(rows.drop("groundspeed"))["distance_nm"].to_numpy(), rel=0.08)
-    assert level(rows.select("flight_id", "timestamp", "altitude"))["distance_nm"].null_count() > 0
-
-
 def test_prepare_counts_it_and_has_the_table(world, prepared, tmp_path) -> None:
     notes, flights = prepared.report.notes, by_flight(stretches(world.rows))
     assert notes[FLIGHTS] == len(flights)
@@ -190,14 +177,6 @@ def test_a_climb_is_no_descent_without_level_flight() -> None:
         rows = pl.DataFrame({"flight_id": name, "timestamp": seconds, "altitude": altitude})
         rows = rows.with_columns(pl.from_epoch((pl.col("timestamp") * 1e6).cast(pl.Int64), "us"))
         assert stretches(rows).is_empty()
-
-
-def test_few_or_odd_rows_have_no_segment(world) -> None:
-    empty = pl.DataFrame(schema={"flight_id": pl.String, "timestamp": pl.Datetime("us", "UTC"), "altitude": pl.Float64})
-    assert stretches(empty).is_empty()
-    assert by_flight(stretches(empty)).is_empty()
-    assert stretches(world.rows.head(1)).is_empty()
-    assert np.isfinite(by_flight(stretches(world.rows))["level_s"].to_numpy()).all()
 
 
 def test_fuel_of_level_flight_is_that_of_its_drag_beside_idle(prepared, tmp_path) -> None:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from descentflow.cli.lightning_cli import IN_PYTHON, run
+from descentflow.cli.lightning_cli import run
 from descentflow.configs.packaged_config import packaged_configs
 from descentflow.core.errors import ConfigError
 from descentflow.training.training_settings import NAMES, SETTINGS_OF
@@ -79,7 +79,3 @@ def test_what_is_valid_passes(words: list[str], capsys: pytest.CaptureFixture[st
         run("fit", [*words, "--print_config"])
     assert ended.value.code == 0
     assert "class_path: descentflow.training.models." in capsys.readouterr().out
-
-
-def test_models_have_the_names_of_python() -> None:
-    assert IN_PYTHON == {"gaussian": "Gaussian", "mixture": "GaussianMixture", "flow": "MaskedAffineFlow"}

@@ -1,13 +1,9 @@
 """Options are the parameters of a command's function; a mistyped one ends in a line, not behind forty others."""
 
-from pathlib import Path
-from typing import Literal
-
 import pytest
 
 from descentflow.cli import trainer_commands
 from descentflow.cli.entry import COMMANDS, main
-from descentflow.cli.options import CommandParser
 
 
 @pytest.mark.parametrize("command", sorted(set(COMMANDS) - set(trainer_commands.COMMANDS)))
@@ -32,6 +28,7 @@ def test_a_mistake_is_told_in_a_line(command: str, words: list[str], capsys: pyt
         (["prepare", "r", "--stale-s", "\ufeff"], "argument --stale-s: invalid float value: '\\ufeff'"),
         (["prepare", "r", "--memory", "much"], "'much'; expected a size such as 2GB"),
         (["prepare", "r", "--s", "3"], "ambiguous option: --s could match --"),
+        (["simulate", "--out", ""], "argument --out: an empty path"),
         (["simulate", "--quiet=yes"], "argument --quiet: ignored explicit argument 'yes'"),
     ],
 )
@@ -67,46 +64,6 @@ def test_words_that_the_command_cannot_use_are_refused(words: list[str], message
 def test_southern_and_western_points_are_no_options(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sample", "no.ckpt", "-n", "1", "--out", "samples.parquet", *words]) == 2
     assert "no file no.ckpt" in capsys.readouterr().err
-
-
-def test_every_kind_of_parameter_is_an_option(capsys: pytest.CaptureFixture[str]) -> None:
-    def command(
-        files: list[Path] | None = None,
-        *,
-        out: Path,
-        names: list[str] | None = None,
-        size: tuple[int, int] = (1, 2),
-        kind: Literal["a", "b"] = "a",
-        as_: float | None = None,
-        loud: bool = False,
-    ) -> None:
-        """Do it.
-
-        Args:
-            files: to read, 100 % of them
-            out (FILE): to write
-            names: of them
-            size (WIDTH HEIGHT): of it
-            kind: of it
-            as_: how
-            loud: or not
-        """
-
-    parser = CommandParser("do", command)
-    words = ["a", "b", "--out", "c", "--names", "x", "y", "--names", "z", "--size", "3", "4", "--as", "2", "--loud"]
-    assert vars(parser.parse_args(words)) == {
-        "files": [Path("a"), Path("b")], "out": Path("c"), "names": ["x", "y", "z"], "size": [3, 4], "kind": "a",
-        "as_": 2.0, "loud": True,
-    }  # fmt: skip
-    assert vars(parser.parse_args(["--out", "c"])) == {
-        "files": [], "out": Path("c"), "names": None, "size": (1, 2), "kind": "a", "as_": None, "loud": False,
-    }  # fmt: skip
-    with pytest.raises(SystemExit):
-        parser.parse_args(["--out", ""])  # it would be the working directory
-    assert "argument --out: an empty path" in capsys.readouterr().err
-    shown = parser.format_help()
-    for line in ("--out FILE", "--size WIDTH HEIGHT", "{a,b}", "to read, 100 % of them", "of it (default: a)"):
-        assert line in shown
 
 
 def test_the_nearest_command_is_named(capsys: pytest.CaptureFixture[str]) -> None:

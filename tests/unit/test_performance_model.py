@@ -19,7 +19,6 @@ from descentflow.aircraft_types.registry import aircraft, aircraft_from_state
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.errors import AircraftError
 from descentflow.core.units import FL_M, KT_MPS
-from descentflow.physics.nominal_descent import nominal_descent
 from descentflow.physics.performance_model import NAMES, PerformanceModel
 from descentflow.representation.decoder.trajectories import integrate
 from descentflow.representation.drag_scale import DragScaleName, fit_drag_scale
@@ -136,14 +135,6 @@ def test_idle_thrust_below_zero_works_in_every_scale_of_drag(
     back = scale.drag_n(scale.scaled(seen.drag_n, seen.cas_mps), seen.cas_mps)
     torch.testing.assert_close(back, seen.drag_n, rtol=1e-12, atol=0)
     assert bool(scale.scaled(seen.drag_n, seen.cas_mps).isfinite().all())
-
-
-def test_its_nominal_descent_is_flown_and_comes_back_from_its_state(braking: PerformanceModel) -> None:
-    nominal = nominal_descent(braking, LEVELS_FL)
-    assert bool((nominal.rate_mps < 0).all())
-    again = aircraft_from_state(braking.to_state())
-    assert again == braking
-    assert torch.equal(nominal_descent(again, LEVELS_FL).time_s, nominal.time_s)
 
 
 def test_a_state_that_is_none_of_bada_4_is_refused(braking: PerformanceModel) -> None:

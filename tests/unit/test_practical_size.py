@@ -72,3 +72,7 @@ def test_flights_that_differ_more_are_a_gap_though_their_means_agree() -> None:
     sides = example_sides(n=MANY)
     wider = torch.where(sides.real[:, None] & sides.of("cas"), 1.5 * sides.y, sides.y)
     assert small_gap(replace(sides, y=wider)) == []
+
+
+def test_few_flights_cannot_say_that_a_gap_is_small() -> None:
+    assert small_gap(example_sides(EFFECTS["temperature"], [0.3], 80)) == []

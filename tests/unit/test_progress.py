@@ -71,14 +71,6 @@ def test_a_terminal_gets_one_line_that_is_emptied_before_anything_is_printed(ter
     assert " 25%|" in shown
 
 
-def test_what_is_done_inside_is_shown_and_then_what_is_around_it(log: io.StringIO) -> None:
-    with display("fit", after_s=0.0), stage("training", 10, "epochs"):
-        with stage("scoring"):
-            wait_for(lambda: "scoring" in log.getvalue())
-        before = log.getvalue().count("training")
-        wait_for(lambda: log.getvalue().count("training") > before)
-
-
 def test_quiet_is_quiet_for_all_that_is_called(log: io.StringIO) -> None:
     with display("sample", quiet=True, after_s=0.0), stage("drawing"), display("inside", after_s=0.0), stage("more"):
         sleep(0.05)

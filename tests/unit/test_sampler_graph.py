@@ -3,14 +3,11 @@
 import pytest
 import torch
 from graph_toys import PARTS, density, table_of, weights_of
-from scipy.stats import chisquare
 
 from descentflow.core.errors import ConfigError
 from descentflow.densities.density import Density
 from descentflow.densities.flow import MaskedAffineFlowDensity
-from descentflow.densities.weight_draws import MixtureDraw
-from descentflow.exports.descent_graph import OFF_GRID, DescentGraph, SamplerGraph
-from descentflow.exports.graph_description import describe
+from descentflow.exports.descent_graph import DescentGraph, SamplerGraph
 from descentflow.representation.correction import Correction
 from descentflow.representation.representation import Representation
 
@@ -55,17 +52,6 @@ def test_a_context_moves_the_weights_as_the_density_says(kind: str) -> None:
     torch.testing.assert_close(drawn, expected, rtol=0, atol=1e-12)
 
 
-def test_components_are_as_frequent_as_their_proportions() -> None:
-    """Chi-square over three components; p < 1e-4 fails one right sampler in 10,000."""
-    model = density("mixture", PARTS)
-    draw = SamplerGraph(model).draw
-    assert isinstance(draw, MixtureDraw)
-    uniform = torch.rand(4000, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
-    assert model.mixture is not None
-    counts = torch.bincount(draw.component(uniform), minlength=3)
-    assert chisquare(counts.numpy(), (4000 * model.mixture.probs).numpy()).pvalue > 1e-4
-
-
 def test_without_noise_beyond_the_components_they_fly_alone() -> None:
     model = density("gaussian", PARTS)
     sampler = SamplerGraph(model)
@@ -99,21 +85,3 @@ def test_what_cannot_be_a_graph_is_refused() -> None:
     corrected.correction = Correction({"temperature": [10.0]}, 64_000.0)
     with pytest.raises(ConfigError, match="a corrected model"):
         DescentGraph(corrected)
-
-
-def test_the_description_tells_shapes_units_bounds_and_how_to_draw_again() -> None:
-    model = density("mixture", PARTS)
-    about = describe(model, SamplerGraph(model), "float32")
-    assert about["inputs"]["sampler"]["noise"] == {
-        "shape": ["n", D],
-        "type": "float32",
-        "meaning": "independent standard normals, from which the weights are made",
-    }
-    assert list(about["inputs"]["decoder"]) == ["weights", "entry_fl", "neighbour"]
-    assert about["outputs"]["vertical_rate"]["unit"] == "ft/min"
-    assert about["rules"][-1] == OFF_GRID
-    low, high = about["bounds"]["drag_n"]
-    assert low == PARTS.plausibility.drag_low.tolist()
-    assert high == PARTS.plausibility.drag_high.tolist()
-    assert sum(about["entry_share"]) == pytest.approx(1)
-    assert about["redraw"] == "noise and uniform, with the same entry_fl"

@@ -100,13 +100,6 @@ def test_flights_without_an_address_are_not_recognised(descents: Descents) -> No
     assert SeenFlights.of(descents.frame, flights, []).among(nobody) == {}
 
 
-def test_a_checkpoint_keeps_them(model: Gaussian, descents: Descents, tmp_path: Path) -> None:
-    torch.save(content_of(model.density), tmp_path / "model.ckpt")
-    split = model.representation.split
-    found = evaluate(tmp_path / "model.ckpt", renamed(descents), n=60, n_splits=1)
-    assert found.n_seen == len(split.train) + len(split.validation)
-
-
 @pytest.mark.parametrize(
     "change",
     [

@@ -12,8 +12,7 @@ from polars.testing import assert_frame_equal
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
-from descentflow.simulation.causes import CAUSES, Injection
-from descentflow.simulation.plantable import PLANTABLE
+from descentflow.simulation.causes import Injection
 from descentflow.simulation.world import World, simulate
 from descentflow.simulation.world_config import WorldConfig
 
@@ -258,11 +257,6 @@ def test_a_flight_depends_on_its_seed_and_number_alone() -> None:
     parts = simulate(A320, 12, SEED, config, inject=inject, chunk=7)
     assert_frame_equal(whole.rows, parts.rows)
     assert_frame_equal(whole.flights, parts.flights)
-
-
-def test_every_cause_can_be_planted_and_has_random_numbers_of_its_own() -> None:
-    assert set(CAUSES) == set(PLANTABLE)
-    assert len({stream for stream, _ in CAUSES.values()}) == len(CAUSES)
 
 
 @pytest.mark.parametrize(

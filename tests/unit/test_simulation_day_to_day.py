@@ -12,7 +12,7 @@ from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
 from descentflow.simulation.autopilot import LEAST_FPM
 from descentflow.simulation.parameters import draw_parameters
-from descentflow.simulation.weather import HEIGHT_M, draw_weather
+from descentflow.simulation.weather import draw_weather
 from descentflow.simulation.world import World, simulate
 from descentflow.simulation.world_config import WorldConfig
 
@@ -52,16 +52,6 @@ def test_a_days_weather_is_that_of_all_its_flights_seen_along_their_tracks() -> 
     torch.testing.assert_close(alone.tailwind_mps[0], weather.tailwind_mps[2], rtol=0, atol=0)
 
 
-def test_a_jet_blows_from_the_west_at_its_level_alone() -> None:
-    config = replace(CALM, jet_mps=(40.0, 40.0), jet_fl=(350.0, 350.0), jet_depth_m=1500.0)
-    weather = draw_weather(range(400), list(range(400)), 0, config)
-    assert weather is not None
-    core, low = np.abs(HEIGHT_M - 10_668).argmin(), np.abs(HEIGHT_M - 4_000).argmin()
-    assert weather.tailwind_mps[:, low].abs().max() < 0.1
-    eastbound = torch.sin(weather.track_rad) > 0.9
-    assert float(weather.tailwind_mps[eastbound, core].mean()) > 20
-
-
 def test_flights_obey_the_equation_of_motion_in_layered_air() -> None:
     """``m dV/dt = T - D - m g sin(gamma) - m dw/dt cos(gamma)`` with the wind and the speeds of the truth table."""
     world = fly(WINDY, 12)
@@ -75,15 +65,6 @@ def test_flights_obey_the_equation_of_motion_in_layered_air() -> None:
         # Within two seconds controls and layers change by a little.
         assert np.sqrt(np.mean((left - right) ** 2)) < 0.01
         assert np.ptp(wind) > 3
-
-
-def test_rates_are_of_pressure_altitude_in_the_air_of_the_level() -> None:
-    world = fly(WINDY, 6)
-    height = world.truth.with_columns(
-        climbed=(pl.col("altitude_m").shift(-1) - pl.col("altitude_m").shift(1)).over("flight_id") / 2,
-    ).drop_nulls()
-    assert (height["climbed"] - height["rate_mps"]).abs().max() < 0.5
-    assert (height["climbed"] - height["rate_mps"]).abs().median() < 0.01
 
 
 def test_the_speed_planned_after_a_change_is_flown() -> None:
@@ -150,13 +131,3 @@ def test_plain_worlds_have_none_of_it_and_no_other_draw_changes() -> None:
     for part in ("weather", "speed_changes", "off_idle"):
         for name, value in vars(getattr(few, part)).items():
             torch.testing.assert_close(value, getattr(getattr(changed, part), name)[7:9], rtol=0, atol=0)
-
-
-def test_airframes_start_on_days_of_their_own_within_the_season() -> None:
-    world = simulate(A320, 200, 0, replace(CALM, days=92, interval_s=8))
-    by_airframe = world.flights.with_columns(day=pl.col("start").dt.ordinal_day()).sort("start").group_by("icao24")
-    days = by_airframe.agg(pl.col("day"))["day"].to_list()
-    assert all(np.diff(one).tolist() == [1, 1, 1, 1] for one in days)
-    assert len({one[0] for one in days}) > 25
-    assert world.flights["start"].dt.date().n_unique() > 60
-    assert (world.flights["start"].max() - world.flights["start"].min()).days < 92

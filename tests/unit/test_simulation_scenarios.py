@@ -16,7 +16,6 @@ from descentflow.simulation.parameters import PARTS, draw_parameters
 from descentflow.simulation.scenarios import scenario_settings
 from descentflow.simulation.world import World, simulate
 from descentflow.simulation.world_config import WorldConfig
-from descentflow.surveillance.rows.air_data import isa_tas_of_mach_kt
 from studies.paper.study_plan import PAPER_FLIGHTS
 
 LONDON = "london-fir-2019"
@@ -83,17 +82,6 @@ def test_turboprops_hold_one_rate_and_then_a_steeper_one() -> None:
     rates = world.flights
     assert (rates["second_rate_fpm"] < rates["first_rate_fpm"]).all()
     assert ((rates["first_rate_fpm"] % 100).is_between(29.9, 70.1)).all()
-
-
-def test_slow_starts_are_slow_and_then_idle() -> None:
-    world = fly("B738", 40, slow_start_share=1.0)
-    labels = world.truth.join(world.flights.select("flight_id", "first_low_fl"), on="flight_id")
-    above = labels.filter(pl.col("altitude_m") / 30.48 > pl.col("first_low_fl") + 1)
-    below = labels.filter(pl.col("altitude_m") / 30.48 < pl.col("first_low_fl") - 30)
-    assert "idle" not in above["label"].cast(str).unique().to_list()
-    assert (below["label"] == "idle").mean() > 0.7
-    steep = [part.filter(pl.col("label") != "transient")["rate_mps"].median() for part in (above, below)]
-    assert steep[1] < 1.5 * steep[0] < 0
 
 
 def test_a_business_jets_cas_has_its_knee_near_fl300() -> None:
@@ -172,15 +160,3 @@ def test_worlds_to_judge_on_have_every_type_and_operators_of_their_own(scenario:
         assert not {(o.cas_kt, o.mach) for o in mine.operators} & {(o.cas_kt, o.mach) for o in london.operators}
         assert all(o.mach < aircraft.mmo and o.cas_kt < aircraft.vmo_kt for o in mine.operators)
         assert mine.deviation_mean_k != london.deviation_mean_k
-
-
-def test_the_gulf_is_warmer_than_the_north_in_what_aircraft_report() -> None:
-    """TAS over that of the Mach number in standard air: some 22 K between the two."""
-    ratio = []
-    for scenario in ("gulf-summer", "nordic-winter"):
-        rows = simulate("A320", 10, 0, scenario).rows.filter(pl.col("altitude") > 20_000)
-        ratio.append(
-            float((rows["TAS"] / isa_tas_of_mach_kt(rows["Mach"].to_numpy(), rows["altitude"].to_numpy())).mean())
-        )
-    # Of 240 K, the square of the ratio; days differ by 5 K in the north, of which ten flights meet few.
-    assert 240 * (ratio[0] ** 2 - ratio[1] ** 2) == pytest.approx(22, abs=12)

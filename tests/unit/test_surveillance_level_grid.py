@@ -22,30 +22,12 @@ def grid(
     return to_levels(rows, rules, DropReport())
 
 
-def test_levels_between_two_rows_are_linear_in_altitude() -> None:
-    levels = grid(rows_at([0.0, 40.0], altitude=[20_050.0, 19_650.0], IAS=[280.0, 284.0], Mach=[0.6, 0.58]))
-    assert levels["level_fl"].to_list() == [200, 199, 198, 197]
-    # Crossings after 50, 150, 250 and 350 ft of 400 ft; times are exact to the microsecond.
-    assert levels["IAS"].to_list() == pytest.approx([280.5, 281.5, 282.5, 283.5], rel=1e-12)
-    assert levels["time_s"].to_list() == pytest.approx([0.0, 10.0, 20.0, 30.0], abs=2e-6)
-    assert str(levels["timestamp"].dtype) == "Datetime(time_unit='us', time_zone='UTC')"
-
-
 def test_rows_on_levels_count_once_each_and_need_no_value_of_their_neighbours() -> None:
     levels = grid(
         rows_at([0.0, 10.0, 20.0, 30.0], altitude=[20_000.0, 19_900.0, 19_850.0, 19_800.0], roll=[1.0, 2.0, None, 4.0])
     )
     assert levels["level_fl"].to_list() == [200, 199, 198]
     assert levels["roll"].to_list() == [1.0, 2.0, 4.0]
-
-
-@pytest.mark.parametrize(("second_s", "second_ft"), [(60.1, 19_000.0), (30.0, 16_999.0)])
-def test_gaps_beyond_a_limit_stay_open_and_at_the_limit_are_bridged(second_s: float, second_ft: float) -> None:
-    times, heights = [0.0, second_s, second_s + 10], [20_000.0, second_ft, second_ft - 250.0]
-    rows = rows_at(times, altitude=heights, IAS=[1.0] * 3)
-    low = int(-(-(second_ft - 250.0) // 100))
-    assert grid(rows)["level_fl"].to_list() == list(range(int(second_ft // 100), low - 1, -1))
-    assert len(grid(rows, gap_s=second_s, gap_ft=20_000 - second_ft)) == 200 - low + 1
 
 
 def test_a_gap_in_which_a_level_off_may_hide_stays_open() -> None:

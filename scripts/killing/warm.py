@@ -58,6 +58,7 @@ class Warm:
     def begin(self, words: tuple[str, ...], folder: Path, said: Path) -> "Forked":
         """Begin a command in a group of processes of its own, which Ctrl-C reaches."""
         assert self.server.stdin is not None
+        said.touch()  # what is killed before it has opened it has said nothing
         request = {"words": words[1:], "folder": str(folder), "said": str(said)}
         self.server.stdin.write(json.dumps(request).encode() + b"\n")
         self.server.stdin.flush()

@@ -19,7 +19,7 @@ from descentflow.surveillance.formats.known_formats import (
     recognised,
 )
 from descentflow.surveillance.rows.air_data import MACH_MISSING, mach_reported, with_ias, with_mach
-from descentflow.surveillance.rows.column_names import note_unused, row_names, with_named
+from descentflow.surveillance.rows.column_names import note_unused, row_names, with_folders, with_named
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.normalise import is_list_of_types, normalise, wanted
 from descentflow.surveillance.rows.units_check import check_units
@@ -181,7 +181,7 @@ def _normalised(tables: Iterator[RowBlock], report: DropReport, columns: Mapping
             rows = normalise(table.rows, table.label, report)
             yield rows if "Mach" in rows.columns else with_mach(rows, report)
             continue
-        given = with_named(table.rows, columns, table.label, report)
+        given = with_named(with_folders(table.rows, table.label), columns, table.label, report)
         if is_list_of_types(given.columns):
             report.note(LISTS_OF_TYPES, len(given))
             continue

@@ -114,3 +114,34 @@ def test_types_that_name_no_row_are_told_with_the_addresses_of_both(target: str 
     )
     with pytest.raises(DataError, match=r"1 of its 1 addresses \(4ca001\).*without a type"):
         prepare(rows, types=empty)
+
+
+def test_blanks_about_names_and_values_are_none(tmp_path: Path) -> None:
+    path = tmp_path / "rows.csv"
+    fleet().write_csv(tmp_path / "plain.csv")
+    path.write_text((tmp_path / "plain.csv").read_text().replace(",", " , "))
+    assert_frame_equal(prepare(path).frame, prepare(tmp_path / "plain.csv").frame)
+
+
+def test_flight_levels_in_words_are_refused_with_the_first() -> None:
+    levels = (pl.col("altitude") / 100).round().cast(pl.Int64).cast(pl.String)
+    rows = fleet().select(pl.exclude("altitude"), FL="FL" + levels)
+    with pytest.raises(DataError, match=r"of FL cannot be read \(the first: 'FL\d+'\); expected numbers, in hun"):
+        prepare(rows)
+
+
+def test_columns_are_read_from_names_of_folders(tmp_path: Path) -> None:
+    rows = fleet().with_columns(day=pl.lit("2024 03/01"))
+    for name in ("typecode", "icao24", "day"):
+        rows.write_parquet(pl.PartitionBy(tmp_path / name, key=name, include_key=False))
+        assert_frame_equal(prepare(tmp_path / name).frame, prepare(rows).frame, check_row_order=False)
+
+
+def test_rows_in_the_folder_of_no_type_have_none_and_a_column_counts_before_a_folder(tmp_path: Path) -> None:
+    folder = tmp_path / "typecode=__HIVE_DEFAULT_PARTITION__"
+    folder.mkdir()
+    fleet().drop("typecode").write_parquet(folder / "0.parquet")
+    with pytest.raises(DataError, match="rows without any typecode"):
+        prepare(folder)
+    fleet().write_parquet(folder / "0.parquet")
+    assert_frame_equal(prepare(folder).frame, prepare(fleet()).frame)

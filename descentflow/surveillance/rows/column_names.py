@@ -2,7 +2,8 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from pathlib import Path
+from pathlib import Path, PurePath
+from urllib.parse import unquote
 
 import numpy as np
 import polars as pl
@@ -35,11 +36,12 @@ def row_names(names: Sequence[str]) -> dict[str, str]:
         ...     "squawk": "squawk"}
         True
     """
-    found = {name: ALIASES.get(name, ALIASES.get(name.lower(), name)) for name in names}
+    small = {name: name.strip().lower() for name in names}
+    found = {name: ALIASES.get(small[name], name) for name in names}
     taken = set(found.values())
     for name in names:
-        target = TRADE.get(name.lower(), OF_ROWS.get(name.lower()))
-        target = LEVELS if name.lower() in LEVEL_NAMES and "altitude" not in taken else target
+        target = TRADE.get(small[name], OF_ROWS.get(small[name]))
+        target = LEVELS if small[name] in LEVEL_NAMES and "altitude" not in taken else target
         if target is not None and found[name] == name and target not in taken - {name}:
             found[name] = target
             # Altitudes in feet are surer than levels, whichever comes first.
@@ -60,6 +62,7 @@ def with_altitude(table: pl.DataFrame, path: object, report: DropReport) -> pl.D
     if numbers.dtype != pl.Float64:
         raise DataError(f"{path}: column FL of type {levels.dtype}", expected="numbers", mend="convert the column FL")
     report.note("values of FL that could not be read", numbers.null_count() - levels.null_count())
+    check_read(numbers, levels, path, "numbers, in hundreds of feet")
     known = numbers.drop_nulls().to_numpy()
     high = float(np.median(known)) if len(known) else 0.0
     if high > HIGHEST_LEVEL:
@@ -70,6 +73,37 @@ def with_altitude(table: pl.DataFrame, path: object, report: DropReport) -> pl.D
         )
     report.note("altitudes made of flight levels (column FL), times 100", numbers.count())
     return table.with_columns((numbers * 100).alias("altitude")).drop(LEVELS)
+
+
+def check_read(read: pl.Series, given: pl.Series, path: object, expected: str) -> None:
+    """Refuse a column most of whose values cannot be read."""
+    lost = read.null_count() - given.null_count()
+    if lost <= len(read) / 2:
+        return
+    unread = given.filter(read.is_null() & given.is_not_null())
+    # Python has no dates of far years, which a damaged table may hold.
+    first = (unread.to_physical() if unread.dtype.is_temporal() else unread)[0]
+    raise DataError(
+        f"{path}: {lost} of {len(read)} values of {given.name} cannot be read (the first: {repr(first)[:80]})",
+        expected=expected,
+        mend=f"convert the column {given.name}",
+    )
+
+
+def with_folders(table: pl.DataFrame, path: object) -> pl.DataFrame:
+    """A table with the columns that its folders name, as in `typecode=A320/part-0.parquet`, if it has none for them."""
+    have = set(row_names(table.columns).values())
+    named = dict(unquote(part).split("=", 1) for part in PurePath(str(path)).parent.parts if "=" in part)
+    return table.with_columns(
+        pl.lit(None if value == NO_PARTITION else value, pl.String).alias(name)
+        for name, target in row_names(list(named)).items()
+        for value in [named[name]]
+        if target in COLUMNS and target not in have
+    )
+
+
+NO_PARTITION = "__HIVE_DEFAULT_PARTITION__"
+"""Value in the name of a folder whose rows have none."""
 
 
 def note_unused(names: Iterable[str], rows: int, report: DropReport) -> None:

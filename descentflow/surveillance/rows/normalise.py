@@ -9,7 +9,14 @@ from descentflow.core.errors import DataError
 from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
 from descentflow.surveillance.rows.addresses import six_digits
 from descentflow.surveillance.rows.air_data import computable
-from descentflow.surveillance.rows.column_names import LEVELS, STATE_VECTOR, row_names, with_altitude, without_columns
+from descentflow.surveillance.rows.column_names import (
+    LEVELS,
+    STATE_VECTOR,
+    check_read,
+    row_names,
+    with_altitude,
+    without_columns,
+)
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import COLUMNS, FILLS, REQUIRED, TIMESTAMP, check_types
 from descentflow.surveillance.rows.times import timestamps, where_fits
@@ -50,15 +57,8 @@ def normalise(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.D
         if name in RATE_COLUMNS and (filled := column.is_in(FILLS).fill_null(False)).any():
             report.note(f"values 9999 of {name} taken for missing", int(filled.sum()))
             column = where_fits(column, ~filled)
-        if name in REQUIRED and len(column) and lost > len(column) / 2:
-            unread = table[name].filter(column.is_null() & table[name].is_not_null())
-            # Python has no dates of far years, which a damaged table may hold.
-            first = (unread.to_physical() if unread.dtype.is_temporal() else unread)[0]
-            raise DataError(
-                f"{path}: {lost} of {len(column)} values of {name} cannot be read (the first: {repr(first)[:80]})",
-                expected=READABLE_VALUES[type(kind)],
-                mend=f"convert the column {name}",
-            )
+        if name in REQUIRED:
+            check_read(column, table[name], path, READABLE_VALUES[type(kind)])
         columns.append(column.alias(name))
     frame = pl.DataFrame(columns)
     # A missing number may be written as NaN or infinity.

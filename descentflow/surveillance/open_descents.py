@@ -84,7 +84,13 @@ class FlightSource:
             # Here and not above: prepared descents must not pay for the reading of rows.
             from descentflow.surveillance.prepare import prepare
 
-            return prepare(self.source, cleaning=cleaning, columns=self.columns, progress=self.say)
+            try:
+                return prepare(self.source, cleaning=cleaning, columns=self.columns, progress=self.say)
+            except DataError as error:
+                if self.name in error.got:
+                    raise
+                # A diagnosis has flights of two sides.
+                raise DataError(f"{self.name}: {error.got}", expected=error.expected, mend=error.mend) from error
         if self.columns:
             words = ", ".join(f"{name}={column}" for name, column in self.columns.items())
             raise ConfigError(

@@ -156,3 +156,14 @@ def test_a_checkpoint_keeps_the_settings(folder: Path, tmp_path: Path) -> None:
     data = DescentDataModule(folder / "strict.parquet")
     fit(data, "gaussian", out=tmp_path / "strict.ckpt")
     assert load_model(tmp_path / "strict.ckpt").representation.cleaning == STRICT
+
+
+def test_an_error_names_the_flights_that_it_is_of(folder: Path, tmp_path: Path) -> None:
+    rows = pl.read_parquet(folder / "rows.parquet")
+    rows.drop("typecode").write_parquet(tmp_path / "flown.parquet")
+    simulator = FlightSource(tmp_path / "flown.parquet")
+    with pytest.raises(DataError, match=r"^flown\.parquet: rows without any typecode .* add a column typecode"):
+        FlightSource(folder / "rows.parquet").beside(simulator)
+    rows.drop("altitude").write_parquet(tmp_path / "flown.parquet")
+    with pytest.raises(DataError, match=r"^/.*/flown\.parquet has no column altitude"):  # named already
+        simulator.descents()

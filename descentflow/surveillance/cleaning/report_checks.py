@@ -81,8 +81,8 @@ def check_left(
         raise DataError(
             f"rows without any typecode ({', '.join(NO_TYPES[:2])} and the like are none)",
             expected="a column typecode, or a types table",
-            mend="pass --types TABLE.csv with columns icao24,typecode, or add a column typecode; --typecode gives "
-            "rows no type, it only selects among those that they have",
+            mend="add a column typecode, or give `descentflow prepare` a table of columns icao24,typecode "
+            "(--types TABLE.csv); --typecode gives rows no type, it only selects among those that they have",
         )
     if wanted and not report.left("other_type"):
         often = sorted(present, key=lambda name: (-present[name], name))[:12]

@@ -263,16 +263,6 @@ def test_the_corrected_flights_close_the_gap_when_diagnosed_again(folder: Path, 
     assert left < 0.05 * was
 
 
-def test_the_recipe_is_in_physical_units_and_by_level(by_flights: GapReport) -> None:
-    (step,) = by_flights.recipe
-    assert step.text.startswith("ISA +")
-    assert ", FL150 to FL" in step.text
-    (number,) = step.numbers
-    assert (number.unit, number.low_fl) == ("K", 150.0)
-    assert number.value.low < 10.0 < number.value.high + 0.1
-    assert step.share_of_flights == 1.0
-
-
 def test_columns_of_either_side_and_the_simulator_are_named(
     folder: Path, tmp_path: Path, by_flights: GapReport
 ) -> None:

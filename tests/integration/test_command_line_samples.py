@@ -91,21 +91,6 @@ def test_the_bands_of_a_figure_are_the_quantiles_of_the_table(run: Path) -> None
         np.testing.assert_allclose(high, told["0.95"], rtol=1e-9, atol=1e-9)
 
 
-def test_a_figure_of_a_prediction_holds_what_was_flown(run: Path, descents: Path) -> None:
-    ahead = df.predict(run / "checkpoints" / "best.ckpt", descents, from_fl=290, n=60)
-    figure = ahead.figure()
-    flown = ahead.observed.subset([ahead.observed.flight_ids.index(ahead.flights[0].flight_id)])
-    lines = {line.get_label(): line for line in figure.axes[2].lines}
-    start = int(ahead.flights[0].trajectories.entry[0])
-    since_min = (flown.time_s[0] - flown.time_s[0, start]) / 60
-    seen = flown.mask[0, : start + 1]
-    np.testing.assert_allclose(
-        lines["flown, not used"].get_xdata()[seen.numpy()], since_min[: start + 1][seen], atol=1e-12
-    )
-    assert float(np.nanmax(lines["observed"].get_xdata())) == 0.0
-    assert figure._suptitle.get_text() == f"Predicted from FL290 (the first 4 of {len(ahead)} flights)"
-
-
 def test_netcdf_and_csv_hold_the_same_samples(run: Path, tmp_path: Path) -> None:
     checkpoint = str(run / "checkpoints" / "best.ckpt")
     for name in ("s.nc", "s.csv", "s.parquet"):

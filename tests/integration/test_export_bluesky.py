@@ -186,41 +186,6 @@ def test_what_a_controller_commands_in_a_descent_is_flown(a320: Path, tmp_path: 
     assert all(state[-1, 1] == pytest.approx(BELOW_FT, abs=5.0) for state in states.values())
 
 
-def test_descents_begin_with_samples_from_their_level_and_choices_end_with_the_simulation(
-    a320: Path, tmp_path: Path
-) -> None:
-    source, beside = export(a320, "bluesky", tmp_path / "flown.py", n=60, seed=2)
-    samples = json.loads(beside.read_text())["fleet"][0]["samples"]
-    tops = sorted(one["level_fl"][0] for one in samples)
-    high_ft, low_ft = 100.0 * tops[-10], 20_000.0
-    high = {k for k, one in enumerate(samples) if 100.0 * one["level_fl"][0] >= high_ft}
-    other = min(high)
-    grid = np.arange(low_ft + 1000, high_ft - 1000, 500.0)
-
-    def flown_by(state: np.ndarray) -> int:
-        """The sample whose rates were flown."""
-        rates = np.array([rate_at(state, feet) for feet in grid])
-        known = [np.interp(-grid / 100, -np.array(one["level_fl"]), one["vertical_rate"]) for one in samples]
-        return int(np.argmin([np.abs(own - rates).max() for own in known]))
-
-    names = [f"HIGH{k}" for k in range(12)]
-    life = [
-        *(created(k, "A320", high_ft, 280.0, name) for k, name in enumerate(names)),
-        *((2.0, f"ALT {name} {low_ft}") for name in names),
-    ]
-    said = [(1.0, f"DFSAMPLE HIGH0 {number}") for number in (60, other)]
-    flown = fly(tmp_path, source, commands=[*life, *said, (650.0, "RESET"), (0.0, "DT 0.5"), *life], until_s=650)
-    assert any("A320 has 60 samples" in line for line in flown.echoed)
-    lives = [np.split(flown.states[name], np.flatnonzero(np.diff(flown.states[name][:, 0]) < 0) + 1) for name in names]
-    before, after = zip(*lives, strict=True)
-    assert flown_by(before[0]) == other
-    assert [flown_by(state) for state in after[1:]] == [flown_by(state) for state in before[1:]], "by callsign"
-    chosen = [flown_by(state) for state in after]
-    assert set(chosen) <= high
-    assert len(set(chosen)) > 3
-    assert chosen[0] != other, "what was chosen for a flight of before is forgotten"
-
-
 def test_several_types_fly_in_one_simulation(a320: Path, a321: Path, tmp_path: Path) -> None:
     """By one plugin, by two, by scenarios of one export and of two: no flight is lost."""
     both, _ = export([a320, a321], "bluesky", tmp_path / "both.py", n=20, fly_as=["A319,A320", "A321"])

@@ -21,7 +21,7 @@ from descentflow.surveillance.descents.store import KEY
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "fuzz.py"
 
 
-@pytest.mark.parametrize("cases", [25, pytest.param(400, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("cases", [40, pytest.param(400, marks=pytest.mark.slow)])
 def test_no_command_breaks_on_damaged_inputs(cases: int, tmp_path: Path) -> None:
     """Every case is accepted with its rows accounted for, or refused in a message; a new folder makes its own files."""
     words = [sys.executable, str(SCRIPT), str(tmp_path), "--cases", str(cases), "--seed", "0", "--processes", "1"]
@@ -45,10 +45,8 @@ def written(frame: pl.DataFrame, metadata: dict, path: Path) -> Path:
     [
         (pl.col("IAS") * float("nan"), "column IAS holds .* not finite"),
         (pl.col("Mach") * 1e30, "column Mach holds .* outside 0.05 to 1"),
-        ((-pl.col("IAS")).alias("TAS"), "column TAS holds .* outside 40 to 700"),
         (pl.col("level_fl").cast(pl.Float64), "column level_fl is of type Float64"),
         (pl.lit(200).cast(pl.Int32).alias("level_fl"), "column level_fl has .* levels twice"),
-        (pl.struct("typecode").alias("typecode"), "column typecode is of type Struct"),
         (pl.col("flight_id").cast(pl.Binary), "column flight_id is of type Binary"),
         (pl.lit("high").alias("geoaltitude"), "column geoaltitude is of type String"),
         (pl.lit(None, pl.Float64).alias("time_s"), "column time_s lacks"),
@@ -69,7 +67,6 @@ def test_prepared_descents_that_no_aircraft_flies(change: pl.Expr, saying: str, 
         ("top_fl", {"A320": None}),
         ("report", {"steps": [{"step": 3}], "notes": {}}),
         ("report", {"steps": [{"step": "read", "rows_dropped": 0, "rows_left": 9}], "notes": {}}),
-        ("report", {"steps": []}),
         ("report", {"steps": [], "notes": {"sorted": "all"}}),
         ("inputs", "all"),
     ],

@@ -93,16 +93,6 @@ def test_halving_the_spacing_quarters_the_error_or_better() -> None:
     assert errors[2] / times[-1] < 1e-5
 
 
-def test_time_starts_at_each_descents_own_entry() -> None:
-    real = toys.flights(20)
-    flown = integrate(toys.AIRCRAFT, LEVELS, ALTITUDE_M, real.drag_n, real.cas_mps, real.entry_level)
-    rows = torch.arange(20)
-    assert bool((flown.time_s[rows, real.entry_level] == 0).all())
-    below = flown.mask
-    assert bool((flown.time_s[below] >= 0).all())
-    torch.testing.assert_close(flown.mask, real.mask)
-
-
 def test_float32_is_close_to_float64() -> None:
     real = toys.flights(50)
     double, single = fly(real.drag_n, real.cas_mps), fly(real.drag_n.float(), real.cas_mps.float())

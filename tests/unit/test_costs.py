@@ -12,7 +12,6 @@ from descentflow.core.units import FPM_MPS, KT_MPS, NM_M
 from descentflow.diagnosis.correction.costs import costs_of
 from descentflow.diagnosis.findings.costs_found import Cost
 from descentflow.diagnosis.inference.two_sides import Compared, Entry
-from descentflow.effects import EFFECTS
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 
 LOW_M, HIGH_M = 15_000 * 0.3048, 37_000 * 0.3048
@@ -79,21 +78,6 @@ def test_a_rate_that_grows_with_altitude_has_a_logarithm_for_its_time() -> None:
     assert 0 < abs(found - exact) <= bound
 
 
-def test_what_a_cause_makes_is_gone_after_it() -> None:
-    sides = example_sides(EFFECTS["temperature"], [10.0], n=200)
-    shift = sides.vector(EFFECTS["temperature"].shift(sides.state, torch.tensor([10.0]).double()))
-    shift = torch.where(sides.real[:, None], shift, 0.0)
-    plain = by_name(costs_of(example_sides(n=200), None, seed=0))
-    warm = by_name(costs_of(sides, sides.y - shift, seed=0))
-    for name in ("time", "air_distance", "rate", "tas"):
-        assert warm[name].after is not None
-        assert warm[name].after.estimate == pytest.approx(plain[name].before.estimate, abs=1e-9)
-    # Two to three per cent of the time for ten kelvin (energy equation at constant Mach number and CAS).
-    ratio = (warm["time"].before.estimate - plain["time"].before.estimate) / plain["time"].flights
-    assert ratio == pytest.approx(0.023, abs=0.004)
-    assert warm["time"].before.excludes_zero
-
-
 def test_at_equal_speed_only_what_the_polar_does_not_say_counts() -> None:
     """Flights of one aircraft at other speeds take another time, and none at equal speed."""
     sides = example_sides(n=40)
@@ -122,15 +106,6 @@ def test_nominal_bada_flies_each_flights_own_speed() -> None:
     polar = (alone.state.width_m / alone.state.own_log_rate.exp()).sum(1).mean()
     assert cost.simulator == pytest.approx(float(polar))
     assert cost.flights == pytest.approx((HIGH_M - LOW_M) / 10)
-
-
-def test_flights_that_begin_lower_down_do_not_shorten_the_descent() -> None:
-    sides = flying(two_rates(12.0, 10.0))
-    y = sides.y.clone()
-    upper = torch.tensor([e.band >= 6 for e in sides.entries])
-    y[120:, upper] = torch.nan
-    found = by_name(costs_of(replace(sides, y=y), None, seed=0))["time"]
-    assert found.flights == pytest.approx((HIGH_M - LOW_M) / 10)
 
 
 def test_intervals_of_whole_aircraft_cover_the_truth() -> None:

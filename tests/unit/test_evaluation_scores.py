@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
-from math import inf, isnan
+from math import isnan
 
 import pytest
 import torch
@@ -45,18 +45,6 @@ def test_the_mean_is_over_levels_on_each_side() -> None:
     assert table.get("cas_above_transition", "mae").score == pytest.approx(4, rel=1e-9)
     assert table.get("cas_below_transition", "mae").score == 0
     assert table.get("cas_below_transition", "ks").n_levels == 11  # FL290 itself is at or below
-
-
-@pytest.mark.parametrize(("transition_fl", "absent"), [(inf, "above"), (100.0, "below")])
-def test_a_grid_on_one_side_of_the_transition(transition_fl: float, absent: str) -> None:
-    table = score(flights(60, 1), flights(60), transition_fl)
-    present = "below" if absent == "above" else "above"
-    for quantity in ("cas", "rocd"):
-        missing = table.get(f"{quantity}_{absent}_transition", "ks")
-        assert isnan(missing.score)
-        assert "no level of the grid" in missing.note
-        assert table.get(f"{quantity}_{present}_transition", "ks").score > 0
-    assert len(table.rows) == 23
 
 
 @pytest.mark.parametrize("n", [0, 1, 3])

@@ -269,11 +269,3 @@ def test_moved_times_never_turn_back_and_rates_go_with_them(factor: float) -> No
         step_m = (before.levels_fl[1] - before.levels_fl[0]) * 30.48
         legs = 0.5 * step_m * (1 / after.rate_mps[:, :last] + 1 / after.rate_mps[:, 1 : last + 1])
         torch.testing.assert_close(-legs.sum(1), after.time_s[:, 0], rtol=2e-3, atol=0.0)
-
-
-def test_a_flight_last_observed_far_from_the_calibrations_level_stays_as_drawn() -> None:
-    predictor, real = DescentPredictor(trained()), toys.flights(1, seed=1, gappy=False)
-    calibrated = predictor.calibrated(300, encoded(60, 2))
-    for from_fl, alike in ((300, False), (304, False), (310, True)):
-        one, other = (which.predict(real, from_fl, 60).trajectories.time_s for which in (predictor, calibrated))
-        assert torch.equal(one, other) is alike

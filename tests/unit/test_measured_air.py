@@ -157,15 +157,6 @@ def test_without_groundspeed_the_air_is_still(frame: pl.DataFrame) -> None:
         measured_airs(frame.drop("groundspeed"), LEVELS, wind=True)
 
 
-def test_cold_days_say_nothing_of_warm_ones(frame: pl.DataFrame, airs: FlightAirs) -> None:
-    # Warm flights among three times as many in standard air, which a learnt spread would pull there.
-    still = df.prepare(df.simulate("A320", 300, seed=9).rows, typecode="A320").frame.select(frame.columns)
-    together = measured_airs(pl.concat([frame, still]), LEVELS)
-    row = [together.flight_ids.index(flight) for flight in airs.flight_ids]
-    apart = (together.air.deviation_k[row] - airs.air.deviation_k)[together.known[row] & airs.known]
-    assert float(apart.abs().mean()) < 0.1, "K"
-
-
 def test_where_the_air_is_not_known_it_is_held_and_no_drag_is_inferred(frame: pl.DataFrame) -> None:
     low = frame.with_columns(TAS=pl.when(pl.col("level_fl") < 200).then("TAS"))
     found = measured_airs(low, LEVELS)

@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-from descentflow.physics.airspeed import cas_to_mach, cas_to_tas_mps, mach_to_cas_mps, mach_to_tas_mps
+from descentflow.physics.airspeed import cas_to_mach, cas_to_tas_mps, mach_to_tas_mps
 from descentflow.physics.atmosphere import geometric_altitude_m, isa_fraction
 from descentflow.physics.energy import (
     descent_rate_mps,
@@ -75,24 +75,3 @@ def test_exact_factor_balances_the_energy_of_a_flight_with_wind(deviation):
     power = mass * (G0 * climb + tas * rate * (true_slope + 0.0025))
     # Second-order differences of this quadratic CAS and linear wind are exact; 1e-8 is the check's own difference.
     torch.testing.assert_close(power, force * tas, rtol=1e-7, atol=0)
-
-
-def test_exact_factor_is_bada_s_where_bada_s_assumption_holds():
-    altitude = torch.linspace(3000.0, 10900.0, 260, dtype=DOUBLE)
-    flat = torch.full_like(altitude, 145.0)
-    bada = energy_share_factor(cas_to_mach(flat, altitude), altitude, BELOW, 10.0)
-    torch.testing.assert_close(energy_share_factor_exact(flat, altitude, 10.0), bada, rtol=1e-12, atol=0)
-    held = mach_to_cas_mps(0.78, altitude)
-    by_mach = energy_share_factor(0.78, altitude, ABOVE, 10.0)
-    # The CAS of constant Mach is curved: 30 m differences are good to 1e-5 of the factor.
-    torch.testing.assert_close(energy_share_factor_exact(held, altitude, 10.0), by_mach, rtol=2e-5, atol=0)
-
-
-def test_exact_factor_converges_with_the_square_of_the_spacing():
-    def error(levels):
-        altitude = torch.linspace(3000.0, 10900.0, levels, dtype=DOUBLE)
-        exact = energy_share_factor(0.78, altitude, ABOVE)
-        found = energy_share_factor_exact(mach_to_cas_mps(0.78, altitude), altitude)
-        return (found - exact)[1:-1].abs().max().item()
-
-    assert error(101) / error(201) == pytest.approx(4.0, rel=0.1)

@@ -15,8 +15,6 @@ from descentflow.simulation.plantable import PLANTABLE
     "word",
     [
         "temperature:deviation_k",
-        "temperature:deviation_k=warm",
-        "temperature:deviation_k=10,",
         "temperature:deviation_k=10,deviation_k=12",
         "temperature=10",
     ],

@@ -3,14 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-import polars as pl
 import pytest
 import torch
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.constants import G0_MPS2
-from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
-from descentflow.simulation.autopilot import LEAST_FPM
 from descentflow.simulation.parameters import draw_parameters
 from descentflow.simulation.weather import draw_weather
 from descentflow.simulation.world import World, simulate
@@ -65,59 +62,6 @@ def test_flights_obey_the_equation_of_motion_in_layered_air() -> None:
         # Within two seconds controls and layers change by a little.
         assert np.sqrt(np.mean((left - right) ** 2)) < 0.01
         assert np.ptp(wind) > 3
-
-
-def test_the_speed_planned_after_a_change_is_flown() -> None:
-    config = replace(CALM, speed_change_share=1.0, speed_change_fl=(250.0, 300.0), speed_change_kt=(10.0, 20.0))
-    world = fly(config, 60, 4)
-    planned = (1 + pl.col("speed_change_1_share") + pl.col("speed_change_2_share")) * pl.col("cas_kt") * KT_MPS
-    below = world.truth.join(world.flights.with_columns(planned=planned), on="flight_id").filter(
-        pl.col("altitude_m") / FT_M < 15_000, pl.col("label") == "idle"
-    )
-    off = below.group_by("flight_id").agg((pl.col("cas_mps") - pl.col("planned")).abs().median())["cas_mps"]
-    assert off.median() < 1.0
-    assert (off < 3.0).mean() > 0.9
-    shares = world.flights.select("^speed_change_._share$").to_numpy()
-    assert 0.1 < (shares > 0).mean() < 0.4  # a quarter is faster
-    assert (shares < 0).any()
-
-
-def test_who_slows_down_keeps_descending() -> None:
-    """The sharpest slow-down, and a type whose idle thrust holds it up: none levels off above the bottom."""
-    config = replace(
-        CALM,
-        speed_change_share=1.0,
-        faster_share=0.0,
-        speed_change_kt=(40.0, 40.0),
-        speed_change_kt_per_kft=(40.0, 40.0),
-    )
-    for aircraft in (A320, open_aircraft("BE20")):
-        fl = (160.0, 220.0)
-        world = simulate(aircraft, 40, 1, replace(config, speed_change_fl=fl))
-        idle = world.truth.filter(pl.col("label") == "idle")
-        assert idle["rate_mps"].max() < -0.9 * LEAST_FPM * FPM_MPS
-
-
-def test_brakes_raise_drag_and_thrust_is_kept_where_they_are_planned() -> None:
-    config = replace(CALM, thrust_share=1.0, brakes_share=1.0, off_idle_fl=(30.0, 50.0))
-    with_them, without = fly(config, 30, 4), fly(CALM, 30, 4)
-    told = with_them.truth.join(with_them.flights, on="flight_id")
-    level = pl.col("altitude_m")
-
-    def inside(k: int) -> pl.Expr:
-        return (level < pl.col(f"off_idle_{k}_high_m") - 300) & (level > pl.col(f"off_idle_{k}_low_m") + 100)
-
-    assert with_them.flights["off_idle_1_brake_gain"].max() == 0
-    assert with_them.flights["off_idle_3_thrust_share"].max() == 0
-    powered = told.filter((inside(1) | inside(2)) & ~inside(3) & ~inside(4), pl.col("time_s") > 120)
-    assert (powered["thrust_n"] / powered["drag_n"]).median() > 2 * (
-        without.truth.filter(pl.col("label") == "idle")
-        .select(pl.col("thrust_n") / pl.col("drag_n"))
-        .to_series()
-        .median()
-    )
-    braked = told.filter(inside(3) | inside(4), pl.col("time_s") > 120)
-    assert braked["drag_n"].mean() > 1.1 * told.filter(~inside(3) & ~inside(4), pl.col("time_s") > 120)["drag_n"].mean()
 
 
 def test_plain_worlds_have_none_of_it_and_no_other_draw_changes() -> None:

@@ -48,12 +48,10 @@ FLIGHT_LEVELS: Change = lambda frame: frame.with_columns((pl.col("altitude") / 1
 WRONG: dict[str, tuple[Change, str, str]] = {
     "groundspeed in km/h": (times("groundspeed", KT_KMH), "groundspeed seems to be in km/h", "groundspeed by 0.53996"),
     "TAS in km/h": (times("TAS", KT_KMH), "TAS seems to be in km/h", "TAS by 0.53996"),
-    "TAS in mph": (times("TAS", KT_MPH), "TAS seems to be in miles per hour", "TAS by 0.86898"),
     "IAS in mph": (times("IAS", KT_MPH), "IAS seems to be in miles per hour", "IAS by 0.86898"),
     "IAS in m/s": (times("IAS", KT_MPS), "IAS seems to be in m/s", "IAS by 1.9438"),
     "Mach in percent": (times("Mach", 100), "Mach seems to be in hundredths", "Mach by 0.01"),
     "TAS that is IAS": (lambda f: f.with_columns(TAS="IAS"), "TAS seems to be IAS", "true airspeed"),
-    "groundspeed that is IAS": (lambda f: f.with_columns(groundspeed="IAS"), "groundspeed seems to be IAS", "take the"),
     "IAS and TAS swapped": (SWAPPED, "IAS and TAS seem to be swapped", "--column IAS=TAS --column TAS=IAS"),
     "flight levels": (FLIGHT_LEVELS, "altitude seems to be in hundreds of feet", "altitude by 100"),
     "altitude in metres": (times("altitude", 0.3048), "altitude seems to be in metres", "altitude by 3.2808"),
@@ -91,7 +89,6 @@ WITHOUT_OTHERS: dict[str, tuple[Change, tuple[str, ...], str]] = {
     "flight levels": (FLIGHT_LEVELS, ALONE, "altitude seems to be in hundreds of feet"),
     "metres by the rate": (times("altitude", 0.3048), ALONE, "altitude seems to be in metres"),
     "faster than sound": (times("IAS", KT_KMH), ALONE, "IAS seems to be in km/h or IAS seems to be TAS or groundspeed"),
-    "slower than a stall": (times("IAS", KT_MPS), ALONE, "IAS seems to be in m/s"),
     "groundspeed as IAS": (
         lambda f: f.with_columns(IAS="groundspeed"),
         ("Mach",),

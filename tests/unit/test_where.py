@@ -39,15 +39,6 @@ def test_with_one_flight_an_aircraft_the_statistic_is_welchs() -> None:
     torch.testing.assert_close(found, torch.tensor(of_both[0] + of_both[1]), rtol=1e-9, atol=0)
 
 
-def test_whole_aircraft_make_the_variance() -> None:
-    """Every flight copied four times over adds nothing."""
-    y, real = drawn(60, 2, seed=1), torch.arange(60) >= 30
-    once = squared_t(y, labellings(torch.arange(60), real, 5, seed=0))
-    five = [value.repeat_interleave(5, 0) for value in (y, torch.arange(60), real)]
-    again = squared_t(five[0], labellings(five[1], five[2], 5, seed=0))
-    torch.testing.assert_close(again, once, rtol=1e-9, atol=0)
-
-
 def test_step_down_is_westfall_and_youngs_algorithm() -> None:
     scores = drawn(200, 6, seed=5)
     scores[0] += torch.tensor([4.0, 0.0, 2.0, 1.0, 2.5, -1.0])

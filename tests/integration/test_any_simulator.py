@@ -228,16 +228,6 @@ def test_a_checkpoint_is_known_by_its_content(folder: Path, real: Descents) -> N
         Inputs(real, None, typecode="A320", nearest_type=True).open()
 
 
-def test_the_report_says_what_was_compared(folder: Path, by_flights: GapReport) -> None:
-    written = read_gap(folder / "by_flights" / "gap.json").provenance
-    assert written == by_flights.provenance
-    assert (written.real.flights, written.simulator.flights) == (120, 200)
-    assert written.simulator.files == ["simulator_rows.parquet"]
-    assert written.simulator.first == "2024-03-04"
-    assert written.coefficients.typecode == "A320"
-    assert written.real.fingerprint != written.simulator.fingerprint
-
-
 def test_the_command_line_takes_several_files(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """All effects: what a user types."""
     out = folder / "typed"

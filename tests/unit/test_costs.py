@@ -66,18 +66,6 @@ def test_constant_rates_and_speeds_have_a_closed_form() -> None:
         assert cost.after is None
 
 
-def test_a_rate_that_grows_with_altitude_has_a_logarithm_for_its_time() -> None:
-    a, b = 2.0, 1e-3
-    altitude = example_sides().state.altitude_m
-    rate = (a + b * altitude).expand(160, -1)
-    exact = math.log((a + b * HIGH_M) / (a + b * LOW_M)) / b
-    # The midpoint rule is off by at most width^2 / 24 times the height and the largest second derivative.
-    width = (HIGH_M - LOW_M) / 11
-    bound = width**2 / 24 * (HIGH_M - LOW_M) * 2 * b**2 / (a + b * LOW_M) ** 3
-    found = by_name(costs_of(flying(rate), None, seed=0))["time"].flights
-    assert 0 < abs(found - exact) <= bound
-
-
 def test_at_equal_speed_only_what_the_polar_does_not_say_counts() -> None:
     """Flights of one aircraft at other speeds take another time, and none at equal speed."""
     sides = example_sides(n=40)

@@ -24,18 +24,6 @@ def plain(n: int, seed: int = 0, n_levels: int = 11) -> DescentSet:
     return DescentSet(levels, time, cas, -30.48 / time.diff()[:, :1].neg().expand_as(cas), cas, cas > 0)
 
 
-def test_a_gap_keeps_a_flight_from_the_times_alone() -> None:
-    real = plain(10)
-    mask = real.mask.clone()
-    mask[0, 5] = False
-    gappy = replace(real, mask=mask)
-    assert gappy.spans_grid().tolist() == [False] + [True] * 9
-    assert len(gappy.time_to_bottom_s()) == 9
-    row = score(plain(10, 1), gappy, 205.0, n_splits=2)
-    assert row.get("time_to_bottom_of_descent", "ks").n_real == 9
-    assert row.get("cas_below_transition", "ks").n_real == 10
-
-
 def test_levels_with_too_few_flights_are_left_out_and_counted() -> None:
     samples, real = plain(40, 1), plain(20)
     mask = real.mask.clone()

@@ -240,18 +240,6 @@ def test_what_reports_are_off_by_is_added_and_not_multiplied() -> None:
     assert float(half.max()) < 2.0 < float(noise_s[:10].min())
 
 
-def test_a_forecast_that_is_biased_by_rate_is_mended() -> None:
-    """Medians that lack what the rate tells: after least squares their error is that of reports."""
-    observed, mean_s = normal(300, 2, seed=2), torch.full((300,), 100.0).double()
-    drawn = fans(300, mean_s, own_s=5.0)
-    depth = torch.arange(10.0, -1, -1).double()[:10]
-    flown_s = depth / 10 * (108 + 6 * observed[:, 1:]) + 0.5 * normal(300, 10, seed=1)
-    found = TimeCalibration.of_flights(drawn[:200], observed[:200], flown_s[:200])
-    moved = [found.applied(one, known).flown for one, known in zip(drawn[200:], observed[200:], strict=True)]
-    off = torch.stack([one.time_s[:, 0].quantile(0.5) for one in moved]) - flown_s[200:, 0]
-    assert float(off.square().mean().sqrt()) < 0.65
-
-
 @pytest.mark.parametrize("factor", [0.3, 1.5, 99.0])
 def test_moved_times_never_turn_back_and_rates_go_with_them(factor: float) -> None:
     predictor, real = DescentPredictor(trained()), toys.flights(1, seed=1, gappy=False)

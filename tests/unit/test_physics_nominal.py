@@ -52,16 +52,6 @@ def test_time_does_not_depend_on_the_grid():
     torch.testing.assert_close(coarse, fine[[0, 73, 280]], rtol=1e-8, atol=0)
 
 
-def test_a_batch_is_its_members():
-    masses = torch.tensor([[48e3, 60e3, 72e3]], dtype=DOUBLE)
-    deviations = torch.tensor([[-10.0], [15.0]], dtype=DOUBLE)
-    together = nominal_descent(JET, GRID, masses, deviations)
-    assert together.time_s.shape == together.rate_mps.shape == (2, 3, 281)
-    alone = nominal_descent(JET, GRID, 72e3, 15.0)
-    for name in ("time_s", "cas_mps", "mach", "tas_mps", "rate_mps", "drag_n", "thrust_n", "esf", "fuel_kg_s"):
-        torch.testing.assert_close(getattr(together, name)[1, 2], getattr(alone, name), rtol=1e-12, atol=1e-9)
-
-
 def test_coefficients_batch_and_move_the_jumps():
     mach = torch.tensor([[0.0], [0.74], [0.8]], dtype=DOUBLE)
     descent = nominal_descent(replace(JET, des_mach=mach), GRID)

@@ -2,7 +2,7 @@
 
 import pytest
 import torch
-from graph_toys import PARTS, density, table_of, weights_of
+from graph_toys import PARTS, density, weights_of
 
 from descentflow.core.errors import ConfigError
 from descentflow.densities.density import Density
@@ -50,17 +50,6 @@ def test_a_context_moves_the_weights_as_the_density_says(kind: str) -> None:
             rows.append(at.locs[k] + at.scale_trils[k] @ inputs["noise"][i])
         expected = torch.stack(rows)
     torch.testing.assert_close(drawn, expected, rtol=0, atol=1e-12)
-
-
-def test_without_noise_beyond_the_components_they_fly_alone() -> None:
-    model = density("gaussian", PARTS)
-    sampler = SamplerGraph(model)
-    inputs = sampler.example_inputs(N)
-    del inputs["neighbour"]
-    entry = sampler.descents.entry(inputs["entry_fl"])
-    noise, weights = weights_of(model, 1, N)
-    found, expected = sampler(**{**inputs, "noise": noise}), table_of(PARTS, weights, entry, None)
-    torch.testing.assert_close(found["time_s"], expected["time_s"], rtol=0, atol=1e-9, equal_nan=True)
 
 
 def test_levels_between_and_beyond_the_grid() -> None:

@@ -91,13 +91,3 @@ def test_energy_changes_by_the_work_of_thrust_and_drag(deviation: float) -> None
     flying = flown.flying[1:]
     # Trapezia of 1 s: their error is that of the thrust's bends.
     torch.testing.assert_close(work[flying], change[flying], rtol=1e-4, atol=2e-5 * float(energy.max()))
-
-
-def test_steps_converge() -> None:
-    """Only the autopilot's period is a setting of the world; the integration within it is exact for all purposes."""
-    p = draw(8, WorldConfig(), seed=3)
-    once, often = (fly(AIRCRAFT, p, replace(WorldConfig(), substeps=k)) for k in (1, 2))
-    assert once.flying.equal(often.flying)
-    # BADA's own step of idle thrust at H_p,des falls inside a period: 4 cm of altitude, soon flown out again.
-    assert float((once.altitude_m - often.altitude_m).abs()[once.flying].max()) < 0.1
-    assert float((once.tas_mps - often.tas_mps).abs()[once.flying].max()) < 0.02

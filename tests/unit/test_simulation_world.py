@@ -12,7 +12,7 @@ from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, o
 from descentflow.cli.entry import main
 from descentflow.core.errors import ConfigError
 from descentflow.core.mode_s_steps import STEPS
-from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
+from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
 from descentflow.simulation.world import World, simulate
 from descentflow.simulation.world_config import WorldConfig
 
@@ -58,14 +58,6 @@ def test_noise_is_what_was_asked_for() -> None:
     assert spread("TAS", "tas_mps", KT_MPS) == pytest.approx((0.6**2 + 4 / 12) ** 0.5, rel=0.05)
 
 
-def test_reports_are_lost(world: World) -> None:
-    kept = len(world.rows) / len(world.truth)
-    assert 0.94 < kept < 0.98  # 3 % one by one, 10 % of flights for some 40 of 800 s
-    assert len(simulate(AIRCRAFT, 5, 0, WorldConfig(dropout_share=0.5)).rows) < 0.6 * len(
-        simulate(AIRCRAFT, 5, 0, WorldConfig(dropout_share=0.0, gap_share=0.0)).rows
-    )
-
-
 def test_seed_repeats_and_matters(world: World) -> None:
     again = simulate(AIRCRAFT, N, seed=4)
     for name in ("rows", "flights", "truth"):
@@ -94,22 +86,10 @@ def test_labels_say_what_happens(world: World) -> None:
     assert flown == planned
 
 
-def test_flights_start_and_end_where_planned(world: World) -> None:
-    ends = world.truth.group_by("flight_id", maintain_order=True).agg(
-        pl.col("altitude_m").first().alias("first"), pl.col("altitude_m").last().alias("last")
-    )
-    assert (ends["first"] / FL_M).to_list() == pytest.approx(world.flights["top_fl"].to_list(), abs=1e-9)
-    assert (ends["last"] / FL_M - 90).abs().max() < 1
-    tops = world.flights["top_fl"]
-    assert tops.max() * 100 <= AIRCRAFT.altitude_maximum_ft
-    assert (tops % 10).abs().max() < 1e-9
-    assert tops.n_unique() >= 10
-
-
 @pytest.mark.parametrize("typecode", open_typecodes())
 def test_every_open_type_descends(typecode: str) -> None:
     aircraft = open_aircraft(typecode)
-    world = simulate(aircraft, 8, 0, WorldConfig(step_s=2.0))
+    world = simulate(aircraft, 4, 0, WorldConfig(step_s=2.0))
     idle = world.truth.filter(pl.col("label") == "idle")
     assert idle["rate_mps"].min() / FPM_MPS > -6000
     assert idle["rate_mps"].max() / FPM_MPS < -300

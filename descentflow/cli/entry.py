@@ -11,7 +11,7 @@ from typing import Any
 
 from descentflow.cli import trainer_commands
 from descentflow.cli.ending import ended_in_order, print_whatever_comes
-from descentflow.core.errors import ConfigError, DescentflowError, DescentflowWarning, nearest
+from descentflow.core.errors import DescentflowError, DescentflowWarning, check_utf8, nearest
 from descentflow.core.progress import clear_line, display
 from descentflow.core.version import __version__
 
@@ -82,22 +82,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     try:
         with _warnings_in_a_line(name), ended_in_order(name), display(f"descentflow {name}", quiet=QUIET in rest):
-            _check_words(rest)
+            check_utf8(rest)
             return _run(name, rest)
     except DescentflowError as error:
         print(f"descentflow {name}: {error}", file=sys.stderr)
         return 2
-
-
-def _check_words(words: Sequence[str]) -> None:
-    """Refuse bytes that are no UTF-8: libraries that read and write files take names in UTF-8 only."""
-    for word in words:
-        if not word.isascii() and any("\ud800" <= letter <= "\udfff" for letter in word):
-            raise ConfigError(
-                f"the word {word!a}",
-                expected="words and names of files in UTF-8",
-                mend="set the environment variable PYTHONUTF8=1 if the locale lacks such letters, else rename the file",
-            )
 
 
 @contextmanager

@@ -172,3 +172,14 @@ class ConfigError(DescentflowError):
         Traceback (most recent call last):
         descentflow.core.errors.ConfigError: channel 'callsign'; expected some of ...; to mend it, correct it
     """
+
+
+def check_utf8(words: Iterable[str]) -> None:
+    """Refuse bytes that are no UTF-8: libraries that read and write files take names in UTF-8 only."""
+    for word in words:
+        if not word.isascii() and any("\ud800" <= letter <= "\udfff" for letter in word):
+            raise ConfigError(
+                f"the word {word!a}",
+                expected="words and names of files in UTF-8",
+                mend="set the environment variable PYTHONUTF8=1 if the locale lacks such letters, else rename the file",
+            )

@@ -17,7 +17,7 @@ from typing import Any
 
 import polars as pl
 
-from descentflow.core.errors import DataError
+from descentflow.core.errors import DataError, check_utf8
 from descentflow.surveillance.rows.drop_report import DropReport
 
 HEAD_BYTES = 4096
@@ -156,6 +156,7 @@ def files_of(paths: Sequence[str | Path], accepted: str = "files or folders of r
             raise DataError(f"no file or folder {path}", expected="one that is there", mend="check the path")
     if not files:
         raise DataError("no file in the folders given", expected=accepted, mend="pass files, or folders that hold some")
+    check_utf8(map(str, files))
     return files
 
 

@@ -62,11 +62,9 @@ def ended_in_order(name: str) -> Iterator[None]:
             # Whoever read the output has what they wanted (`| head`); Python would write the rest once more at its end.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise SystemExit(0) from None
-        except (SystemExit, GeneratorExit):
-            raise
         except BaseException as error:
             # Libraries written in C or Rust take the interruption for a failure of theirs, and raise an error in its
-            # place; a panic of Rust is no Exception.
+            # place; a panic of Rust is no Exception. Lightning's Trainer makes it an end with status 1.
             if signal.SIGINT in received:
                 _end_interrupted(name)
             if signal.SIGTERM in received:

@@ -1,8 +1,8 @@
 """Fit a model from Python, as `descentflow fit` does from the command line."""
 
 import os
-from collections.abc import Sequence
-from contextlib import nullcontext
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from copy import deepcopy
 from dataclasses import fields, replace
 from inspect import signature
@@ -111,7 +111,8 @@ def fit(
     with _ONE_AT_A_TIME, isolate_rng(), nullcontext() if "OMP_NUM_THREADS" in os.environ else one_thread():
         seed_everything(seed, workers=True, verbose=False)
         trained = model if isinstance(model, LatentModel) else settings.new_model()
-        _train(trained, data, settings, device, runs, final=final)
+        with _interruptible():
+            _train(trained, data, settings, device, runs, final=final)
     for path in files:
         trained.save(path)
     for run in runs:
@@ -154,6 +155,17 @@ def _no_option(name: str, known: set[str]) -> ConfigError:
         expected=f"one of {', '.join(sorted(known))}",
         mend=f"did you mean {near}?" if near else "leave it out; a model's own are passed to it, as Gaussian(ridge=2)",
     )
+
+
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    """Leave Ctrl-C what it is in Python: Lightning's Trainer makes it the end of the process."""
+    try:
+        yield
+    except SystemExit as ended:
+        if isinstance(ended.__context__, KeyboardInterrupt):
+            raise KeyboardInterrupt from None
+        raise
 
 
 def _train(

@@ -1,6 +1,7 @@
 """Fitting from Python trains what the command line trains, whatever holds the descents."""
 
 import re
+import signal
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -140,3 +141,17 @@ def test_what_cannot_be_fitted_is_refused(descents: Path, tmp_path: Path) -> Non
     pl.DataFrame({"flight_id": ["a"]}).write_parquet(tmp_path / "rows.parquet")
     with pytest.raises(DataError, match="not prepared descents"):
         fit(tmp_path / "rows.parquet", "gaussian")
+
+
+def test_an_interruption_is_one_in_python_and_the_next_is_heard(
+    descents: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Lightning made it SystemExit, which ended a session of Python or a service."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    monkeypatch.setattr(Gaussian, "on_train_epoch_start", lambda _: signal.raise_signal(signal.SIGINT))
+    try:
+        for _ in range(2):
+            with pytest.raises(KeyboardInterrupt):
+                fit(descents, model="gaussian")
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -114,13 +114,14 @@ def test_what_the_system_refuses_to_a_thread_is_a_line(capsys: pytest.CaptureFix
     [
         ValueError("not a valid PEP 3118 buffer format string"),
         OSError(5, "failed"),
+        SystemExit(1),
         pl.exceptions.PanicException("called `Result::unwrap()` on an `Err` value"),
     ],
 )
 def test_an_interruption_that_a_library_takes_for_a_failure_is_none(
     number: signal.Signals, status: int, error: BaseException, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """NumPy did so with a buffer's format, and Polars when it first looked for NumPy."""
+    """NumPy did so with a buffer's format, Polars when it first looked for NumPy; Lightning ends the process."""
     before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
 
     def library() -> None:

@@ -41,7 +41,7 @@ def run(
     """
     from dataclasses import replace
 
-    from descentflow.core.files import check_output
+    from descentflow.core.files import check_output, check_separate
     from descentflow.core.progress import stage
     from descentflow.core.tabular import write_table
     from descentflow.core.threads import one_thread_by_default
@@ -54,6 +54,7 @@ def run(
     tables = [output for output in (out, continuations) if output is not None]
     for output in tables:
         check_output(output)
+    check_separate(tables, [descents, *([context_table] if context_table else [])])
     if figure is not None:
         check_figure_file(figure)
     with stage("predicting", unit="flights") as predicted:

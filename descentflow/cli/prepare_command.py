@@ -162,7 +162,7 @@ def run(
 
 def _check_outputs(rows: list[Path], types: Path | None, out: Path, others: list[Path]) -> None:
     """Refuse outputs that cannot be written, or that are inputs, before anything is read."""
-    from descentflow.core.files import check_folder, check_output
+    from descentflow.core.files import check_folder, check_output, check_separate
 
     outputs = [out, *others]
     for output in outputs:
@@ -170,13 +170,7 @@ def _check_outputs(rows: list[Path], types: Path | None, out: Path, others: list
             check_output(output)
         else:
             check_folder(output)
-    places = [path.resolve() for path in (*outputs, *rows, *([types] if types else []))]
-    if any(places.count(path) > 1 for path in places[: len(outputs)]):
-        raise ConfigError(
-            f"an output that is also an input or the other output ({', '.join(map(str, outputs))})",
-            expected="names of their own for all outputs",
-            mend="choose other names",
-        )
+    check_separate(outputs, [*rows, *([types] if types else [])])
 
 
 def _check_memory(memory: int) -> None:

@@ -4,14 +4,14 @@ import errno
 import os
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from hashlib import sha256
 from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from descentflow.core.errors import DataError, DescentflowError
+from descentflow.core.errors import ConfigError, DataError, DescentflowError
 
 LONGEST_NAME = 255
 """Bytes of the longest name of a file that the usual file systems take."""
@@ -201,6 +201,17 @@ def check_output(path: str | Path) -> Path:
         raise DataError(f"output {target} is no plain file", expected="a file name", mend="choose another output")
     _check_writable(target, target.resolve().parent, target)
     return target
+
+
+def check_separate(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
+    """Refuse outputs that are also inputs, or each other."""
+    places = [path.resolve() for path in (*outputs, *inputs)]
+    if any(places.count(path) > 1 for path in places[: len(outputs)]):
+        raise ConfigError(
+            f"an output that is also an input or the other output ({', '.join(map(str, outputs))})",
+            expected="names of their own for all outputs",
+            mend="choose other names",
+        )
 
 
 def check_folder(path: str | Path, *names: str) -> Path:

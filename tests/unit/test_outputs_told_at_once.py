@@ -13,7 +13,7 @@ import pytest
 import descentflow as df
 from descentflow.cli.ending import ended_in_order
 from descentflow.cli.entry import main
-from descentflow.core.errors import DataError
+from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.files import check_folder, system_number, whole_file
 from descentflow.simulation.world import world_files
 
@@ -158,3 +158,20 @@ def test_an_interruption_within_a_finalizer_is_not_lost(
     assert ended.value.code == status
     assert "Traceback" not in capsys.readouterr().err
     assert sys.unraisablehook is hook
+
+
+@pytest.mark.usefixtures("taken")
+def test_an_output_that_is_an_input_is_refused_and_stays(capsys: pytest.CaptureFixture[str]) -> None:
+    mine = Path("mine.parquet").absolute()
+    pl.DataFrame({"mine": [1]}).write_parquet(mine)
+    with pytest.raises(ConfigError, match=r"also an input or the other output \(mine\.parquet\)"):
+        df.prepare(mine, out="mine.parquet")
+    words = ["predict-descent", NO_MODEL, str(mine), "--from-fl", "250", "--out"]
+    for outputs in (
+        ["mine.parquet"],
+        ["a.csv", "--continuations", "mine.parquet"],
+        ["a.csv", "--continuations", "a.csv"],
+    ):
+        assert main([*words, *outputs]) == 2
+        assert "also an input or the other output" in capsys.readouterr().err
+    assert pl.read_parquet(mine).columns == ["mine"]

@@ -8,7 +8,7 @@ from typing import Any
 import polars as pl
 
 from descentflow.core.errors import ConfigError, DataError
-from descentflow.core.files import OF_THE_DISK, check_output, system_number
+from descentflow.core.files import OF_THE_DISK, check_output, check_separate, system_number
 from descentflow.core.workers import Engine
 from descentflow.surveillance.cleaning.report_checks import nothing_left
 from descentflow.surveillance.descents import store
@@ -46,7 +46,7 @@ def prepare_to(out: Path, request: PreparationRequest, memory: Memory, engine: E
 
     Raises:
         DataError: If the rows cannot be used, or no descent is left.
-        ConfigError: If the output cannot be written or belongs to another run.
+        ConfigError: If the output cannot be written, is an input, or belongs to another run.
 
     Example:
         >>> from descentflow.core.workers import Engine
@@ -55,6 +55,7 @@ def prepare_to(out: Path, request: PreparationRequest, memory: Memory, engine: E
         {'A320': 120}
     """
     _check_ending(out)
+    check_separate([out], [Path(source) for source in request.rows if not isinstance(source, pl.DataFrame)])
     # An output inside a folder of inputs, and what an earlier run left beside it, are no inputs.
     own = (out.resolve(), work_folder(out).resolve())
     files = [path for path in request.files() if not any(path.resolve().is_relative_to(one) for one in own)]

@@ -10,7 +10,7 @@ import torch
 
 from descentflow.core.arguments import Output, checked_arguments
 from descentflow.core.errors import ConfigError
-from descentflow.core.files import check_folder
+from descentflow.core.files import check_folder, check_separate
 from descentflow.core.threads import one_thread
 from descentflow.core.user_files import lines_named
 from descentflow.diagnosis.diagnosis_inputs import Inputs
@@ -24,6 +24,7 @@ from descentflow.diagnosis.report.what_is_left import OWN_FLIGHTS, left_out_chan
 from descentflow.effects import EFFECTS, Effect, checked_catalogue
 from descentflow.effects.user_catalogue import effects_of_file
 from descentflow.measurements.quantity_registry import CHANNELS
+from descentflow.surveillance.open_descents import paths_of
 
 
 @checked_arguments
@@ -86,7 +87,8 @@ def diagnose(
     Raises:
         AircraftError: If the type is not known.
         CheckpointError: If the checkpoint cannot be read.
-        ConfigError: If no simulator is named, the catalogue cannot be used, or a channel does not exist.
+        ConfigError: If no simulator is named, the catalogue cannot be used, a channel does not exist, or the folder is
+            that of flights.
         DataError: If the flights of either side cannot be used, are too few, or both have no type, no level or no
             needed channel in common; if the earlier diagnosis is of other flights, another type or version; or if the
             folder cannot be written or holds another report, before anything is computed.
@@ -116,6 +118,8 @@ def diagnose(
         )
     if out is not None:
         check_folder(out, *FILES)
+        # The corrected flights there would be taken for the simulator's the next time.
+        check_separate([Path(out)], [path for side in (real, simulator) for path in paths_of(side) if path.exists()])
         check_no_other_report(out, previous)
     wanted = _channels(channels)
     effects, user_files = _catalogue(catalogue, say)

@@ -166,6 +166,10 @@ def test_an_output_that_is_an_input_is_refused_and_stays(capsys: pytest.CaptureF
     pl.DataFrame({"mine": [1]}).write_parquet(mine)
     with pytest.raises(ConfigError, match=r"also an input or the other output \(mine\.parquet\)"):
         df.prepare(mine, out="mine.parquet")
+    Path("flown").mkdir()
+    for sides in ({"real": "flown", "simulator": "A320"}, {"real": "rows.csv", "simulator": ["rows.csv", "flown"]}):
+        with pytest.raises(ConfigError, match=r"also an input or the other output \(flown\)"):
+            df.diagnose(**sides, out="flown")
     words = ["predict-descent", NO_MODEL, str(mine), "--from-fl", "250", "--out"]
     for outputs in (
         ["mine.parquet"],

@@ -5,6 +5,7 @@ Nothing is unpacked to disk. A file that cannot be read is an error alone, and a
 
 import gzip
 import io
+import os
 import re
 import tarfile
 import zlib
@@ -13,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from tarfile import TarError
-from typing import Any
+from typing import Any, NoReturn
 
 import polars as pl
 
@@ -142,13 +143,24 @@ COMPANION_FILE = re.compile(
 Spark and Trino leave `_SUCCESS` and the like."""
 
 
+def _unlisted(error: OSError) -> NoReturn:
+    raise DataError(
+        f"{error.filename}: {error.strerror}",
+        expected="a folder whose files may be listed",
+        mend="change its permissions, or pass the folders beside it",
+    ) from error
+
+
 def files_of(paths: Sequence[str | Path], accepted: str = "files or folders of rows") -> list[Path]:
     """The files given, and all files of the folders given except hidden ones and companions of published archives."""
     files: list[Path] = []
     # A single name is a sequence, too: of letters.
     for path in map(Path, [paths] if isinstance(paths, str) else paths):
         if path.is_dir():
-            inside = sorted(p for p in path.rglob("*") if p.is_file() and not p.name.startswith("."))
+            # Path.rglob leaves out a folder that may not be listed, without a word.
+            walked = os.walk(path, onerror=_unlisted)
+            inside = sorted(Path(folder, name) for folder, _, names in walked for name in names if name[0] != ".")
+            inside = [p for p in inside if p.is_file()]
             files += [p for p in inside if not COMPANION_FILE.search(p.relative_to(path).as_posix())]
         elif path.is_file():
             files.append(path)

@@ -1,7 +1,10 @@
 """Every kind of file gives the same rows."""
 
+import errno
+import os
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import polars as pl
 import pytest
@@ -151,3 +154,19 @@ def test_empty_files_beside_others_are_left_out_and_counted(tmp_path: Path) -> N
     (tmp_path / "other.parquet").touch()
     with pytest.raises(DataError, match="no row in"):
         prepare(tmp_path)
+
+
+def test_a_folder_that_may_not_be_listed_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its rows went missing without a count. A test may run as a user whom no permission stops."""
+    (tmp_path / "locked").mkdir()
+    written(flight("4ca001"), tmp_path / "a.parquet")
+    scandir = os.scandir
+
+    def refused(path: str) -> Any:
+        if Path(path).name == "locked":
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", refused)
+    with pytest.raises(DataError, match=r"/locked: Permission denied; expected a folder whose files may be listed"):
+        files_of([tmp_path])

@@ -122,6 +122,14 @@ def test_each_flight_of_a_law_has_its_own_path_or_window(flown: Trajectories) ->
     assert n > 1000
 
 
+def test_a_held_path_is_a_constant_angle_whatever_else_changes_the_rate(flown: Trajectories) -> None:
+    double = in_precision(flown, torch.float64)
+    both = Correction({"drag_polar": [0.2], "geometric_path": [1.0, 0.1, 0.03]}, 57e3)
+    after = both.apply(open_aircraft("A320"), double)
+    angle = (after.rate_mps / double.tas_mps).abs()
+    assert float((angle.std(1) / angle.mean(1)).max()) < 1e-6
+
+
 def test_the_decoder_knows_no_correction() -> None:
     parts = toys.representation(60)
     weights = torch.zeros(1, parts.decoder.dimension).double()

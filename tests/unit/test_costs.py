@@ -12,6 +12,7 @@ from descentflow.core.units import FPM_MPS, KT_MPS, NM_M
 from descentflow.diagnosis.correction.costs import costs_of
 from descentflow.diagnosis.findings.costs_found import Cost
 from descentflow.diagnosis.inference.two_sides import Compared, Entry
+from descentflow.effects import EFFECTS
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 
 LOW_M, HIGH_M = 15_000 * 0.3048, 37_000 * 0.3048
@@ -64,6 +65,46 @@ def test_constant_rates_and_speeds_have_a_closed_form() -> None:
         assert cost.before.estimate == pytest.approx(flights - simulator, rel=1e-9, abs=1e-9)
         assert cost.before.low == pytest.approx(cost.before.high, rel=1e-9, abs=1e-9)
         assert cost.after is None
+
+
+def test_a_rate_that_grows_with_altitude_has_a_logarithm_for_its_time() -> None:
+    a, b = 2.0, 1e-3
+    altitude = example_sides().state.altitude_m
+    rate = (a + b * altitude).expand(160, -1)
+    exact = math.log((a + b * HIGH_M) / (a + b * LOW_M)) / b
+    # The midpoint rule is off by at most width^2 / 24 times the height and the largest second derivative.
+    width = (HIGH_M - LOW_M) / 11
+    bound = width**2 / 24 * (HIGH_M - LOW_M) * 2 * b**2 / (a + b * LOW_M) ** 3
+    found = by_name(costs_of(flying(rate), None, seed=0))["time"].flights
+    assert 0 < abs(found - exact) <= bound
+
+
+def test_what_a_cause_makes_is_gone_after_it() -> None:
+    sides = example_sides(EFFECTS["temperature"], [10.0], n=200)
+    shift = sides.vector(EFFECTS["temperature"].shift(sides.state, torch.tensor([10.0]).double()))
+    shift = torch.where(sides.real[:, None], shift, 0.0)
+    plain = by_name(costs_of(example_sides(n=200), None, seed=0))
+    warm = by_name(costs_of(sides, sides.y - shift, seed=0))
+    for name in ("time", "air_distance", "rate", "tas"):
+        assert warm[name].after is not None
+        assert warm[name].after.estimate == pytest.approx(plain[name].before.estimate, abs=1e-9)
+    # Two to three per cent of the time for ten kelvin (energy equation at constant Mach number and CAS).
+    ratio = (warm["time"].before.estimate - plain["time"].before.estimate) / plain["time"].flights
+    assert ratio == pytest.approx(0.023, abs=0.004)
+    assert warm["time"].before.excludes_zero
+
+
+def test_slower_flights_cost_time_by_their_speed() -> None:
+    """Taking a change of CAS off changes TAS, and the rate with it by the polar."""
+    sides = example_sides(EFFECTS["speed_schedule"], [20.0, 0.0], n=40)
+    shift = torch.zeros_like(sides.y)
+    shift[:, sides.columns("cas")] = 20.0
+    shift = torch.where(sides.real[:, None], shift, 0.0)
+    found = by_name(costs_of(sides, sides.y - shift, seed=0))
+    assert found["cas"].before.estimate - found["cas"].after.estimate == pytest.approx(20.0)
+    assert found["tas"].after is None if "tas" not in found else found["tas"].after.estimate < found["tas"].flights
+    # Twenty knots less: a longer descent, by the polar.
+    assert found["time"].after.estimate > found["time"].before.estimate
 
 
 def test_at_equal_speed_only_what_the_polar_does_not_say_counts() -> None:

@@ -14,7 +14,9 @@ from toys import normal
 
 from descentflow.core.errors import ConfigError
 from descentflow.densities.checkpoint import content_of, load_model
-from descentflow.densities.mixture_parameters import Mixture, log_observed
+from descentflow.densities.em import fit_mixture
+from descentflow.densities.em_steps import Steps
+from descentflow.densities.mixture_parameters import Mixture, log_observed, n_parameters
 from descentflow.representation.context import ContextEncoder
 from descentflow.representation.evidence import WeightEvidence
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
@@ -84,6 +86,22 @@ def test_gaussian_is_scikit_learns_linear_regression() -> None:
     residual = weights.numpy() - theirs.predict(context.numpy())
     covariance = (density.scale_tril @ density.scale_tril.T).detach()
     np.testing.assert_allclose(covariance, residual.T @ residual / len(residual), atol=1e-9)
+
+
+def test_em_of_regressions_never_loses_likelihood_and_finds_the_regimes() -> None:
+    weights, context = two_regimes(1500, 0)
+    steps = Steps(weights, context)
+    mixture, best = fit_mixture(steps, 2, seed=0, n_restarts=2)
+    responsibilities, likelihood = steps.expectation(mixture)
+    updated = steps.maximise(responsibilities, mixture)
+    # The ridge is a penalty, so the likelihood itself may give way by as much as that is worth.
+    assert float(steps.expectation(updated)[1]) >= float(likelihood) - 1e-5
+    single = fit_mixture(steps, 1, seed=0)[1]
+    assert best > single + 0.5
+    assert n_parameters(2, D, C) == 2 * (3 + 6 + 6) + 1 + 2
+    gate = (mixture.gate[0] - mixture.gate[1]).abs()
+    assert float(gate[0]) == pytest.approx(2.0, abs=0.4), "the planted gate"
+    assert float(gate[1]) < 0.3
 
 
 def test_conditional_mixture_is_the_numerically_integrated_conditional() -> None:

@@ -16,7 +16,7 @@ from descentflow.densities.checkpoint import load_model
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.physics.airspeed import cas_to_mach, cas_to_tas_mps, mach_to_cas_mps
 from descentflow.representation.decoder.trajectories import integrate
-from descentflow.representation.drag_scale import DragScale, fit_drag_scale
+from descentflow.representation.drag_scale import LEAST_FORCE, DragScale, fit_drag_scale
 from descentflow.representation.fit_representation import RepresentationSettings, fit_representation
 from descentflow.representation.own_air import flown_in
 from descentflow.representation.profiles import Profiles, observed_profiles
@@ -44,6 +44,13 @@ def test_drag_comes_back(scale: DragScale) -> None:
     drag_n = torch.linspace(5_000, 200_000, 50).double()[:, None].expand(-1, 2)
     cas_mps = torch.linspace(120, 170, 50).double()[:, None].expand(-1, 2)
     torch.testing.assert_close(scale.drag_n(scale.scaled(drag_n, cas_mps), cas_mps), drag_n, rtol=1e-14, atol=0)
+
+
+def test_what_hardly_descends_has_the_least_force() -> None:
+    climbing = torch.tensor([[-5_000.0, 1_000.0]]).double()
+    least = SCALE.thrust_n + LEAST_FORCE * SCALE.force_n
+    found = SCALE.drag_n(SCALE.scaled(climbing, SCALE.cas_mps), SCALE.cas_mps)
+    torch.testing.assert_close(found, least[None])
 
 
 def one_angle(speeds: list[float], mach: float) -> Profiles:

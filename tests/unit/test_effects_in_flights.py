@@ -110,6 +110,27 @@ def test_warm_air_is_what_the_physics_says() -> None:
     torch.testing.assert_close(found.values["groundspeed"], level)
 
 
+def test_a_tailwind_that_grows_shows_in_the_groundspeed() -> None:
+    slope = 0.002
+    grid = flights()
+    found = put(grid, (EFFECTS["wind_gradient"], [slope]))
+    level = (found.values["TAS"] ** 2 - (found.values["vertical_rate"] * FPM_MPS / KT_MPS) ** 2).sqrt()
+    wind = (found.values["groundspeed"] - level) * KT_MPS
+    torch.testing.assert_close(wind.diff(dim=1), torch.full_like(wind[:, 1:], slope * FL_M), rtol=1e-6, atol=1e-9)
+    assert float(found.values["vertical_rate"].mean()) > float(grid.values["vertical_rate"].mean())
+
+
+def test_another_schedule_moves_mach_and_rate_along() -> None:
+    grid = flights()
+    found = put(grid, (EFFECTS["speed_schedule"], [10.0, 0.0]))
+    # Up to FL250; higher up the Mach number, which stays, holds the speed down.
+    torch.testing.assert_close(found.values["IAS"][:, :100], grid.values["IAS"][:, :100] + 10.0)
+    torch.testing.assert_close(
+        found.values["Mach"], cas_to_mach(found.values["IAS"] * KT_MPS, grid.altitude_m), rtol=1e-9, atol=1e-12
+    )
+    assert bool((found.values["vertical_rate"] < grid.values["vertical_rate"])[:, :100].all())
+
+
 def test_sensors_change_reports_and_no_time() -> None:
     grid = flights()
     biased = put(grid, (EFFECTS["airspeed_bias"], [3.0, 0.0]))

@@ -15,7 +15,7 @@ from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, co
 from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.diagnosis_steps import diagnose_compared
 from descentflow.diagnosis.inference.assumptions import Assumptions
-from descentflow.diagnosis.inference.candidates import FlightsEffect
+from descentflow.diagnosis.inference.candidates import FlightsEffect, linearised
 from descentflow.diagnosis.inference.explain import detection_limits, explain
 from descentflow.diagnosis.inference.flight_mixture import (
     FlightWindows,
@@ -300,3 +300,9 @@ def test_limits_are_sizes_that_are_named_in_most_cases() -> None:
         for factor in (0.2, 1.6)
     }
     assert named == {0.2: "none", 1.6: "effect"}
+
+
+def test_linearised_candidates_are_their_own_where_they_are_linear() -> None:
+    effect = column("e", np.linspace(0, 1, 5))
+    found = linearised(effect.at(np.array([2.0])), np.array([-1.5]))
+    np.testing.assert_allclose(found.shift, effect.at(np.array([0.5])).shift)

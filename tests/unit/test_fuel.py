@@ -8,12 +8,14 @@ import polars as pl
 import pytest
 import torch
 from bada4_dummies import DUMMIES, dummies, printed_descents
+from example_sides import example_sides
 from scipy.stats import wasserstein_distance
 
 from descentflow.aircraft_types.registry import aircraft
 from descentflow.core.units import FL_M, FT_M, KT_MPS
 from descentflow.diagnosis.correction.corrected_descents import corrected_descents
 from descentflow.diagnosis.correction.corrected_simulator import sampled_descents
+from descentflow.diagnosis.correction.costs import costs_of
 from descentflow.diagnosis.correction.effects_in_flights import AddedEffects
 from descentflow.effects import EFFECTS
 from descentflow.evaluation.evaluation_report import verdict
@@ -115,6 +117,14 @@ def test_descents_of_no_single_model_have_no_fuel() -> None:
     mixed = integrate(*args, mass_kg=torch.tensor([[6e4], [7e4]]).double())
     assert mixed.aircraft is None
     assert not set(COLUMNS_OF_FUEL) & set(to_frame(mixed).columns)
+
+
+def test_a_gap_costs_fuel_before_and_after_its_cause() -> None:
+    sides = example_sides(EFFECTS["idle_thrust"], [0.5])
+    cost = next(one for one in costs_of(sides, None, seed=0) if one.name == "fuel")
+    assert (cost.label, cost.unit) == ("fuel", "kg")
+    assert cost.simulator > 20
+    assert cost.before.estimate == pytest.approx(cost.flights - cost.simulator)
 
 
 def seen_and_sampled() -> tuple[Profiles, Trajectories]:

@@ -58,6 +58,19 @@ def test_another_speed_changes_the_kinetic_energy_by_its_slope_too() -> None:
     torch.testing.assert_close(partly[:, 5:], log_rate(state)[:, 5:], rtol=0, atol=0)
 
 
+def test_the_noise_of_a_flight_makes_no_steeper_path() -> None:
+    """A held path is below the idle path, and the lowest of a flight's own noise is none."""
+    path, state = EFFECTS["geometric_path"], gap_toys.state(200, affected=False)
+    noise = 0.05 * torch.randn(state.cas_mps.shape, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    theta, uniform = torch.tensor([1.0, 0.1, 0.0]).double(), torch.full((200, 1), 0.5).double()
+    flown = []
+    for own in (torch.zeros_like(noise), noise):
+        at = replace(state, beyond_polar=own)
+        flown.append(own + path.own_change(at, theta, uniform).flown["rate"])
+    # The mean noise of a flight of 11 bands is its own: 0.05 over the root of 11 and of 200 flights, four times.
+    assert abs(float((flown[1] - flown[0]).mean())) < 4 * 0.05 / (11 * 200) ** 0.5
+
+
 def test_a_held_path_is_below_the_lowest_of_an_idle_path_that_bends() -> None:
     """A bend that all flights of a simulator share is no noise of theirs."""
     path, state = EFFECTS["geometric_path"], gap_toys.state(20, affected=False)

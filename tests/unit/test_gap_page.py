@@ -128,6 +128,18 @@ def test_the_terminal_says_what_the_page_says() -> None:
     assert [number for number in numbers if number.strip() not in words] == []
 
 
+@pytest.mark.parametrize(
+    "made", ["corrected.ckpt is the simulator", "corrected.parquet holds the flights of the simulator"]
+)
+def test_a_file_that_was_not_written_is_not_said_to_be_there(made: str) -> None:
+    found = replace(of_verdict("effect"), corrected_file=made.split()[0])
+    line = f"{made} with these changes."
+    assert f" {line}" not in summary(found, written=False).replace(f"report.write(FOLDER) writes it: {line}", "")
+    assert 'Next: report.write("gap"), then descentflow' in summary(found, written=False)
+    assert f" {line}" in summary(found)
+    assert "report.write" not in summary(found) + page(found)
+
+
 def test_names_of_flights_never_become_markup() -> None:
     found = of_verdict("unknown")
     flight = replace(found.flights_worth_a_look[0], flight="<script>alert(1)</script>")

@@ -1,5 +1,6 @@
 """Distances and places against closed forms and great circles."""
 
+from datetime import UTC, datetime
 from itertools import pairwise
 
 import numpy as np
@@ -13,7 +14,7 @@ from descentflow.core.units import KT_MPS, NM_M
 from descentflow.positions.ground_path import path_along, path_to
 from descentflow.positions.ground_plan import ground_plan
 from descentflow.positions.placing import place
-from descentflow.positions.wind import wind_of_text
+from descentflow.positions.wind import WindByLevel, wind_of_text
 
 WGS84 = Geod(ellps="WGS84")
 DESCENT_S = 200 * 30.48 / 10
@@ -30,6 +31,14 @@ def test_constant_speed_in_still_air() -> None:
     assert (found.distance_m[:, -1] == 0).all()
 
 
+def test_distance_is_counted_from_the_entry_and_to_go_from_the_end_point() -> None:
+    found = place(steady_descents([200.0], entry=100), to_go_m=5000.0)
+    half = np.sqrt(200.0**2 - 100.0) * DESCENT_S / 2
+    np.testing.assert_allclose(found.distance_m[0, [0, 100]], [half, 0.0], atol=1e-6)
+    np.testing.assert_allclose(found.to_go_m[0, [0, 100]], [5000.0, 5000.0 + half])
+    np.testing.assert_allclose(found.top_of_descent_m, [5000.0 + half])
+
+
 @pytest.mark.parametrize(("direction", "along", "across"), [(270, 25.0, 0.0), (90, -25.0, 0.0), (0, 0.0, 25.0)])
 def test_constant_wind_along_the_equator(direction: int, along: float, across: float) -> None:
     """The equator is a geodesic of constant track, so the wind triangle holds all along it."""
@@ -41,6 +50,15 @@ def test_constant_wind_along_the_equator(direction: int, along: float, across: f
     # A degree of the equator of WGS84 is 2 pi a / 360.
     degrees = found.top_of_descent_m / (2 * np.pi * 6378137.0 / 360)
     np.testing.assert_allclose(found.longitude[:, -1], 10.0 - degrees, rtol=1e-9)
+
+
+def test_wind_that_grows_with_height() -> None:
+    """At a constant rate the mean of a linear profile is its value in the middle; no track change on the equator."""
+    wind = WindByLevel(np.array([150.0, 350.0]), np.array([10.0, 50.0]), np.zeros(2))
+    found = place(steady_descents([200.0]), path_to((0.0, 0.0), track=90.0), wind)
+    still = np.sqrt(200.0**2 - 100.0)
+    np.testing.assert_allclose(found.top_of_descent_m, (still + 30.0) * DESCENT_S, rtol=1e-9)
+    np.testing.assert_allclose(found.groundspeed_mps[0, [0, 50, 200]], still + np.array([10.0, 20.0, 50.0]))
 
 
 @pytest.mark.parametrize("wind", [None, "310/45"])
@@ -84,6 +102,13 @@ def test_a_route_is_flown_from_fix_to_fix() -> None:
     assert before[2][0] == pytest.approx(on_first, abs=0.2)
 
 
+def test_times_count_back_from_the_lowest_level() -> None:
+    end = datetime(2026, 11, 22, 10, tzinfo=UTC)
+    found = ground_plan(end_time="2026-11-22T10:00:00").place(steady_descents([200.0]))
+    assert found.unix_s[0, 0] == end.timestamp()
+    assert found.unix_s[0, -1] == pytest.approx(end.timestamp() - DESCENT_S)
+
+
 def test_wind_is_read_as_aviation_writes_it() -> None:
     here = np.zeros(1)
     east, north = wind_of_text("225/20").at(300.0, here, here, None)
@@ -106,6 +131,7 @@ def test_wind_is_read_as_aviation_writes_it() -> None:
         ({"wind": "270/30"}, "a wind without a direction of flight"),
         ({"end": (51.0, 4.0), "track": 90.0, "wind": "breezy"}, "the wind 'breezy'"),
         ({"end": (51.0, 4.0), "track": 90.0, "wind": "300:270/30,100:270/10"}, "ascending flight levels"),
+        ({"end": (51.0, 4.0), "track": 90.0, "wind": "270/30,280/40"}, "ascending flight levels"),
         ({"to_go_nm": -1.0}, "to_go_nm = -1.0; expected a finite number, 0 or more"),
         ({"end_time": "noon"}, "the time 'noon'"),
     ],
@@ -126,6 +152,14 @@ def test_what_cannot_be_is_refused(said: dict, message: str) -> None:
 def test_a_wind_that_no_flight_or_no_earth_has_is_refused(track: float, wind: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         ground_plan(end=(51.0, 4.0), track=track, wind=wind).place(steady_descents([190.0]))
+
+
+def test_above_the_entry_a_wind_is_not_asked_for() -> None:
+    wind = WindByLevel(np.array([200.0, 300.0]), np.array([0.0, 400.0]), np.zeros(2))
+    plan = ground_plan(end=(51.0, 4.0), track=270.0, wind=wind)
+    assert np.isfinite(plan.place(steady_descents([200.0], entry=60)).top_of_descent_m).all()
+    with pytest.raises(ConfigError):
+        plan.place(steady_descents([200.0]))
 
 
 def test_nautical_miles_and_knots_of_the_tables() -> None:

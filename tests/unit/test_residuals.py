@@ -2,10 +2,13 @@
 
 import numpy as np
 import torch
+import toys
 from scipy.spatial import cKDTree
 from torch import Tensor
 from toys import normal
 
+from descentflow.densities.gaussian import GaussianDensity
+from descentflow.generation.rejection import sample_descents
 from descentflow.representation.residuals import NEIGHBOURS, ResidualLine, Residuals
 
 D, R, M = 3, 4, 200
@@ -39,3 +42,15 @@ def test_a_known_line_is_found_again() -> None:
     found = ResidualLine.fitted(weights, numbers)
     for mine, known in zip(vars(found).values(), vars(line).values(), strict=True):
         assert float((mine - known).abs().max()) < 5 * 2.0 / 20_000**0.5
+
+
+def test_a_sample_has_the_residual_of_a_training_flight() -> None:
+    parts = toys.representation(300)
+    model = GaussianDensity(parts.decoder.dimension)
+    model.attach(parts)
+    found, held = sample_descents(model, parts, 500, 0), parts.decoder.residuals
+    _, cas = parts.decoder.scaled_profiles(found.weights)
+    left, speed = found.trajectories.cas_mps[:, 0] - cas[:, 0], held.curves(held.numbers)[1][:, 0]
+    off = (left[:, None] - speed).abs()
+    assert float(off.amin(1).max()) < 1e-9
+    assert len(off.argmin(1).unique()) > 100

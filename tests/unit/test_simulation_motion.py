@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from toys import AIRCRAFT
 
 from descentflow.core.constants import G0_MPS2, LAPSE_K_M, P0_PA, R_AIR, T0_K
-from descentflow.core.units import FT_M
+from descentflow.core.units import FL_M, FT_M, KT_MPS
 from descentflow.physics.airspeed import cas_to_tas_mps
 from descentflow.simulation.flight import fly
 from descentflow.simulation.motion import Controls, Dynamics, Motion
@@ -91,3 +91,34 @@ def test_energy_changes_by_the_work_of_thrust_and_drag(deviation: float) -> None
     flying = flown.flying[1:]
     # Trapezia of 1 s: their error is that of the thrust's bends.
     torch.testing.assert_close(work[flying], change[flying], rtol=1e-4, atol=2e-5 * float(energy.max()))
+
+
+def test_hot_air_stretches_geometric_height() -> None:
+    config = replace(QUIET, deviation_mean_k=20.0)
+    flown = fly(AIRCRAFT, draw(4, config), config)
+    ratio = flown.height_m.diff(dim=0) / flown.altitude_m.diff(dim=0)
+    low = flown.flying[1:] & (flown.altitude_m[1:] < 20 * FL_M + 95 * FL_M) & (flown.label[1:] == 1)
+    # (T_isa + 20) / T_isa between FL95 and FL115: 1.0740 to 1.0754.
+    assert ratio[low].min() > 1.0735
+    assert ratio[low].max() < 1.0760
+
+
+def test_steps_converge() -> None:
+    """Only the autopilot's period is a setting of the world; the integration within it is exact for all purposes."""
+    p = draw(8, WorldConfig(), seed=3)
+    once, often = (fly(AIRCRAFT, p, replace(WorldConfig(), substeps=k)) for k in (1, 2))
+    assert once.flying.equal(often.flying)
+    # BADA's own step of idle thrust at H_p,des falls inside a period: 4 cm of altitude, soon flown out again.
+    assert float((once.altitude_m - often.altitude_m).abs()[once.flying].max()) < 0.1
+    assert float((once.tas_mps - often.tas_mps).abs()[once.flying].max()) < 0.02
+
+
+def test_speed_is_held() -> None:
+    config = replace(WorldConfig(), level_off_share=0.0, managed_share=0.0, interval_s=1)
+    p = draw(64, config)
+    flown = fly(AIRCRAFT, p, config)
+    low = flown.flying & (flown.label == 1) & (flown.altitude_m < 6000)
+    target = cas_to_tas_mps(p.cas_mps, flown.altitude_m)
+    error = (flown.tas_mps - target)[low] / KT_MPS
+    assert 0.3 < float(error.std()) < 3.0  # the pilot's wander, not the autopilot's error
+    assert float(flown.gamma.max()) < math.radians(0.5)

@@ -1,16 +1,18 @@
 """Scenarios: the structure that the paper describes shows in the rows, and nothing else changes."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
 import pytest
+import torch
 from sklearn.mixture import GaussianMixture
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.errors import ConfigError
+from descentflow.simulation.parameters import PARTS, draw_parameters
 from descentflow.simulation.scenarios import scenario_settings
 from descentflow.simulation.world import World, simulate
 from descentflow.simulation.world_config import WorldConfig
@@ -80,6 +82,55 @@ def test_turboprops_hold_one_rate_and_then_a_steeper_one() -> None:
     rates = world.flights
     assert (rates["second_rate_fpm"] < rates["first_rate_fpm"]).all()
     assert ((rates["first_rate_fpm"] % 100).is_between(29.9, 70.1)).all()
+
+
+def test_slow_starts_are_slow_and_then_idle() -> None:
+    world = fly("B738", 40, slow_start_share=1.0)
+    labels = world.truth.join(world.flights.select("flight_id", "first_low_fl"), on="flight_id")
+    above = labels.filter(pl.col("altitude_m") / 30.48 > pl.col("first_low_fl") + 1)
+    below = labels.filter(pl.col("altitude_m") / 30.48 < pl.col("first_low_fl") - 30)
+    assert "idle" not in above["label"].cast(str).unique().to_list()
+    assert (below["label"] == "idle").mean() > 0.7
+    steep = [part.filter(pl.col("label") != "transient")["rate_mps"].median() for part in (above, below)]
+    assert steep[1] < 1.5 * steep[0] < 0
+
+
+def test_a_business_jets_cas_has_its_knee_near_fl300() -> None:
+    """A straight line in CAS above, a constant below; the two lines meet within ten levels of FL300."""
+    world = fly("F2TH")
+    knees = []
+    for flight in world.rows.partition_by("flight_id"):
+        level, cas = flight["altitude"].to_numpy() / 100, flight["IAS"].to_numpy()
+        upper, lower = (level > 310) & (level < flight["altitude"].max() / 100 - 15), level < 280
+        if upper.sum() < 20:
+            continue
+        slope, offset = np.polyfit(level[upper], cas[upper], 1)
+        assert slope < -0.4
+        assert abs(np.polyfit(level[lower], cas[lower], 1)[0]) < 0.05
+        knees.append((cas[lower].mean() - offset) / slope)
+    assert len(knees) > 20
+    assert abs(np.median(knees) - 300) < 5
+    assert np.std(knees) < 10
+
+
+def test_constant_rates_change_no_other_draw() -> None:
+    aircraft = open_aircraft("DH8D")
+    config = scenario_settings(LONDON, aircraft)
+    plain, segments = (
+        draw_parameters(aircraft, range(20), 3, c) for c in (replace(config, two_rates_share=0.0), config)
+    )
+    assert not plain.constant_rates.rate_mps.numel()
+    assert segments.constant_rates.rate_mps.numel()
+    for field in fields(plain):
+        if field.name not in PARTS:
+            torch.testing.assert_close(getattr(plain, field.name), getattr(segments, field.name), equal_nan=True)
+    for part in ("weather", "speed_changes", "off_idle"):
+        for name, value in vars(getattr(plain, part)).items():
+            torch.testing.assert_close(value, getattr(getattr(segments, part), name))
+    few = draw_parameters(aircraft, range(5, 9), 3, config)
+    torch.testing.assert_close(
+        few.constant_rates.rate_mps, segments.constant_rates.rate_mps[5:9], rtol=0, atol=0, equal_nan=True
+    )
 
 
 def test_every_type_of_the_paper_has_its_settings_and_plain_is_the_default() -> None:

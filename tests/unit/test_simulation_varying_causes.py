@@ -108,3 +108,12 @@ def test_a_share_of_the_flights_and_none_of_the_others() -> None:
     cas = slow.planted["speed_schedule_cas_kt"].numpy()
     assert share_fits(np.isfinite(cas), 0.8)
     assert fits(cas[np.isfinite(cas)], "norm", -15, 2)
+
+
+def test_a_path_is_planned_for_the_speeds_and_forces_that_the_flight_meets() -> None:
+    """Causes act in one order: less drag makes the idle path shallower, and the held one with it."""
+    path = {"share": 1.0, "of_idle": 0.9}
+    plain = drawn(geometric_path=path).planted["geometric_path_angle_deg"]
+    for name, values in (("induced_drag", {"factor": 0.8}), ("speed_schedule", {"cas_kt": -40.0, "mach": -0.05})):
+        changed = drawn(geometric_path=path, **{name: values}).planted["geometric_path_angle_deg"]
+        assert float((changed - plain).mean()) > 0.02, name

@@ -1,6 +1,7 @@
 """Worlds: what rows and truth hold, and what they may depend on."""
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import polars as pl
@@ -12,9 +13,9 @@ from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, o
 from descentflow.cli.entry import main
 from descentflow.core.errors import ConfigError
 from descentflow.core.mode_s_steps import STEPS
-from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
+from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
 from descentflow.simulation.world import World, simulate
-from descentflow.simulation.world_config import WorldConfig
+from descentflow.simulation.world_config import WorldConfig, default_operators
 
 N = 150
 
@@ -58,6 +59,24 @@ def test_noise_is_what_was_asked_for() -> None:
     assert spread("TAS", "tas_mps", KT_MPS) == pytest.approx((0.6**2 + 4 / 12) ** 0.5, rel=0.05)
 
 
+def test_reports_are_lost(world: World) -> None:
+    kept = len(world.rows) / len(world.truth)
+    assert 0.94 < kept < 0.98  # 3 % one by one, 10 % of flights for some 40 of 800 s
+    assert len(simulate(AIRCRAFT, 5, 0, WorldConfig(dropout_share=0.5)).rows) < 0.6 * len(
+        simulate(AIRCRAFT, 5, 0, WorldConfig(dropout_share=0.0, gap_share=0.0)).rows
+    )
+
+
+def test_place_follows_groundspeed(world: World) -> None:
+    flight = world.rows.filter(pl.col("flight_id") == "TOY-4-00001")
+    north, east = (flight[c].to_numpy() * 3.141592653589793 / 180 * 6371e3 for c in ("latitude", "longitude"))
+    from numpy import cos, hypot, radians
+
+    moved = hypot(north[-1] - north[0], (east[-1] - east[0]) * cos(radians(flight["latitude"].mean())))
+    seconds = (flight["timestamp"][-1] - flight["timestamp"][0]).total_seconds()
+    assert moved / seconds == pytest.approx(flight["groundspeed"].mean() * KT_MPS, rel=0.03)
+
+
 def test_seed_repeats_and_matters(world: World) -> None:
     again = simulate(AIRCRAFT, N, seed=4)
     for name in ("rows", "flights", "truth"):
@@ -84,6 +103,43 @@ def test_labels_say_what_happens(world: World) -> None:
     assert 0.06 * N < planned < 0.25 * N
     flown = of("level_off")["flight_id"].n_unique()
     assert flown == planned
+
+
+def test_level_offs_last_as_planned(world: World) -> None:
+    lasted = world.truth.filter(pl.col("label") == "level_off").group_by("flight_id").agg(pl.len() * 4.0)
+    both = lasted.join(world.flights, on="flight_id")
+    assert both["len"].to_list() == pytest.approx(both["level_off_s"].to_list(), abs=6)
+    heights = world.truth.filter(pl.col("label") == "level_off").join(world.flights, on="flight_id")
+    assert (heights["altitude_m"] / FL_M - heights["level_off_fl"]).abs().max() < 0.6
+
+
+def test_flights_start_and_end_where_planned(world: World) -> None:
+    ends = world.truth.group_by("flight_id", maintain_order=True).agg(
+        pl.col("altitude_m").first().alias("first"), pl.col("altitude_m").last().alias("last")
+    )
+    assert (ends["first"] / FL_M).to_list() == pytest.approx(world.flights["top_fl"].to_list(), abs=1e-9)
+    assert (ends["last"] / FL_M - 90).abs().max() < 1
+    tops = world.flights["top_fl"]
+    assert tops.max() * 100 <= AIRCRAFT.altitude_maximum_ft
+    assert (tops % 10).abs().max() < 1e-9
+    assert tops.n_unique() >= 10
+
+
+def test_cas_has_a_mode_for_each_operator() -> None:
+    world = simulate(AIRCRAFT, 300, 0)
+    low = world.rows.filter(pl.col("altitude").is_between(14500, 15500))
+    cas = low.group_by("flight_id").agg(pl.col("IAS").mean()).join(world.flights, on="flight_id")
+    operators = {o.name: o for o in default_operators(AIRCRAFT)}
+    assert cas["operator"].n_unique() == 3
+    for (name,), group in cas.group_by("operator"):
+        assert group["IAS"].mean() == pytest.approx(operators[name].cas_kt, abs=2)
+        assert group["IAS"].std() < 6
+    # Valleys between the speeds planned: far fewer flights than on either side.
+    planned = sorted(o.cas_kt for o in operators.values())
+    for slow, fast in pairwise(planned):
+        middle = (slow + fast) / 2
+        near = [cas.filter((pl.col("IAS") - at).abs() < 3).height for at in (slow, middle, fast)]
+        assert near[1] < 0.4 * min(near[0], near[2])
 
 
 @pytest.mark.parametrize("typecode", open_typecodes())

@@ -145,3 +145,13 @@ def test_rows_in_the_folder_of_no_type_have_none_and_a_column_counts_before_a_fo
         prepare(folder)
     fleet().write_parquet(folder / "0.parquet")
     assert_frame_equal(prepare(folder).frame, prepare(fleet()).frame)
+
+
+def test_types_are_read_from_the_list_of_opensky(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its quotes are single, around some values only, doubled within, and lines go on inside of them."""
+    monkeypatch.setattr("descentflow.surveillance.formats.tables.CSV_BYTES", 120)
+    rows = fleet()
+    listed = [f"'{one}','2017-09-16 01:00:00',0,'O''Brien, \"Air\"\nLtd','A320'" for one in rows["icao24"].unique()]
+    path = tmp_path / "aircraft-database-complete.csv"
+    path.write_text("\n".join(["'icao24','timestamp','adsb','owner','typecode'", "'000001',,0,,", *listed, ""]))
+    assert_frame_equal(prepare(rows.drop("typecode"), types=path).frame, prepare(rows).frame)

@@ -68,18 +68,19 @@ def csv(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:
     if b"," not in header:
         raise _without_commas(header, source.label)
     header = header.rstrip(b"\r\n") + b"\n"
-    theirs = _parsed(header, None, source.label).columns
+    quote = "'" if header.startswith(b"'") else '"'  # OpenSky's list of aircraft has the former
+    theirs = _parsed(header, None, quote, source.label).columns
     names = wanted(theirs, source.columns)
     unused = [name for name in theirs if name not in names]
     place, empty = len(header), True
-    for chunk in _chunks(source):
-        table = _parsed(header + _checked(chunk, source.label, place), names, source.label)
+    for chunk in _chunks(source, quote.encode()):
+        table = _parsed(header + _checked(chunk, source.label, place), names, quote, source.label)
         note_unused(unused, len(table), report)
         yield table
         place += len(chunk)
         empty = False
     if empty:
-        yield _parsed(header, names, source.label)
+        yield _parsed(header, names, quote, source.label)
 
 
 def _without_commas(header: bytes, label: str) -> DataError:
@@ -99,9 +100,9 @@ def _without_commas(header: bytes, label: str) -> DataError:
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
-def _parsed(text: bytes, names: list[str] | None, label: str) -> pl.DataFrame:
+def _parsed(text: bytes, names: list[str] | None, quote: str, label: str) -> pl.DataFrame:
     try:
-        return pl.read_csv(text, infer_schema=False, columns=names)
+        return pl.read_csv(text, infer_schema=False, columns=names, quote_char=quote)
     except pl.exceptions.ComputeError as error:
         raise DataError(
             f"{label}: {str(error).splitlines()[0]}",
@@ -110,12 +111,12 @@ def _parsed(text: bytes, names: list[str] | None, label: str) -> pl.DataFrame:
         ) from error
 
 
-def _chunks(source: Input) -> Iterator[bytes]:
+def _chunks(source: Input, quote: bytes) -> Iterator[bytes]:
     """Bytes up to an end of a line that is not inside quotes."""
     rest = b""
     while read := source.stream.read(CSV_BYTES):
         rest += read
-        end = len(rest) if len(read) < CSV_BYTES else _end_of_rows(rest)
+        end = len(rest) if len(read) < CSV_BYTES else _end_of_rows(rest, quote)
         if end:
             yield rest[:end]
             rest = rest[end:]
@@ -129,14 +130,14 @@ def _chunks(source: Input) -> Iterator[bytes]:
         yield rest
 
 
-def _end_of_rows(text: bytes) -> int:
+def _end_of_rows(text: bytes, quote: bytes) -> int:
     """Place after the last end of a line before which all quotes are closed; 0 if there is none."""
     end = text.rfind(b"\n") + 1
-    open_quote = text.count(b'"', 0, end) % 2
+    open_quote = text.count(quote, 0, end) % 2
     while end and open_quote:
         # No row ends behind the last quote. Only what lies between is counted again: the text is passed once.
-        before = text.rfind(b"\n", 0, text.rfind(b'"', 0, end)) + 1
-        open_quote ^= text.count(b'"', before, end) % 2
+        before = text.rfind(b"\n", 0, text.rfind(quote, 0, end)) + 1
+        open_quote ^= text.count(quote, before, end) % 2
         end = before
     return end
 

@@ -1,6 +1,7 @@
 """End of a command that is interrupted, or to which the system refuses something: in order and with a line."""
 
 import os
+import select
 import signal
 import sys
 import threading
@@ -58,7 +59,9 @@ def ended_in_order(name: str) -> Iterator[None]:
             yield
         except KeyboardInterrupt:
             _end_interrupted(name)
-        except BrokenPipeError:
+        except BrokenPipeError as error:
+            if not _nobody_reads():
+                raise _refused(error) from error
             # Whoever read the output has what they wanted (`| head`); Python would write the rest once more at its end.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise SystemExit(0) from None
@@ -118,12 +121,28 @@ def _signals() -> Iterator[list[int]]:
         sys.unraisablehook = usual
 
 
+def _nobody_reads() -> bool:
+    """Test for a reader of the output that has closed its pipe; workers and servers have pipes, too."""
+    if not hasattr(select, "poll"):
+        return True  # Windows cannot be asked
+    poll = select.poll()
+    for output in (1, 2):
+        poll.register(output, 0)
+    return bool(poll.poll(0))  # errors and hang-ups alone
+
+
 def _end_interrupted(name: str) -> NoReturn:
     print(f"\ndescentflow {name}: interrupted", file=sys.stderr)
     raise SystemExit(INTERRUPTED) from None
 
 
 def _refused(error: OSError) -> RefusedBySystemError:
+    if isinstance(error, ConnectionError):
+        return RefusedBySystemError(
+            f"a connection, or a process that the command began, has ended early ({error})",
+            expected="that it lasts as long as the command",
+            mend="start the command again",
+        )
     where = error.filename if error.filename is not None else "a file"
     return RefusedBySystemError(
         f"{where}: {error.strerror or error}",

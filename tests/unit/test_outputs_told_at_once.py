@@ -1,6 +1,7 @@
 """An output that cannot be written is refused before the work, and what the system refuses in the middle in a line."""
 
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -106,6 +107,27 @@ def test_what_the_system_refuses_to_a_thread_is_a_line(capsys: pytest.CaptureFix
         thread.join()
     said = capsys.readouterr().err
     assert said == "descentflow fit: warning: a log is not whole: [Errno 28] No space left on device\n"
+
+
+@pytest.mark.parametrize(
+    ("reads", "status", "said"),
+    [(True, 1, "a process that the command began, has ended early"), (False, 0, "")],
+)
+def test_a_broken_pipe_ends_a_command_well_only_where_nobody_reads_its_output(
+    reads: bool, status: int, said: str
+) -> None:
+    """The pipe to a worker that is killed while it starts breaks, too: that was taken for `| head`."""
+    code = """from descentflow.cli.ending import ended_in_order
+with ended_in_order("study"):
+    raise BrokenPipeError(32, "gone")"""
+    pipe = subprocess.PIPE
+    with subprocess.Popen([sys.executable, "-c", code], stdout=pipe, stderr=pipe, text=True) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        if not reads:
+            process.stdout.close()
+        errors = process.stderr.read()
+    assert (process.returncode, said in errors, bool(errors)) == (status, True, reads)
 
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])

@@ -17,6 +17,7 @@ from descentflow.densities.checkpoint import content_of, load_model
 from descentflow.densities.em import fit_mixture
 from descentflow.densities.em_steps import Steps
 from descentflow.densities.mixture_parameters import Mixture, log_observed, n_parameters
+from descentflow.generation.prediction.posterior import posterior_of, prior_of
 from descentflow.representation.context import ContextEncoder
 from descentflow.representation.evidence import WeightEvidence
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
@@ -206,6 +207,24 @@ def test_a_checkpoint_keeps_the_context(name: str, tmp_path: Path) -> None:
     loaded = load_model(tmp_path / "m.ckpt")
     rows = loaded.representation.context.encode_one({"a": "0.5", "b": -1})
     assert torch.equal(loaded.sample(20, 1, rows), model.sample(20, 1, rows))
+
+
+@pytest.mark.parametrize("name", ["mixture", "flow"])
+def test_prediction_conditions_on_context_and_observation(name: str) -> None:
+    """The prior of a prediction is the density given the flight's context; a flow's is weighted by it."""
+    density = trained(name).density
+    context = torch.tensor([[1.0, -0.5]], dtype=torch.float64)
+    prior = prior_of(density, 0, context)
+    weights = two_regimes(50, 21)[0]
+    with torch.no_grad():
+        torch.testing.assert_close(
+            prior.log_prob(weights), density.log_prob(weights, context).double(), rtol=1e-9, atol=1e-9
+        )
+    posterior = posterior_of(prior, 4 * torch.eye(D).double(), torch.tensor([8.0, 0.0, 0.0]).double())
+    drawn, effective = posterior.draw(2000, torch.Generator().manual_seed(0))
+    assert effective > 200
+    # Evidence of mean 2 and deviation 0.5 beside a cluster at 2 of deviation 0.4, which affine flows widen.
+    assert float(drawn[:, 0].mean()) == pytest.approx(2.0, abs=0.1 if name == "mixture" else 0.25)
 
 
 def test_misused_contexts_say_so() -> None:

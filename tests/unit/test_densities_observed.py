@@ -14,7 +14,7 @@ from descentflow.densities.em_steps import Steps
 from descentflow.densities.importance import estimate
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture, log_observed, posteriors
-from descentflow.densities.one_gaussian import one_gaussian
+from descentflow.densities.one_gaussian import drawn_weights, one_gaussian
 from descentflow.representation.evidence import WeightEvidence
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
 
@@ -147,6 +147,26 @@ def test_some_of_many_flights_find_the_start_and_all_of_them_the_end(monkeypatch
             found, again = fit_mixture(steps, K, seed=0, n_restarts=3)
         assert again == pytest.approx(likelihood, abs=2e-4)
         torch.testing.assert_close(found.locs.sort(0).values, whole.locs.sort(0).values, rtol=0, atol=0.05)
+
+
+def test_spread_that_gaps_hide_is_recovered() -> None:
+    """Half of 4,000 flights lack a coordinate: their expected weights are too narrow there, the fit is not."""
+    mixture = truth()
+    weights = drawn(mixture, 4000)
+    evidence, _, _ = gappy(weights, noise=0.3)
+    one = one_gaussian(evidence)
+    fitted, _ = fit_mixture(drawn_weights(one, evidence, seed=0), K, seed=0)
+    spread = _deviation(fitted)
+    # Deviation of 2,000 normals: 1.6 %; three of that, and as much for two components that share it.
+    assert float((spread / weights.std(0) - 1).abs().max()) < 0.06
+    filled = posteriors(one, evidence).means[:, 0].std(0)
+    assert float((filled / weights.std(0)).min()) < 0.9
+
+
+def _deviation(mixture: Mixture) -> Tensor:
+    mean = mixture.probs @ mixture.locs
+    second = (mixture.probs[:, None] * ((mixture.scale_trils.square()).sum(2) + mixture.locs.square())).sum(0)
+    return (second - mean.square()).sqrt()
 
 
 def opaque_truth() -> Opaque:

@@ -85,3 +85,13 @@ def test_the_residual_is_an_option() -> None:
     assert bare.residuals.draw(torch.zeros(3, bare.dimension), torch.zeros(3), torch.zeros(3)).shape == (3, 0)
     whole = fit_representation(flights, toys.AIRCRAFT, split).decoder
     assert torch.equal(fit_residuals(bare, flights).drag, whole.residuals.drag)
+
+
+def test_the_residual_is_no_wider_than_what_flights_show() -> None:
+    """A model of ten times the spread, as it may where few flights show a level."""
+    parts, _ = with_residual()
+    flights = toys.flights(600, gappy=False)
+    before = fit_residuals(parts.decoder, flights).drag.square().sum(0).sqrt()
+    parts.decoder.drag_basis.loadings.mul_(10)
+    after = fit_residuals(parts.decoder, flights).drag.square().sum(0).sqrt()
+    assert float((after / before.clamp(min=1.0)).max()) < 2

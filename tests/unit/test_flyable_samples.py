@@ -14,6 +14,8 @@ from descentflow.densities.one_gaussian import one_gaussian
 from descentflow.generation.rejection import sample_descents
 from descentflow.physics.airspeed import cas_to_tas_mps
 from descentflow.representation.fit_representation import fit_representation
+from descentflow.representation.fpca import ppca
+from descentflow.representation.fpca.gappy import fit_components
 from descentflow.representation.fpca.roughness import smoother
 from descentflow.representation.linear_curves import evidence_of
 from descentflow.representation.plausibility import (
@@ -32,6 +34,11 @@ def acceleration_g(flights: Profiles) -> Tensor:
     tas_mps = cas_to_tas_mps(flights.cas_mps, flights.altitude_m)
     both = flights.mask[:, 1:] & flights.mask[:, :-1]
     return acceleration_mps2(tas_mps, flights.rate_mps, flights.altitude_m)[both].abs() / G0_MPS2
+
+
+def rough(curves: Tensor) -> float:
+    """Sum of squared second differences (n, L)."""
+    return float(curves.diff(dim=1).diff(dim=1).square().sum())
 
 
 @pytest.mark.parametrize("n", [5, 20, 100])
@@ -72,6 +79,17 @@ def test_a_smooth_curve_is_the_least_of_misfit_and_roughness() -> None:
     loss = (counts * (found - curve).square()).sum() + 50.0 * found.diff().diff().square().sum()
     (gradient,) = torch.autograd.grad(loss, found)
     assert float(gradient.abs().max()) < 1e-9
+
+
+def test_few_gappy_flights_have_smooth_components_and_many_keep_theirs() -> None:
+    for n, least, most in ((24, 0.0, 0.01), (1500, 0.8, 1.0)):
+        flights = toys.flights(n)
+        observed = ppca.observed_mean(flights.cas_mps, flights.mask)
+        centred = torch.where(flights.mask, flights.cas_mps - observed, 0.0)
+        plain = ppca.em(centred, flights.mask, min(16, n - 1), max_iterations=100, tolerance=1e-5)
+        ours = fit_components(flights.cas_mps, flights.mask, FL_M)
+        # Where Mach hands over to CAS the mean bends: that of many flights still does.
+        assert least <= rough(ours.mean[None]) / rough((observed + plain.shift)[None]) <= most
 
 
 @pytest.mark.parametrize(

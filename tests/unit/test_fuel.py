@@ -12,6 +12,7 @@ from example_sides import example_sides
 from scipy.stats import wasserstein_distance
 
 from descentflow.aircraft_types.registry import aircraft
+from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import FL_M, FT_M, KT_MPS
 from descentflow.diagnosis.correction.corrected_descents import corrected_descents
 from descentflow.diagnosis.correction.corrected_simulator import sampled_descents
@@ -66,6 +67,18 @@ def test_the_thrust_that_flew_a_rate_comes_back_and_is_never_below_idle(name: st
     flow = model.idle_fuel_flow_kg_s(altitude, tas, deviation)
     assert torch.equal(found.flow_kg_s[idles], flow.expand(len(cas))[idles])
     assert bool((found.flow_kg_s >= flow).all())
+
+
+def test_level_flight_at_one_true_airspeed_takes_the_drag() -> None:
+    model = model_of("A320")
+    found = burn(model, 140.0, 6000.0, 0.0)
+    tas = cas_to_tas_mps(140.0, 6000.0)
+    assert found.thrust_n.item() == pytest.approx(model.drag_n(tas, 6000.0).item())
+    # In still, standard air one newton beyond it lifts the mass as a watt by the speed does.
+    climbing = burn(model, 140.0, 6000.0, 1.0)
+    share = energy_share_factor_local(140.0, 6000.0, 0.0).item()
+    excess = model.mass_reference_kg * G0_MPS2 / tas.item() / share
+    assert (climbing.thrust_n - found.thrust_n).item() == pytest.approx(excess)
 
 
 @pytest.mark.parametrize("warmer", [False, True], ids=["ISA", "ISA+20"])

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from descentflow.measurements.level_channels import LevelGrid, short_scale_noise
-from descentflow.measurements.quantities import Quantities, of_some_aircraft, reference_state
+from descentflow.measurements.quantities import Quantities, of_some_aircraft, quantities_of, reference_state
 from descentflow.surveillance.cleaning.level_grid import to_levels
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import read_descents
@@ -44,6 +44,15 @@ def test_the_change_over_a_band_is_that_between_its_edges() -> None:
     assert change[1, 2:].isfinite().all()
 
 
+def test_noise_below_the_rounding_of_a_report_counts_as_that(tmp_path: Path) -> None:
+    """A simulator that writes a constant rate has the most that rounding of a steady change to 32 ft/min makes."""
+    frame = read_descents(gap_toys.flights(tmp_path, 20, seed=5)).frame.with_columns(vertical_rate=pl.lit(-1500.0))
+    grid = LevelGrid.of_frame(frame, 150, 340, ["IAS", "vertical_rate"])
+    found = short_scale_noise(grid)["noise_rate"]
+    assert found[found.isfinite()].exp().tolist() == pytest.approx([16.0] * int(found.isfinite().sum()))
+    assert int(found.isfinite().sum()) > 10
+
+
 def reported(mean_fpm: float, every_s: float, step_fpm: float = 0.0) -> LevelGrid:
     """Flights at about a rate that is larger by a step from FL260 down, all with the same noise of reports."""
     generator, parts = np.random.default_rng(0), []
@@ -76,6 +85,18 @@ def test_equal_noise_is_equal_however_fast_a_flight_descends(every_s: float) -> 
         assert float(fast[name].nanmean() - slow[name].nanmean()) == pytest.approx(0.0, abs=0.09), name
     assert float(slow["noise_rate"].nanmean().exp()) == pytest.approx(41.0, rel=0.25)
     assert float(slow["noise_cas"].nanmean().exp()) == pytest.approx(0.85, rel=0.15)
+
+
+def test_the_least_noise_is_the_same_in_a_checkpoint(tmp_path: Path) -> None:
+    """A rounding of 1e-8 would tell the sides apart where neither has noise."""
+    frame = read_descents(gap_toys.flights(tmp_path, 60, seed=5)).frame.with_columns(
+        TAS=pl.lit(400.0), IAS=pl.lit(250.0)
+    )
+    values = quantities_of(frame, 150, 340, ["IAS", "TAS", "vertical_rate"]).values
+    state = reference_state(frame, 150, 340, frame["flight_id"].unique().to_list())
+    kept = Quantities.from_state(state).values
+    for name in ("noise_cas", "noise_tas", "noise_rate"):
+        torch.testing.assert_close(kept[name], values[name], rtol=0.0, atol=0.0, equal_nan=True)
 
 
 def test_a_reference_that_measured_noise_otherwise_is_compared_without_it(tmp_path: Path) -> None:

@@ -240,6 +240,18 @@ def test_what_reports_are_off_by_is_added_and_not_multiplied() -> None:
     assert float(half.max()) < 2.0 < float(noise_s[:10].min())
 
 
+def test_a_forecast_that_is_biased_by_rate_is_mended() -> None:
+    """Medians that lack what the rate tells: after least squares their error is that of reports."""
+    observed, mean_s = normal(300, 2, seed=2), torch.full((300,), 100.0).double()
+    drawn = fans(300, mean_s, own_s=5.0)
+    depth = torch.arange(10.0, -1, -1).double()[:10]
+    flown_s = depth / 10 * (108 + 6 * observed[:, 1:]) + 0.5 * normal(300, 10, seed=1)
+    found = TimeCalibration.of_flights(drawn[:200], observed[:200], flown_s[:200])
+    moved = [found.applied(one, known).flown for one, known in zip(drawn[200:], observed[200:], strict=True)]
+    off = torch.stack([one.time_s[:, 0].quantile(0.5) for one in moved]) - flown_s[200:, 0]
+    assert float(off.square().mean().sqrt()) < 0.65
+
+
 @pytest.mark.parametrize("factor", [0.3, 1.5, 99.0])
 def test_moved_times_never_turn_back_and_rates_go_with_them(factor: float) -> None:
     predictor, real = DescentPredictor(trained()), toys.flights(1, seed=1, gappy=False)
@@ -257,3 +269,11 @@ def test_moved_times_never_turn_back_and_rates_go_with_them(factor: float) -> No
         step_m = (before.levels_fl[1] - before.levels_fl[0]) * 30.48
         legs = 0.5 * step_m * (1 / after.rate_mps[:, :last] + 1 / after.rate_mps[:, 1 : last + 1])
         torch.testing.assert_close(-legs.sum(1), after.time_s[:, 0], rtol=2e-3, atol=0.0)
+
+
+def test_a_flight_last_observed_far_from_the_calibrations_level_stays_as_drawn() -> None:
+    predictor, real = DescentPredictor(trained()), toys.flights(1, seed=1, gappy=False)
+    calibrated = predictor.calibrated(300, encoded(60, 2))
+    for from_fl, alike in ((300, False), (304, False), (310, True)):
+        one, other = (which.predict(real, from_fl, 60).trajectories.time_s for which in (predictor, calibrated))
+        assert torch.equal(one, other) is alike

@@ -94,6 +94,19 @@ def test_cruise_below_the_highest_altitude_begins_the_descent_later() -> None:
             assert (begin - rows["timestamp"][0]).total_seconds() == 100 + held_s
 
 
+def test_the_distance_is_over_the_ground_or_else_through_the_air(world) -> None:
+    rows = world.rows
+
+    def level(some: pl.DataFrame) -> pl.DataFrame:
+        return stretches(some).filter(kind="level")
+
+    mean = rows.filter(pl.col("vertical_rate").abs() < 300)["groundspeed"].mean()
+    assert level(rows)["distance_nm"].sum() == pytest.approx(level(rows)["seconds"].sum() / 3600 * mean, rel=0.15)
+    through = level(rows.drop("groundspeed", "TAS"))["distance_nm"]
+    assert through.to_numpy() == pytest.approx(level(rows.drop("groundspeed"))["distance_nm"].to_numpy(), rel=0.08)
+    assert level(rows.select("flight_id", "timestamp", "altitude"))["distance_nm"].null_count() > 0
+
+
 def test_prepare_counts_it_and_has_the_table(world, prepared, tmp_path) -> None:
     notes, flights = prepared.report.notes, by_flight(stretches(world.rows))
     assert notes[FLIGHTS] == len(flights)

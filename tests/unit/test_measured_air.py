@@ -7,12 +7,14 @@ import toys
 from torch import Tensor
 
 import descentflow as df
+from descentflow.air.air_reports import temperature_reports
 from descentflow.air.energy_in_air import drag_in_air, in_air, rate_in_air
 from descentflow.air.level_air import LevelAir
 from descentflow.air.measured_air import FlightAirs, air_table, measured_airs
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.errors import DataError
-from descentflow.core.units import FL_M
+from descentflow.core.units import FL_M, KT_MPS
+from descentflow.measurements.level_channels import LevelGrid
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 from descentflow.physics.atmosphere import geometric_altitude_m, isa_temperature_k
 from descentflow.physics.energy import descent_rate_mps, slope_per_m
@@ -132,6 +134,19 @@ def test_drag_of_warm_windy_days_is_that_of_cold_still_ones(frame: pl.DataFrame,
     assert ratio(here) < 0.95, "in standard air the weather passes for drag"
 
 
+def test_rounding_that_stays_is_one_error_of_the_whole_run() -> None:
+    # A Mach number of 0.78 in steps of 0.004 for 60 levels, TAS passing through its steps: the former stays.
+    levels = torch.arange(250.0, 310.0).double()
+    cas = torch.full((1, 60), 260.0).double()
+    values = {"IAS": cas, "TAS": 440 + torch.linspace(0, 7, 60).double()[None], "Mach": 0 * cas + 0.78}
+    reports = temperature_reports(LevelGrid(levels, -levels[None], values, torch.zeros(1), ("one",)))
+    assert reports is not None
+    temperature = (443.5 * KT_MPS / 0.78) ** 2 / (1.4 * 287.05287)
+    error = 2 * temperature / 0.78 * 0.004 / 12**0.5
+    mean_error = float(reports.rounding[0].mean().sqrt())
+    assert error < mean_error < 1.25 * error
+
+
 def test_flights_that_report_no_airspeed_are_counted(frame: pl.DataFrame) -> None:
     silent = frame["flight_id"].unique().sort()[:7].to_list()
     frame = frame.with_columns(TAS=pl.when(~pl.col("flight_id").is_in(silent)).then("TAS"))
@@ -155,6 +170,15 @@ def test_without_groundspeed_the_air_is_still(frame: pl.DataFrame) -> None:
     assert not bool(measured_airs(frame, LEVELS, wind=False).air.tailwind_mps.any())
     with pytest.raises(DataError, match=r"without true airspeed \(TAS\) and groundspeed"):
         measured_airs(frame.drop("groundspeed"), LEVELS, wind=True)
+
+
+def test_cold_days_say_nothing_of_warm_ones(frame: pl.DataFrame, airs: FlightAirs) -> None:
+    # Warm flights among three times as many in standard air, which a learnt spread would pull there.
+    still = df.prepare(df.simulate("A320", 300, seed=9).rows, typecode="A320").frame.select(frame.columns)
+    together = measured_airs(pl.concat([frame, still]), LEVELS)
+    row = [together.flight_ids.index(flight) for flight in airs.flight_ids]
+    apart = (together.air.deviation_k[row] - airs.air.deviation_k)[together.known[row] & airs.known]
+    assert float(apart.abs().mean()) < 0.1, "K"
 
 
 def test_where_the_air_is_not_known_it_is_held_and_no_drag_is_inferred(frame: pl.DataFrame) -> None:

@@ -8,6 +8,7 @@ from example_sides import example_sides
 
 from descentflow.diagnosis.correction.measured_gap import MeasuredGap, measured_again
 from descentflow.diagnosis.correction.previous_round import achieved_share, mean_of
+from descentflow.diagnosis.findings.gap_found import MeasuredEntry
 from descentflow.effects import EFFECTS
 
 
@@ -20,6 +21,14 @@ def test_the_same_flights_are_measured_the_same_again() -> None:
     assert kept == then.entries()
     assert (now.before, now.floor(sides.y)) == pytest.approx((then.before, floor), rel=1e-12)
     assert mean_of(then.entries()) == pytest.approx((then.before, floor), rel=1e-12)
+
+
+def test_other_spreads_are_those_of_the_round_before() -> None:
+    sides = example_sides(EFFECTS["temperature"], [10.0])
+    then = MeasuredGap(sides, sides.of("tas"), seed=0)
+    wider = [MeasuredEntry(e.quantity, e.low_fl, e.high_fl, 2 * e.spread, e.distance, e.floor) for e in then.entries()]
+    again, spreads, _ = measured_again(sides, wider)
+    assert MeasuredGap(sides, again, 0, spreads).before == pytest.approx(then.before / 2, rel=1e-12)
 
 
 def test_the_error_of_a_gap_is_that_between_samples() -> None:

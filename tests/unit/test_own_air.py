@@ -10,11 +10,16 @@ import torch
 import descentflow as df
 from descentflow.air.kept_air import KeptAir
 from descentflow.air.level_air import LevelAir
+from descentflow.air.measured_air import measured_airs
+from descentflow.air.standard_air import in_standard_air
 from descentflow.core.errors import CheckpointError, ConfigError, DataError
 from descentflow.core.units import FL_M, KT_MPS
 from descentflow.densities.checkpoint import load_model
+from descentflow.exports.columns import COLUMNS
+from descentflow.exports.export import export
 from descentflow.generation.rejection import sample_descents
 from descentflow.generation.sample_airs import air_of_table, airs_of
+from descentflow.generation.sample_tables import UNITS
 from descentflow.representation.decoder.trajectories import integrate
 from descentflow.representation.own_air import flown_in
 from descentflow.simulation.world_config import WorldConfig
@@ -85,6 +90,22 @@ def test_a_table_by_level_and_the_wind_over_the_ground(checkpoint: Path, tmp_pat
     placed = samples.placed(end=(52.0, 4.0), track=90.0, wind="270/30")
     with pytest.raises(ConfigError, match="in a wind of their own"):
         placed.to_polars()
+
+
+def test_parquet_and_cf_say_what_the_columns_of_the_air_are(checkpoint: Path, tmp_path: Path) -> None:
+    io = pytest.importorskip("arro3.io", reason="arro3 is an extra of descentflow (parquet-units)")
+    netcdf = pytest.importorskip("netCDF4", reason="netCDF4 is an extra of descentflow (wind)")
+    assert set(UNITS) - {"unix_s"} <= set(COLUMNS), "every column of samples has a unit in the exports"
+    (path,) = export(checkpoint, "parquet", tmp_path / "s.parquet", n=5)
+    fields = io.read_parquet(path).schema
+    assert fields.field("deviation_k").metadata_str["units"] == "K"
+    assert "positive from behind" in fields.field("tailwind").metadata_str["description"]
+    where = {"end": (52.3, 4.76), "track": 184.0, "end_time": "2026-11-22T10:00:00Z"}
+    (path,) = export(checkpoint, "cf", tmp_path / "s.nc", n=5, **where)
+    with netcdf.Dataset(path) as file:
+        one = df.sample(checkpoint, 5).to_polars().filter(sample_id=2)
+        assert file["deviation_k"][2].compressed() == pytest.approx(one["deviation_k"].to_list())
+        assert file["deviation_k"].units_metadata == "temperature: difference"
 
 
 @pytest.mark.parametrize(
@@ -180,3 +201,21 @@ def test_a_diagnosis_does_not_name_the_weather_that_the_model_knows(tmp_path: Pa
         named = {cause.effect for cause in found.causes}
         assert bool(named & {"temperature", "wind_gradient"}) is weather_is_named
         assert any("compared in standard air" in str(one.message) for one in said) is not weather_is_named
+
+
+def test_flights_are_the_same_in_standard_air_whatever_air_they_flew_in() -> None:
+    # One seed is the same aircraft, mass and speed in both worlds.
+    a320, levels_fl = df.aircraft("A320"), torch.arange(150, 331).double()
+    tables = []
+    for world in (WorldConfig(), DAYS):
+        frame = df.prepare(df.simulate("A320", 60, seed=8, scenario=world).rows, typecode="A320").frame
+        still = in_standard_air(frame, a320, measured_airs(frame, levels_fl), levels_fl)
+        took = still.group_by("flight_id").agg(seconds=pl.max("time_s") - pl.min("time_s"), levels=pl.len())
+        tables.append(
+            still.group_by("flight_id").agg(pl.mean("vertical_rate", "TAS", "groundspeed")).join(took, on="flight_id")
+        )
+    both = tables[0].join(tables[1], on="flight_id", suffix="_there").filter(pl.col("levels") == pl.col("levels_there"))
+    assert len(both) > 10
+    for name, allowed in (("vertical_rate", 0.01), ("TAS", 0.002), ("groundspeed", 0.004), ("seconds", 0.01)):
+        apart = both[f"{name}_there"] / both[name] - 1
+        assert abs(float(apart.median())) < allowed, name  # type: ignore[arg-type]

@@ -3,10 +3,12 @@
 import pytest
 import torch
 from graph_toys import PARTS, density, weights_of
+from scipy.stats import chisquare
 
 from descentflow.core.errors import ConfigError
 from descentflow.densities.density import Density
 from descentflow.densities.flow import MaskedAffineFlowDensity
+from descentflow.densities.weight_draws import MixtureDraw
 from descentflow.exports.descent_graph import DescentGraph, SamplerGraph
 from descentflow.representation.correction import Correction
 from descentflow.representation.representation import Representation
@@ -50,6 +52,17 @@ def test_a_context_moves_the_weights_as_the_density_says(kind: str) -> None:
             rows.append(at.locs[k] + at.scale_trils[k] @ inputs["noise"][i])
         expected = torch.stack(rows)
     torch.testing.assert_close(drawn, expected, rtol=0, atol=1e-12)
+
+
+def test_components_are_as_frequent_as_their_proportions() -> None:
+    """Chi-square over three components; p < 1e-4 fails one right sampler in 10,000."""
+    model = density("mixture", PARTS)
+    draw = SamplerGraph(model).draw
+    assert isinstance(draw, MixtureDraw)
+    uniform = torch.rand(4000, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    assert model.mixture is not None
+    counts = torch.bincount(draw.component(uniform), minlength=3)
+    assert chisquare(counts.numpy(), (4000 * model.mixture.probs).numpy()).pvalue > 1e-4
 
 
 def test_levels_between_and_beyond_the_grid() -> None:

@@ -30,6 +30,15 @@ def test_rows_on_levels_count_once_each_and_need_no_value_of_their_neighbours() 
     assert levels["roll"].to_list() == [1.0, 2.0, 4.0]
 
 
+@pytest.mark.parametrize(("second_s", "second_ft"), [(60.1, 19_000.0), (30.0, 16_999.0)])
+def test_gaps_beyond_a_limit_stay_open_and_at_the_limit_are_bridged(second_s: float, second_ft: float) -> None:
+    times, heights = [0.0, second_s, second_s + 10], [20_000.0, second_ft, second_ft - 250.0]
+    rows = rows_at(times, altitude=heights, IAS=[1.0] * 3)
+    low = int(-(-(second_ft - 250.0) // 100))
+    assert grid(rows)["level_fl"].to_list() == list(range(int(second_ft // 100), low - 1, -1))
+    assert len(grid(rows, gap_s=second_s, gap_ft=20_000 - second_ft)) == 200 - low + 1
+
+
 def test_a_gap_in_which_a_level_off_may_hide_stays_open() -> None:
     # 375 ft in 50 s are 450 ft/min, with a step of quantisation 480.
     slow = rows_at([0.0, 10.0, 60.0, 70.0], altitude=[20_050.0, 19_850.0, 19_475.0, 19_275.0], IAS=[1.0] * 4)

@@ -12,8 +12,10 @@ import descentflow as df
 from descentflow.air.kept_air import KeptAir
 from descentflow.air.level_air import LevelAir
 from descentflow.core.errors import ConfigError, DescentflowWarning
-from descentflow.core.units import KT_MPS, NM_M
+from descentflow.core.units import FL_M, KT_MPS, NM_M
 from descentflow.densities import GaussianDensity
+from descentflow.generation.given_temperature import given_deviation_k
+from descentflow.generation.prediction.predictor import DescentPredictor
 from descentflow.representation.context import ContextEncoder
 
 WARM = 15.0
@@ -64,6 +66,14 @@ def test_nothing_else_changes_and_each_sample_has_its_own_temperature() -> None:
     assert (ratio[1::2] > 1).all()
 
 
+def test_a_missing_temperature_is_that_of_the_standard_atmosphere() -> None:
+    one = model(missing="indicator")
+    encoded = one.representation.context.encode(pl.DataFrame({"hour": [1.0, 1.0], "deviation_k": [None, 10.0]}))
+    assert given_deviation_k(one.representation, encoded).tolist() == pytest.approx([0, 10])
+    table = df.sample(one, 5, context=given(None)).to_polars()
+    assert table["TAS"].to_numpy() == pytest.approx(tas_kt(table, 0.0), rel=1e-4)
+
+
 @pytest.mark.parametrize("air", [{"deviation_k": 15}, pl.DataFrame({"level_fl": [270, 370], "deviation_k": [0, 5]})])
 def test_a_second_temperature_is_refused(air: object) -> None:
     with pytest.raises(ConfigError, match=r"beside the context's deviation_k; .* leave the temperature out of the air"):
@@ -84,6 +94,16 @@ def test_a_generator_meets_distances_in_the_given_air() -> None:
     found = df.Generator(model()).next_batch(20, distance_nm=middle, **asked).to_polars()
     assert found.filter(level_fl=300)["distance_nm"].to_numpy() == pytest.approx(middle, abs=1e-3)
     assert found["TAS"].to_numpy() == pytest.approx(tas_kt(found, WARM), rel=1e-4)
+
+
+def test_predictions_are_flown_in_it_too() -> None:
+    flights = toy.toys.flights(2, seed=9, bottom_fl=toy.BOTTOM, top_fl=toy.TOP).subset([0])
+    one, levels = model(), toy.parts().decoder.levels_fl
+    encoded = one.representation.context.encode(pl.DataFrame([given(WARM)]))
+    flown = DescentPredictor(one).predict(flights, 320.0, 60, context=encoded).trajectories
+    temperature = 288.15 - 0.0065 * levels[:80] * FL_M + WARM
+    expected = flown.mach[:, :80] * (1.4 * 287.05287 * temperature).sqrt()
+    torch.testing.assert_close(flown.tas_mps[:, :80], expected, rtol=1e-4, atol=0)
 
 
 def test_airs_that_are_drawn_beside_a_given_temperature_are_told() -> None:

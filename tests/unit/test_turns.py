@@ -122,6 +122,13 @@ def test_a_checkpoint_of_before_turns_were_measured_is_taken_to_fly_straight(tur
         Quantities.from_state({**state, "version": 1})
 
 
+def test_headings_that_no_real_flight_reports_say_nothing_of_turns(turning: Quantities) -> None:
+    """A checkpoint knows its flights' turns; against flights without headings brakes of own levels may be turns."""
+    nothing = torch.full_like(turning.physics["turning"], torch.nan)
+    real = replace(turning, physics={**turning.physics, "turning": nothing})
+    assert compare(turning, real, aircraft("A320")).state.turned_more is None
+
+
 def test_a_turn_is_as_large_as_headings_say() -> None:
     state = steady_sides(60).state
     measured = torch.full_like(state.altitude_m, 0.04)

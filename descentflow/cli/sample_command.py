@@ -42,13 +42,15 @@ def run(
             (default for a model fitted with data.air=measured or a weather field; standard for others)
         draw_budget: most draws before giving up (default: 100 for each descent wanted)
     """
-    from descentflow.core.files import check_output
+    from descentflow.core.files import check_output, check_separate
     from descentflow.core.progress import stage
     from descentflow.generation.sample import sample
     from descentflow.positions.ground_plan import ground_plan
     from descentflow.reporting.figure_file import check_figure_file, write_figure
 
     check_output(out)
+    tables = [*([given_table] if given_table else []), *map(Path, air or [])]
+    check_separate([out], tables)
     if figure is not None:
         check_figure_file(figure)
     with stage("drawing descents", number, "descents") as drawn:

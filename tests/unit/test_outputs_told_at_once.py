@@ -200,4 +200,7 @@ def test_an_output_that_is_an_input_is_refused_and_stays(capsys: pytest.CaptureF
     ):
         assert main([*words, *outputs]) == 2
         assert "also an input or the other output" in capsys.readouterr().err
+    for option in ("--given-table", "--air"):
+        assert main(["sample", NO_MODEL, option, str(mine), "--out", "mine.parquet"]) == 2
+        assert "also an input or the other output" in capsys.readouterr().err
     assert pl.read_parquet(mine).columns == ["mine"]

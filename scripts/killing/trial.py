@@ -142,8 +142,8 @@ def _is_traceback(said: str) -> bool:
 
 
 def _is_message(said: str) -> bool:
-    """Test for a last line that is an error of the package: what was got, what was expected, and the mend."""
-    return all(part in said.strip().rpartition("\n")[2] for part in ("; expected ", "; to mend it, "))
+    """Test for an error of the package in a line; libraries that clean up may warn after it."""
+    return any("; expected " in line and "; to mend it, " in line for line in said.splitlines())
 
 
 def _half_written(job: Job, whole: Whole, folder: Path) -> str:

@@ -3,6 +3,7 @@
 import math
 from dataclasses import fields
 
+import gap_toys
 import pytest
 import torch
 import toys
@@ -11,6 +12,7 @@ from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.counter_random import DrawNumbers
 from descentflow.core.units import FL_M
 from descentflow.effects import EFFECTS
+from descentflow.effects.vertical_rate_lag import _late
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 from descentflow.representation.correction import Correction
 from descentflow.representation.decoder.trajectories import Trajectories
@@ -130,6 +132,14 @@ def test_a_held_path_is_a_constant_angle_whatever_else_changes_the_rate(flown: T
     assert float((angle.std(1) / angle.mean(1)).max()) < 1e-6
 
 
+def test_a_held_path_is_flown_at_the_same_rate_at_another_speed(flown: Trajectories) -> None:
+    double, held = in_precision(flown, torch.float64), {"geometric_path": [1.0, 0.1, 0.03]}
+    alone = Correction(held, 57e3).apply(open_aircraft("A320"), double)
+    faster = Correction({**held, "speed_schedule": [10.0, 0.0]}, 57e3).apply(open_aircraft("A320"), double)
+    assert float((faster.cas_mps - double.cas_mps).mean()) > 1.0
+    assert torch.equal(faster.rate_mps, alone.rate_mps)
+
+
 def test_the_decoder_knows_no_correction() -> None:
     parts = toys.representation(60)
     weights = torch.zeros(1, parts.decoder.dimension).double()
@@ -139,3 +149,13 @@ def test_the_decoder_knows_no_correction() -> None:
     assert bool((parts.fly(weights).tas_mps > before.tas_mps).all())
     again = Representation.from_state(parts.to_state())
     assert again.correction == parts.correction
+
+
+def test_a_late_rate_follows_the_closed_form_of_a_first_order_lag() -> None:
+    state = gap_toys.state()
+    rate = torch.full_like(state.cas_mps, 10.0)
+    late = _late(rate, state, 12.0).exp()
+    # From 2.54 m/s, 20 s before the first level, the report comes up to 10 m/s with a time constant of 12 s.
+    time = 20.0 + (state.altitude_m[-1] - state.altitude_m) / 10.0
+    torch.testing.assert_close(late[0], 10.0 - (10.0 - 2.54) * torch.exp(-time / 12.0), rtol=1e-9, atol=0)
+    assert torch.equal(_late(rate, state, 0.0), rate.log())

@@ -18,6 +18,7 @@ from descentflow.densities.em import fit_mixture
 from descentflow.densities.em_steps import Steps
 from descentflow.densities.mixture_parameters import Mixture, log_observed, n_parameters
 from descentflow.generation.prediction.posterior import posterior_of, prior_of
+from descentflow.generation.rejection import sample_descents
 from descentflow.representation.context import ContextEncoder
 from descentflow.representation.evidence import WeightEvidence
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
@@ -238,3 +239,15 @@ def test_misused_contexts_say_so() -> None:
     plain = toys.fit(Gaussian(), toys.WeightsModule(normal(50, D), normal(50, D)), 1).density
     with pytest.raises(ConfigError, match="knows no context"):
         plain.sample(3, 0, normal(3, C))
+
+
+def test_sampling_keeps_each_sample_with_its_context() -> None:
+    model = trained("gaussian")
+    parts = model.representation
+    rows = torch.tensor([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0]], dtype=torch.float64)
+    entry = torch.tensor([100, 120, 140])
+    made = [sample_descents(model, parts, 7, 3, context=rows, entry=entry) for _ in range(2)]
+    assert torch.equal(made[0].weights, made[1].weights)
+    assert made[0].report.accepted == 7
+    entered = made[0].trajectories.mask.sum(1) - 1
+    assert entered.tolist() == [100, 120, 140, 100, 120, 140, 100]

@@ -3,18 +3,23 @@
 import warnings
 from pathlib import Path
 
+import normflows as nf
 import pytest
 import torch
 import toys
 
+from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import DescentflowWarning
 from descentflow.densities.checkpoint import load_model
+from descentflow.densities.flow import MaskedAffineFlowDensity
 from descentflow.representation.fit_representation import RepresentationSettings
 from descentflow.representation.fpca.gappy import fit_components
 from descentflow.representation.fpca.iterative import MAX_ITERATIONS, iterate
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.fit import fit
 from descentflow.training.splitting import SplitSettings
+from descentflow.training.training_settings import training_settings
+from studies.paper.study_plan import RECIPES
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +49,39 @@ def test_models_are_fitted_and_read_back(descents: Path, name: str, tmp_path: Pa
     with torch.no_grad():
         torch.testing.assert_close(loaded.log_prob(weights), model.log_prob(weights))
     assert loaded.representation.split.validation == ()
+
+
+def test_the_flow_is_made_of_normflows_own_layers_in_reversed_order() -> None:
+    settings = training_settings("flow_paper").model
+    kept = {name: settings[name] for name in ("n_flows", "hidden_per_weight", "whitened", "linear", "turned_round")}
+    density = MaskedAffineFlowDensity(4, **kept)
+    layers = [type(one) for one in density.flow.flows[::2]]
+    assert layers == [nf.flows.MaskedAffineAutoregressive] * 5
+    assert all(not list(one.parameters()) for one in density.flow.flows[1::2])
+    # One hidden layer of two units a weight, behind it a shift and a scale for each of four weights.
+    sizes = {tuple(p.shape) for p in density.flow.flows[0].parameters() if p.ndim == 2}
+    assert (8, 4) in sizes
+    assert (8, 8) in sizes
+
+
+def test_density_and_samples_of_the_papers_flow_belong_together() -> None:
+    """The integral of the density over a plane is one, by a fine grid."""
+    torch.manual_seed(0)
+    density = MaskedAffineFlowDensity(2, n_flows=3, whitened=False, linear=False, turned_round=False)
+    axis = torch.linspace(-6, 6, 241)
+    points = torch.cartesian_prod(axis, axis)
+    with torch.no_grad():
+        total = density.log_prob(points).double().exp().sum() * (12 / 240) ** 2
+    # Single precision over 58,081 points.
+    assert float(total) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_the_experiment_is_the_recipe() -> None:
+    whole, flow = training_settings(config_file("experiment/paper.yaml")), training_settings("flow_paper")
+    assert whole.model == flow.model
+    assert whole.trainer == flow.trainer
+    assert whole.data.items() >= (flow.data | RECIPES["paper"].data).items()
+    assert training_settings("gmm_paper").model["extend"] is False
 
 
 def rough(n: int, seed: int = 0) -> tuple[torch.Tensor, torch.Tensor]:

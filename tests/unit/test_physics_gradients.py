@@ -10,6 +10,8 @@ from descentflow.physics.airspeed import cas_to_mach, cas_to_tas_mps, tas_to_cas
 from descentflow.physics.energy import (
     descent_rate_mps,
     energy_share_factor,
+    energy_share_factor_exact,
+    inferred_drag_n,
 )
 from descentflow.physics.nominal_descent import nominal_descent
 
@@ -46,6 +48,28 @@ def test_rate_by_every_coefficient_it_uses(aircraft):
         return rate(replace(aircraft, **changed), torch.tensor(135.0, dtype=torch.float64), 61e3, 12.0)
 
     assert torch.autograd.gradcheck(by_factors, tuple(leaf(1.0) for _ in COEFFICIENTS))
+
+
+def test_rate_by_drag_and_back():
+    drag, tas, esf = leaf([40e3, 0.0]), leaf([200.0, 210.0]), leaf([0.85, 1.08])
+
+    def there(d, v, f):
+        return descent_rate_mps(JET, d, 5e3, v, f, 6000.0, 10.0, 60e3)
+
+    def back(r, v, f):
+        return inferred_drag_n(JET, r, 5e3, v, f, 6000.0, 10.0, 60e3) * 1e-4
+
+    assert torch.autograd.gradcheck(lambda d, v, f: there(d * 1e4, v, f), (leaf([4.0, 0.0]), tas, esf))
+    assert torch.autograd.gradcheck(back, (leaf([-10.0, 0.0]), tas, esf))
+    # The one is the other's inverse, so the product of their slopes is one.
+    (slope,) = torch.autograd.grad(back(there(drag, tas, esf), tas, esf).sum() * 1e4, drag)
+    torch.testing.assert_close(slope, torch.ones_like(slope), rtol=1e-12, atol=0)
+
+
+def test_exact_energy_share_by_cas_wind_and_deviation():
+    levels = torch.linspace(9000.0, 12000.0, 6, dtype=torch.float64)
+    inputs = (leaf([130.0, 131.0, 129.0, 126.0, 124.0, 120.0]), leaf([3.0, 4.0, 8.0, 9.0, 11.0, 20.0]), leaf(5.0))
+    assert torch.autograd.gradcheck(lambda cas, wind, dev: energy_share_factor_exact(cas, levels, dev, wind), inputs)
 
 
 def test_speed_conversions_and_fuel():

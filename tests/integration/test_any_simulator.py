@@ -228,6 +228,16 @@ def test_a_checkpoint_is_known_by_its_content(folder: Path, real: Descents) -> N
         Inputs(real, None, typecode="A320", nearest_type=True).open()
 
 
+def test_the_report_says_what_was_compared(folder: Path, by_flights: GapReport) -> None:
+    written = read_gap(folder / "by_flights" / "gap.json").provenance
+    assert written == by_flights.provenance
+    assert (written.real.flights, written.simulator.flights) == (120, 200)
+    assert written.simulator.files == ["simulator_rows.parquet"]
+    assert written.simulator.first == "2024-03-04"
+    assert written.coefficients.typecode == "A320"
+    assert written.real.fingerprint != written.simulator.fingerprint
+
+
 def test_the_command_line_takes_several_files(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """All effects: what a user types."""
     out = folder / "typed"
@@ -251,6 +261,16 @@ def test_the_corrected_flights_close_the_gap_when_diagnosed_again(folder: Path, 
     assert again.causes == []
     left, was = again.gap_before - again.floor, by_flights.gap_before - by_flights.floor
     assert left < 0.05 * was
+
+
+def test_the_recipe_is_in_physical_units_and_by_level(by_flights: GapReport) -> None:
+    (step,) = by_flights.recipe
+    assert step.text.startswith("ISA +")
+    assert ", FL150 to FL" in step.text
+    (number,) = step.numbers
+    assert (number.unit, number.low_fl) == ("K", 150.0)
+    assert number.value.low < 10.0 < number.value.high + 0.1
+    assert step.share_of_flights == 1.0
 
 
 def test_columns_of_either_side_and_the_simulator_are_named(

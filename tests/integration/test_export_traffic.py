@@ -137,6 +137,20 @@ def test_traffics_generation_flies_our_samples(a320: Path) -> None:
     assert placed.data["latitude"].min() > 52.3, "40 NM north of the end point and more"
 
 
+def test_rows_of_the_matrix_are_flights_on_equal_times(a320: Path) -> None:
+    ours = TrafficGeneration(a320, ground_plan(**PLACES), n_obs=50)
+    first, labels = ours.sample(8)
+    grid = first.reshape(8, 50, 4)
+    assert labels.tolist() == [0.0] * 8
+    times = grid[:, :, FEATURES.index("timedelta")]
+    np.testing.assert_allclose(np.diff(times, 2, axis=1), 0, atol=1e-9)
+    assert (np.diff(grid[:, :, FEATURES.index("altitude")]) < 0).all()
+    np.testing.assert_allclose(grid[:, :, 0], 184.0, atol=1.5)
+    again, _ = ours.sample(8)
+    assert not np.array_equal(first, again), "another call draws other flights"
+    assert ours.fit(first[:3, :120]).sample(2)[0].shape == (2, 120)
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [

@@ -97,6 +97,15 @@ def test_the_written_report_says_what_the_object_says(warm: tuple[GapReport, Pat
     assert read_gap(out / "gap.json").causes == report.causes
 
 
+def test_warm_air_costs_what_it_takes(warm: tuple[GapReport, Path]) -> None:
+    """Two to three per cent of the time for ten kelvin, which the cause takes away again."""
+    cost = next(cost for cost in warm[0].costs if cost.name == "time_at_speed")
+    assert (cost.low_fl, cost.unit) == (150.0, "s")
+    assert 0.005 < cost.before.estimate / cost.simulator < 0.05
+    assert abs(cost.after.estimate) < abs(cost.before.estimate)
+    assert abs(cost.after.estimate) < 2 * cost.floor
+
+
 def test_the_corrected_simulator_samples_warm_air(warm: tuple[GapReport, Path], checkpoint: Path) -> None:
     ratio = []
     before, after = load_model(checkpoint), load_model(warm[1] / "corrected.ckpt")
@@ -108,6 +117,14 @@ def test_the_corrected_simulator_samples_warm_air(warm: tuple[GapReport, Path], 
     assert tas == pytest.approx(1.021, abs=0.004)
     assert rate == pytest.approx(0.977, abs=0.008)
     assert time == pytest.approx(1 / rate, abs=0.01)
+
+
+def test_samples_with_the_cause_are_descents_like_any_other(warm: tuple[GapReport, Path]) -> None:
+    report, out = warm
+    corrected = read_descents(out / "corrected.parquet")
+    assert corrected.flights == {"A320": 400}
+    assert corrected.cleaning == read_descents(out.parent / "descents0.parquet").cleaning
+    assert report.recipe[0].text.startswith("ISA +")
 
 
 def test_without_true_airspeed_drag_is_still_found(folder: Path, checkpoint: Path) -> None:

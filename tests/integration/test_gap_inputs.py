@@ -7,10 +7,12 @@ import gap_toys
 import polars as pl
 import pytest
 import torch
+import toys
 from bada4_dummies import dummies
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.errors import AircraftError, ConfigError, DataError, DescentflowWarning
+from descentflow.densities.checkpoint import load_model
 from descentflow.diagnosis.diagnose import diagnose
 from descentflow.diagnosis.diagnosis_inputs import Inputs
 from descentflow.diagnosis.report.gap_report import GapReport
@@ -21,6 +23,8 @@ from descentflow.simulation.world import simulate
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents, write_descents
 from descentflow.surveillance.prepare import prepare
+from descentflow.training.datamodule import DescentDataModule
+from descentflow.training.models import Gaussian
 
 pytestmark = pytest.mark.usefixtures("components_once", "worlds_once")
 
@@ -46,6 +50,30 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def findings_alone(report: GapReport) -> dict[str, object]:
     """Without the names of the files, which say by which way the flights came."""
     return {name: value for name, value in report.as_dict().items() if name != "provenance"}
+
+
+def test_rows_are_cleaned_as_the_simulator_s_own_flights_were(folder: Path) -> None:
+    of_rows = diagnose(folder / "rows.parquet", folder / "simulator.ckpt", catalogue=SMALL)
+    of_descents = diagnose(folder / "alike.parquet", folder / "simulator.ckpt", catalogue=SMALL)
+    assert of_rows.verdict == "none"
+    assert findings_alone(of_rows) == findings_alone(of_descents)
+
+
+def test_other_settings_are_warned_of_and_would_pass_for_a_gap(folder: Path) -> None:
+    with pytest.warns(DescentflowWarning, match=r"slowest_fpm is 500 in these descents and 1200"):
+        report = diagnose(folder / "default.parquet", folder / "simulator.ckpt", catalogue=SMALL)
+    assert report.p_value < 0.02
+
+
+def test_a_simulator_may_be_a_path_a_density_or_a_fitted_model(folder: Path) -> None:
+    real = read_descents(folder / "alike.parquet")
+    data = DescentDataModule(folder / "own_descents.parquet", aircraft="A320")
+    model = toys.fit(Gaussian(), data, 1)
+    path, density = folder / "simulator.ckpt", load_model(folder / "simulator.ckpt")
+    found = [diagnose(real, simulator, catalogue=SMALL) for simulator in (path, str(path), density, model)]
+    assert {(report.verdict, report.p_value, report.gap_before) for report in found} == {
+        (found[0].verdict, found[0].p_value, found[0].gap_before)
+    }
 
 
 def test_nominal_bada_may_be_a_designator_or_coefficients(folder: Path) -> None:

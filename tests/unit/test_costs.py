@@ -9,7 +9,7 @@ from example_sides import example_sides
 from torch import Tensor
 
 from descentflow.core.units import FPM_MPS, KT_MPS, NM_M
-from descentflow.diagnosis.correction.costs import costs_of
+from descentflow.diagnosis.correction.costs import costs_of, profile_of
 from descentflow.diagnosis.findings.costs_found import Cost
 from descentflow.diagnosis.inference.two_sides import Compared, Entry
 from descentflow.effects import EFFECTS
@@ -65,6 +65,14 @@ def test_constant_rates_and_speeds_have_a_closed_form() -> None:
         assert cost.before.estimate == pytest.approx(flights - simulator, rel=1e-9, abs=1e-9)
         assert cost.before.low == pytest.approx(cost.before.high, rel=1e-9, abs=1e-9)
         assert cost.after is None
+
+
+def test_thirds_add_up_to_the_whole() -> None:
+    costs = costs_of(flying(two_rates(12.0, 10.0)), None, seed=0)
+    assert sum(by_name(costs, part)["time"].before.estimate for part in (1, 2, 3)) == pytest.approx(
+        by_name(costs)["time"].before.estimate
+    )
+    assert [by_name(costs, part)["time"].low_fl for part in (1, 2, 3)] == [150.0, 230.0, 290.0]
 
 
 def test_a_rate_that_grows_with_altitude_has_a_logarithm_for_its_time() -> None:
@@ -137,6 +145,15 @@ def test_nominal_bada_flies_each_flights_own_speed() -> None:
     assert cost.flights == pytest.approx((HIGH_M - LOW_M) / 10)
 
 
+def test_flights_that_begin_lower_down_do_not_shorten_the_descent() -> None:
+    sides = flying(two_rates(12.0, 10.0))
+    y = sides.y.clone()
+    upper = torch.tensor([e.band >= 6 for e in sides.entries])
+    y[120:, upper] = torch.nan
+    found = by_name(costs_of(replace(sides, y=y), None, seed=0))["time"]
+    assert found.flights == pytest.approx((HIGH_M - LOW_M) / 10)
+
+
 def test_intervals_of_whole_aircraft_cover_the_truth() -> None:
     """Aircraft of four alike flights: intervals of flights would cover some 60 %, those of aircraft 90 %."""
     covered, above_floor, runs, per = 0, 0, 200, 4
@@ -157,6 +174,14 @@ def test_intervals_of_whole_aircraft_cover_the_truth() -> None:
     # Binomial: 90 % of 200 runs is 180, spread 4.2; 25 aircraft a side take a per cent or two off. Four spreads.
     assert 160 <= covered <= 195
     assert 4 <= above_floor <= 40
+
+
+def test_the_profile_is_what_the_simulator_flies() -> None:
+    profile = profile_of(flying(two_rates(12.0, 10.0), tas_mps=200.0))
+    assert [means.level_fl for means in profile] == pytest.approx([160.0 + 20 * k for k in range(11)])
+    assert [means.rate_fpm for means in profile] == pytest.approx([12 / FPM_MPS] * 11)
+    # Distance over time, with knots and miles as BADA and ICAO have them: they differ by a part in a million.
+    assert [means.tas_kt for means in profile] == pytest.approx([200 / KT_MPS] * 11)
 
 
 def test_without_a_rate_there_is_no_cost() -> None:

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
-from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, state_of_levels, with_effects
+from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, filled, state_of_levels, with_effects
 from descentflow.diagnosis.inference.two_sides import compare
 from descentflow.effects import EFFECTS
 from descentflow.effects.effect import Effect, Parameter
@@ -151,6 +151,17 @@ def test_level_offs_are_given_and_taken_away() -> None:
     assert abs(float(lost["level_gaps"].mean()) - 0.5) < 5 * (0.25 / 300) ** 0.5
     assert float(gaps_of(put(given, (level_off, [-20.0, 0.0])))["level"].mean()) == pytest.approx(20.0, abs=1.0)
     assert float(gaps_of(put(given, (level_off, [-60.0, 0.0])))["level"].mean()) == pytest.approx(0.0, abs=0.1)
+
+
+def test_levels_too_slow_for_the_cleaning_go() -> None:
+    grid = flights(rate_fpm=-600.0)
+    found = put(grid, (FasterBy(), [-0.3, 1.0]))
+    assert not bool(found.mask.any())
+
+
+def test_missing_levels_are_filled_by_neighbours() -> None:
+    values = torch.tensor([[1.0, torch.nan, 3.0, torch.nan]]).double()
+    torch.testing.assert_close(filled(values), torch.tensor([[1.0, 2.0, 3.0, 3.0]]).double())
 
 
 def test_a_biased_airspeed_is_the_rate_that_is_expected_of_it() -> None:

@@ -23,17 +23,19 @@ from descentflow.diagnosis.inference.flight_mixture import (
     fit_mixture,
     flight_windows,
 )
-from descentflow.diagnosis.inference.linear_gaussian import Precisions, posterior
+from descentflow.diagnosis.inference.linear_gaussian import Precisions, posterior, shrunk
 from descentflow.diagnosis.inference.moments import Moments, moments, sums_by_aircraft_and_day, sums_over
 from descentflow.diagnosis.inference.naming import name_effects, nuisances
-from descentflow.diagnosis.inference.sets import Search, SetFits
+from descentflow.diagnosis.inference.sets import Search, SetFit, SetFits
 from descentflow.diagnosis.inference.two_sides import Compared, Entry
+from descentflow.diagnosis.report.what_is_left import curves
 from descentflow.diagnosis.simulator import Simulator
 from descentflow.diagnosis.verdict import verdict_of
 from descentflow.effects import EFFECTS
 from descentflow.effects.example_flights import example_flights
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 
+NONE = np.zeros(0)
 LAW = LearntLaw(EFFECTS["speed_brake"], None, torch.zeros(8), None)  # type: ignore[arg-type]
 
 
@@ -66,6 +68,11 @@ def test_evidence_and_posterior_are_those_of_a_joint_normal_law() -> None:
     np.testing.assert_allclose(found.covariance, np.diag(spread**2) - gain @ jacobian * spread**2, atol=1e-12)
 
 
+def test_evidence_without_sizes_is_a_normal_density() -> None:
+    found = posterior(np.array([1.0, 2.0]), 4.0 * np.eye(2), np.zeros((2, 0)), NONE, NONE)
+    assert found.log_evidence == pytest.approx(stats.norm(0, 2).logpdf([1.0, 2.0]).sum())
+
+
 def test_errors_of_a_mean_are_by_whole_aircraft() -> None:
     # Flights of one aircraft are alike: 20 aircraft of five flights know the mean as 20 flights do.
     rng = np.random.default_rng(1)
@@ -87,6 +94,12 @@ def test_errors_of_a_mean_are_by_days_where_the_flights_of_a_day_are_alike(days:
         inside += float(abs(seen.mean())) < 1.96 * np.sqrt((rows**2).sum())
     # Student's interval holds 95 %; the standard error of 1,000 is 0.7 %, and the ratio is never below one.
     assert 930 <= inside <= 975
+
+
+def test_flights_of_one_day_are_known_by_their_aircraft() -> None:
+    own = np.random.default_rng(5).normal(size=(30, 1))
+    rows = sums_by_aircraft_and_day(own - own.mean(0), np.arange(30), np.zeros(30), np.array(["tas"]), np.eye(1))
+    assert (rows**2).sum() == pytest.approx(own.var(ddof=1) / 30)
 
 
 def test_layers_of_air_that_a_simulator_lacks_are_no_cause() -> None:
@@ -112,6 +125,15 @@ def test_missing_noise_is_listed_beside_a_cause_that_raises_some(ratio: float, l
     assert [lack.quantity for lack in nuisances(of_noise, raised=True)] == listed
 
 
+def test_sizes_settle_where_the_misfit_grows_with_them() -> None:
+    shape = np.ones(11)
+    cause = FlightsEffect("e", LAW, shape[:, None], 0.0, 0.02 * np.ones((11, 11)), np.array([0.3]))
+    fits = SetFits(toy(3.0 * shape), [cause], Assumptions())
+    found = fits.fit(("e",), rounds=12)
+    again = fits.fit(("e",), first=found.sizes)
+    assert again.sizes["e"][0] == pytest.approx(found.sizes["e"][0], rel=0.01)
+
+
 def test_sizes_that_are_put_into_flights_make_the_means_whatever_shapes_expect() -> None:
     """Only the sizes of a law are put into flights: what goes with the share alone has a factor of one."""
     sized, of_share = -0.1 * np.ones(11), -np.linspace(0.0, 0.3, 11)
@@ -120,6 +142,14 @@ def test_sizes_that_are_put_into_flights_make_the_means_whatever_shapes_expect()
     known = toy(2.5 * sized + of_share, sd=0.001)
     found = SetFits(known, [cause], Assumptions()).fit(("e",), is_exact=True)
     assert found.sizes["e"] == pytest.approx([2.5, 1.0], rel=0.001)  # drawn to one by (0.001 / 0.1)^2 / 11
+
+
+def test_shrinking_keeps_variances_and_makes_few_rows_invertible() -> None:
+    rows = np.random.default_rng(2).normal(size=(10, 40))
+    found = shrunk(rows)
+    np.testing.assert_allclose(found.diagonal(), (rows.T @ rows).diagonal())
+    assert np.linalg.cond(found) < 1e4
+    assert np.linalg.matrix_rank(rows.T @ rows) == 10
 
 
 def test_means_of_simulator_without_any_spread_are_known_to_their_rounding() -> None:
@@ -169,6 +199,30 @@ def test_what_no_cause_explains_is_unknown() -> None:
     assert not named.groups
 
 
+def test_causes_that_look_alike_are_one_group() -> None:
+    shape = np.ones(11)
+    causes = [column("first", shape), column("second", shape * 1.001)]
+    named = name_effects(Search(toy(shape, 0.01), causes, Assumptions()).sets(), Assumptions())
+    assert {name: set(group) for name, group in named.groups.items()} in ({"first": {"second"}}, {"second": {"first"}})
+
+
+def test_members_of_a_scale_group_stand_together_unless_one_is_surely_the_cause() -> None:
+    def one(name: str, weight: float) -> SetFit:
+        return SetFit((name,), {}, {}, {}, weight, {}, np.eye(1))
+
+    sets, alike = (
+        [one("mass", 0.0), one("drag_polar", -4.0), one("idle_thrust", -9.0)],
+        [EFFECTS["mass"].scale_group.members],
+    )  # type: ignore[union-attr]
+    assert name_effects(sets, Assumptions(), alike).groups == {"mass": ("drag_polar",)}
+
+
+def test_linearised_candidates_are_their_own_where_they_are_linear() -> None:
+    effect = column("e", np.linspace(0, 1, 5))
+    found = linearised(effect.at(np.array([2.0])), np.array([-1.5]))
+    np.testing.assert_allclose(found.shift, effect.at(np.array([0.5])).shift)
+
+
 def test_precisions_of_partly_seen_flights_are_those_of_what_is_seen() -> None:
     rng = np.random.default_rng(4)
     root = rng.normal(size=(4, 4))
@@ -213,6 +267,23 @@ def test_a_mixture_finds_the_share_size_and_window_of_brakes() -> None:
     assert (low, high) == (pytest.approx(210, abs=8), pytest.approx(260, abs=8))
     # Of all sizes 1.2 times: the mean over all flights of the drag added.
     assert float(law.at(1.2)[0]) == pytest.approx(1.2 * float(law.at(1.0)[0]), rel=1e-6)
+
+
+def test_windows_between_the_steps_of_the_first_grid_are_found() -> None:
+    """About a law of one window the grid is finer, so that no step of it decides where brakes run out."""
+    values, windows, _ = brakes_in(300, 0.4, 0.5, window_fl=(214.0, 257.0))
+    seen, spread = np.ones(values.shape, dtype=bool), 4e-4 * np.eye(11)
+    first = fit_mixture(values, seen, spread, [], [windows], 8).laws["speed_brake"].theta
+    about = flight_windows(windows.effect, windows.state, np.arange(11), seen, first)
+    law = fit_mixture(values, seen, spread, [], [about], 25).laws["speed_brake"]
+    assert law.effect.grid_fl < EFFECTS["speed_brake"].grid_fl  # type: ignore[attr-defined]
+    assert law.theta[1:3].tolist() == [pytest.approx(214, abs=2), pytest.approx(257, abs=2)]
+
+
+def test_a_mixture_finds_nothing_in_normal_flights() -> None:
+    values, windows, _ = brakes_in(300, 0.0, 0.5)
+    found = fit_mixture(values, np.ones(values.shape, dtype=bool), 4e-4 * np.eye(11), [], [windows], 25)
+    assert found.shares["speed_brake"] < 0.02
 
 
 def bare(sides: Compared) -> Compared:
@@ -266,6 +337,22 @@ def test_closure_is_measured_on_simulated_flights_that_have_the_cause(name: str,
     assert abs(time.after.estimate) < 0.2 * abs(time.before.estimate)
 
 
+def test_the_error_of_a_curve_counts_aircraft_and_not_flights() -> None:
+    """Four flights of one aircraft that are alike say no more than one of them."""
+    one = example_sides()
+    index = torch.arange(len(one.y)).repeat_interleave(4)
+    four = replace(
+        one,
+        y=one.y[index],
+        real=one.real[index],
+        airframe=one.airframe[index],
+        day=one.day[index],
+        state=one.state.rows(index),
+    )
+    errors = [curves(sides, sides.y)["tas"].error for sides in (one, four)]
+    assert errors[1] == pytest.approx(errors[0], rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("name", "theta"),
     [
@@ -300,9 +387,3 @@ def test_limits_are_sizes_that_are_named_in_most_cases() -> None:
         for factor in (0.2, 1.6)
     }
     assert named == {0.2: "none", 1.6: "effect"}
-
-
-def test_linearised_candidates_are_their_own_where_they_are_linear() -> None:
-    effect = column("e", np.linspace(0, 1, 5))
-    found = linearised(effect.at(np.array([2.0])), np.array([-1.5]))
-    np.testing.assert_allclose(found.shift, effect.at(np.array([0.5])).shift)

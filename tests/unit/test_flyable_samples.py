@@ -23,6 +23,7 @@ from descentflow.representation.plausibility import (
     RULES,
     acceleration_mps2,
     expected_bounds,
+    level_bounds,
     outward,
 )
 from descentflow.representation.profiles import Profiles
@@ -49,6 +50,16 @@ def test_extremes_are_moved_to_where_those_of_many_are_expected(n: int) -> None:
         torch.cat([torch.randn(500, size, generator=generator).amax(1) for _ in range(20)]).mean() for size in (n, MANY)
     )
     assert float(outward(torch.tensor(n))) == pytest.approx(float(many / few), rel=0.025)
+
+
+def test_bounds_of_many_flights_are_the_papers() -> None:
+    values, mask = torch.randn(MANY, 3, dtype=torch.float64), torch.ones(MANY, 3, dtype=torch.bool)
+    for ours, theirs in zip(expected_bounds(values, mask), level_bounds(values, mask), strict=True):
+        torch.testing.assert_close(ours, theirs)
+    low, high = expected_bounds(values[:20], mask[:20])
+    narrow, wide = level_bounds(values[:20], mask[:20])
+    assert bool((low < narrow).all())
+    assert bool((high > wide).all())
 
 
 @pytest.mark.parametrize("n", [14, 36])

@@ -177,6 +177,16 @@ def test_fuel_is_scored_where_flights_have_a_flow() -> None:
     assert verdict(table, Detection(torch.tensor([torch.nan]), ())).count("fuel") == 1
 
 
+def test_without_a_fuel_flow_there_is_no_row_of_it() -> None:
+    seen, sampled = seen_and_sampled()
+    part = seen.between(150, 160).subset([0, 2])
+    assert part.fuel_flow_kg_s is not None
+    assert part.fuel_flow_kg_s.shape == (2, 11)
+    real = DescentSet.of_profiles(replace(seen, fuel_flow_kg_s=None))
+    table = score(DescentSet.of_trajectories(sampled), real, transition_fl=291.5, n_splits=2)
+    assert "fuel" not in {row.quantity for row in table}
+
+
 def test_prepared_descents_keep_the_fuel_flow_of_rows() -> None:
     rows = simulate("A320", 12, seed=1).rows
     prepared = prepare(rows.with_columns(fuel_flow=0.1 + pl.col("altitude") / 1e5), typecode="A320").frame

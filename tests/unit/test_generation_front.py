@@ -4,9 +4,11 @@ from pathlib import Path
 
 import polars as pl
 import pytest
+import torch
 import toys
 
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
+from descentflow.densities.checkpoint import content_of, load_model
 from descentflow.evaluation.evaluate import evaluate
 from descentflow.generation.prediction.predict import predict
 from descentflow.generation.sample import sample
@@ -35,6 +37,22 @@ def model(descents: Path) -> Gaussian:
 @pytest.fixture(scope="module")
 def conditional(descents: Path) -> Gaussian:
     return fitted(descents, context=["entry_fl", "hour"])
+
+
+def test_a_path_a_density_and_a_fitted_model_give_the_same_samples(model: Gaussian, tmp_path: Path) -> None:
+    torch.save(content_of(model.density), tmp_path / "model.ckpt")
+    models = [model, model.density, tmp_path / "model.ckpt", load_model(tmp_path / "model.ckpt")]
+    tables = [sample(one, 20, seed=3).to_polars() for one in models]
+    assert all(table.equals(tables[0]) for table in tables)
+
+
+def test_entry_levels_are_those_asked_for(model: Gaussian) -> None:
+    flown = sample(model, 40, entry_fl=[250, 300]).trajectories
+    assert set(flown.levels_fl[flown.entry].tolist()) == {250.0, 300.0}
+    with pytest.raises(ConfigError, match="entry_fl 500"):
+        sample(model, 5, entry_fl=500)
+    with pytest.raises(ConfigError, match="n = 0"):
+        sample(model, 0)
 
 
 def test_contexts_are_values_a_table_or_a_path(conditional: Gaussian, tmp_path: Path) -> None:

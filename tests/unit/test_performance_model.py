@@ -19,9 +19,11 @@ from descentflow.aircraft_types.registry import aircraft, aircraft_from_state
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.errors import AircraftError
 from descentflow.core.units import FL_M, KT_MPS
+from descentflow.physics.nominal_descent import nominal_descent
 from descentflow.physics.performance_model import NAMES, PerformanceModel
 from descentflow.representation.decoder.trajectories import integrate
-from descentflow.representation.profiles import infer_drag_n
+from descentflow.representation.drag_scale import DragScaleName, fit_drag_scale
+from descentflow.representation.profiles import infer_drag_n, observed_profiles
 
 PACKAGE = Path(descentflow.__file__).parent
 PARTS = (Coefficients, Bada4Aircraft, Wing, Turboprop, Piston)
@@ -117,6 +119,31 @@ def test_every_equation_is_differentiable(braking: PerformanceModel) -> None:
         return tuple(one / unit for one, unit in zip(equations(*arguments), units, strict=True))
 
     assert torch.autograd.gradcheck(in_units, tuple(leaf.requires_grad_() for leaf in leaves), rtol=1e-4)
+
+
+@pytest.mark.parametrize("logarithm", ["log", "newton"])
+def test_idle_thrust_below_zero_works_in_every_scale_of_drag(
+    braking: PerformanceModel, logarithm: DragScaleName
+) -> None:
+    """Down to the levels of the approach, where nominal engines give thrust and flights are taken to idle."""
+    levels_fl = torch.arange(10, 101).double()
+    drag_n, cas_mps, _ = flights(braking, levels_fl)
+    entry = torch.full((2,), len(levels_fl) - 1)
+    flown = integrate(braking, levels_fl, levels_fl * FL_M, drag_n * torch.tensor([[0.8], [1.2]]), cas_mps, entry)
+    args = ("a", "b"), levels_fl, flown.time_s, flown.cas_mps, flown.rate_mps, flown.mask
+    seen = observed_profiles(braking, *args)
+    scale = fit_drag_scale(seen, braking, logarithm)
+    back = scale.drag_n(scale.scaled(seen.drag_n, seen.cas_mps), seen.cas_mps)
+    torch.testing.assert_close(back, seen.drag_n, rtol=1e-12, atol=0)
+    assert bool(scale.scaled(seen.drag_n, seen.cas_mps).isfinite().all())
+
+
+def test_its_nominal_descent_is_flown_and_comes_back_from_its_state(braking: PerformanceModel) -> None:
+    nominal = nominal_descent(braking, LEVELS_FL)
+    assert bool((nominal.rate_mps < 0).all())
+    again = aircraft_from_state(braking.to_state())
+    assert again == braking
+    assert torch.equal(nominal_descent(again, LEVELS_FL).time_s, nominal.time_s)
 
 
 def test_a_state_that_is_none_of_bada_4_is_refused(braking: PerformanceModel) -> None:

@@ -16,6 +16,7 @@ from descentflow.simulation.parameters import PARTS, draw_parameters
 from descentflow.simulation.scenarios import scenario_settings
 from descentflow.simulation.world import World, simulate
 from descentflow.simulation.world_config import WorldConfig
+from descentflow.surveillance.rows.air_data import isa_tas_of_mach_kt
 from studies.paper.study_plan import PAPER_FLIGHTS
 
 LONDON = "london-fir-2019"
@@ -159,3 +160,27 @@ def test_scenarios_that_cannot_be_are_refused(tmp_path: Path) -> None:
         path.write_text(text)
         with pytest.raises(ConfigError, match=complaint):
             scenario_settings(str(path), aircraft)
+
+
+@pytest.mark.parametrize("scenario", ["gulf-summer", "nordic-winter"])
+def test_worlds_to_judge_on_have_every_type_and_operators_of_their_own(scenario: str) -> None:
+    for typecode in PAPER_FLIGHTS:
+        aircraft = open_aircraft(typecode)
+        mine, london = (scenario_settings(name, aircraft) for name in (scenario, LONDON))
+        assert mine.operators
+        assert london.operators
+        assert not {(o.cas_kt, o.mach) for o in mine.operators} & {(o.cas_kt, o.mach) for o in london.operators}
+        assert all(o.mach < aircraft.mmo and o.cas_kt < aircraft.vmo_kt for o in mine.operators)
+        assert mine.deviation_mean_k != london.deviation_mean_k
+
+
+def test_the_gulf_is_warmer_than_the_north_in_what_aircraft_report() -> None:
+    """TAS over that of the Mach number in standard air: some 22 K between the two."""
+    ratio = []
+    for scenario in ("gulf-summer", "nordic-winter"):
+        rows = simulate("A320", 10, 0, scenario).rows.filter(pl.col("altitude") > 20_000)
+        ratio.append(
+            float((rows["TAS"] / isa_tas_of_mach_kt(rows["Mach"].to_numpy(), rows["altitude"].to_numpy())).mean())
+        )
+    # Of 240 K, the square of the ratio; days differ by 5 K in the north, of which ten flights meet few.
+    assert 240 * (ratio[0] ** 2 - ratio[1] ** 2) == pytest.approx(22, abs=12)

@@ -9,7 +9,7 @@ from scipy.stats import binom, ttest_ind
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.diagnosis.inference.assumptions import ASSUMED
-from descentflow.diagnosis.inference.labellings import labellings, labellings_of, step_down
+from descentflow.diagnosis.inference.labellings import AT_ONCE, labellings, labellings_of, noise_floor, step_down
 from descentflow.diagnosis.inference.two_sides import Compared, compare
 from descentflow.diagnosis.inference.where import cell_scores, cells, squared_t, where
 from descentflow.measurements.quantities import Quantities
@@ -37,6 +37,24 @@ def test_with_one_flight_an_aircraft_the_statistic_is_welchs() -> None:
         for v in (y.numpy(), squares.numpy())
     ]
     torch.testing.assert_close(found, torch.tensor(of_both[0] + of_both[1]), rtol=1e-9, atol=0)
+
+
+def test_whole_aircraft_make_the_variance() -> None:
+    """Every flight copied four times over adds nothing."""
+    y, real = drawn(60, 2, seed=1), torch.arange(60) >= 30
+    once = squared_t(y, labellings(torch.arange(60), real, 5, seed=0))
+    five = [value.repeat_interleave(5, 0) for value in (y, torch.arange(60), real)]
+    again = squared_t(five[0], labellings(five[1], five[2], 5, seed=0))
+    torch.testing.assert_close(again, once, rtol=1e-9, atol=0)
+
+
+def test_sums_of_many_labellings_are_those_of_each() -> None:
+    airframe, real, values = torch.arange(40) // 2, torch.arange(40) >= 16, drawn(40, 3, seed=2)
+    dealt = labellings(airframe, real, AT_ONCE + 20, seed=4)
+    each = torch.stack([values[side].sum(0) for side in dealt])
+    torch.testing.assert_close(dealt.sums(dealt.by_aircraft(values)), each)
+    assert torch.equal(dealt.flights(0), real)
+    assert bool((dealt.sides.sum(1) == 12).all())
 
 
 def test_step_down_is_westfall_and_youngs_algorithm() -> None:
@@ -100,6 +118,14 @@ def _spreads(y: torch.Tensor, compared: Compared) -> torch.Tensor:
     centred = torch.cat([y[side] - y[side].nanmean(0) for side in (~compared.real, compared.real)])
     seen = centred.isfinite().sum(0)
     return (centred.nan_to_num(0.0).square().sum(0) / (seen - 2).clamp(min=1)).sqrt().clamp(min=1e-9)
+
+
+def test_a_gap_does_not_blur_its_own_floor(compared: Compared) -> None:
+    dealt = [labellings_of(compared, 10, seed=0).flights(k) for k in range(1, 11)]
+    counts = torch.zeros(len(compared.entries), dtype=torch.bool)
+    apart = compared.y + 5.0 * compared.scale * compared.real[:, None]
+    floors = [noise_floor(y, compared.real, dealt, compared.scale, counts) for y in (compared.y, apart)]
+    torch.testing.assert_close(floors[0], floors[1], rtol=1e-9, atol=1e-12)
 
 
 def test_what_too_few_simulated_flights_show_is_left_out_and_not_taken_for_standard_air(

@@ -11,12 +11,12 @@ from typing import Any
 import torch
 
 from descentflow.core.threads import one_thread
-from descentflow.diagnosis.diagnosis_inputs import Inputs
-from descentflow.diagnosis.inference.assumptions import ASSUMED, Assumptions
 from descentflow.diagnosis.inference.explain import explain
-from descentflow.diagnosis.inference.two_sides import compare
-from descentflow.diagnosis.measured_sides import both_sides
-from descentflow.diagnosis.verdict import verdict_of
+from descentflow.diagnosis.inference.verdict import verdict_of
+from descentflow.diagnosis.sides.assumptions import ASSUMED, Assumptions
+from descentflow.diagnosis.sides.diagnosis_inputs import Inputs
+from descentflow.diagnosis.sides.measured_sides import both_sides
+from descentflow.diagnosis.sides.two_sides import compare
 from descentflow.effects import EFFECTS
 from descentflow.measurements.quantity_registry import CHANNELS
 

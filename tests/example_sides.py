@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import torch
 
-from descentflow.diagnosis.inference.two_sides import Compared, Entry
+from descentflow.diagnosis.sides.two_sides import Compared, Entry
 from descentflow.effects import Effect
 from descentflow.effects.example_flights import example_flights
 from descentflow.measurements.quantity_registry import QUANTITIES

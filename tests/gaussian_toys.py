@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.diagnosis.sides.two_sides import Compared
 
 
 @dataclass(frozen=True)

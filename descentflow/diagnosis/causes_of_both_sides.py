@@ -12,12 +12,12 @@ import torch
 
 from descentflow.diagnosis.correction.corrected_simulator import corrected
 from descentflow.diagnosis.correction.effects_in_flights import AddedEffects
-from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.diagnosis_steps import diagnose_compared
-from descentflow.diagnosis.inference.two_sides import Compared, compare
+from descentflow.diagnosis.gap.what_is_left import OWN_FLIGHTS, not_identifiable
 from descentflow.diagnosis.report.gap_report import GapReport
-from descentflow.diagnosis.report.what_is_left import OWN_FLIGHTS, not_identifiable
-from descentflow.diagnosis.simulator import Simulator
+from descentflow.diagnosis.sides.diagnosis_settings import Settings
+from descentflow.diagnosis.sides.simulator import Simulator
+from descentflow.diagnosis.sides.two_sides import Compared, compare
 from descentflow.measurements.quantities import Quantities
 
 TAKEN_IN = ("rate", "cas")
@@ -35,7 +35,7 @@ def with_shared_effects(report: GapReport, real: Quantities, settings: Settings)
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
         >>> from descentflow.diagnosis.diagnose import diagnose
-        >>> from descentflow.diagnosis.simulator import Simulator
+        >>> from descentflow.diagnosis.sides.simulator import Simulator
         >>> from descentflow.effects import EFFECTS
         >>> from descentflow.measurements.quantities import CHANNELS, quantities_of
         >>> import descentflow as df

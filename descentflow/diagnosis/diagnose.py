@@ -13,14 +13,14 @@ from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_folder, check_separate
 from descentflow.core.threads import one_thread
 from descentflow.core.user_files import lines_named
-from descentflow.diagnosis.diagnosis_inputs import Inputs
-from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.diagnosis_steps import diagnose_compared
-from descentflow.diagnosis.earlier_report import check_no_other_report
-from descentflow.diagnosis.inference.two_sides import compare
-from descentflow.diagnosis.measured_sides import both_sides
+from descentflow.diagnosis.gap.earlier_report import check_no_other_report
+from descentflow.diagnosis.gap.what_is_left import OWN_FLIGHTS, left_out_channels
 from descentflow.diagnosis.report.gap_report import FILES, GapReport
-from descentflow.diagnosis.report.what_is_left import OWN_FLIGHTS, left_out_channels
+from descentflow.diagnosis.sides.diagnosis_inputs import Inputs
+from descentflow.diagnosis.sides.diagnosis_settings import Settings
+from descentflow.diagnosis.sides.measured_sides import both_sides
+from descentflow.diagnosis.sides.two_sides import compare
 from descentflow.effects import EFFECTS, Effect, checked_catalogue
 from descentflow.effects.user_catalogue import effects_of_file
 from descentflow.measurements.quantity_registry import CHANNELS
@@ -136,7 +136,7 @@ def diagnose(
     diagnosed = replace(opened.simulator, name=simulator_name or opened.simulator.name)
     settings = Settings(diagnosed, effects, wanted, seed, say)
     if previous is not None:
-        from descentflow.diagnosis.correction.previous_round import previous_round
+        from descentflow.diagnosis.gap.previous_round import previous_round
 
         before = previous_round(previous, made, opened.simulator.aircraft.typecode)
         settings = replace(settings, previous=before, previous_name=str(previous))
@@ -165,7 +165,7 @@ def diagnose_prepared(frame: pl.DataFrame, settings: Settings, dropped: Mapping[
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
-        >>> from descentflow.diagnosis.simulator import Simulator
+        >>> from descentflow.diagnosis.sides.simulator import Simulator
         >>> from descentflow.effects import EFFECTS
         >>> frame = pl.read_parquet("descents.parquet")
         >>> asked = Settings(Simulator(aircraft("A320")), {"mass": EFFECTS["mass"]}, ["IAS", "vertical_rate"], 0, str)
@@ -192,7 +192,7 @@ def diagnose_prepared(frame: pl.DataFrame, settings: Settings, dropped: Mapping[
 
         report = with_shared_effects(report, real, settings)
     if settings.previous:
-        from descentflow.diagnosis.correction.previous_round import held_against
+        from descentflow.diagnosis.gap.previous_round import held_against
 
         settings.progress("comparing with the round before")
         before = held_against(settings.previous, settings.previous_name, compared, settings.seed)

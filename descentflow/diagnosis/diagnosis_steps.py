@@ -1,8 +1,8 @@
 """Steps of a diagnosis of measured flights: explain the difference, put the causes in, measure what is left.
 
 Each step is decided elsewhere: which effects are named in :mod:`~descentflow.diagnosis.inference.explain`, whether and
-where there is a gap in :mod:`~descentflow.diagnosis.inference.where`, the verdict in
-:mod:`~descentflow.diagnosis.verdict`.
+where there is a gap in :mod:`~descentflow.diagnosis.gap.where`, the verdict in
+:mod:`~descentflow.diagnosis.inference.verdict`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,19 +14,22 @@ import torch
 from torch import Tensor
 
 from descentflow.diagnosis.correction.corrected_descents import correction_made
-from descentflow.diagnosis.correction.costs import costs_of, profile_of
 from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, corrected_entries
-from descentflow.diagnosis.correction.measured_gap import MeasuredGap
-from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.findings.cause_found import ClosedShare
 from descentflow.diagnosis.findings.costs_found import Cost
 from descentflow.diagnosis.findings.findings import Details
-from descentflow.diagnosis.inference.explain import Explanation, detection_limits, explain
-from descentflow.diagnosis.inference.naming import free_in_every_set
-from descentflow.diagnosis.inference.two_sides import Compared
-from descentflow.diagnosis.inference.where import PERMUTATIONS, where
-from descentflow.diagnosis.practical_size import below_rounding
-from descentflow.diagnosis.report.described import (
+from descentflow.diagnosis.gap.costs import costs_of, profile_of
+from descentflow.diagnosis.gap.measured_gap import MeasuredGap
+from descentflow.diagnosis.gap.practical_size import below_rounding
+from descentflow.diagnosis.gap.what_is_left import (
+    curves,
+    flights_worth_a_look,
+    not_identifiable,
+    remaining_of,
+    would_split,
+)
+from descentflow.diagnosis.gap.where import PERMUTATIONS, where
+from descentflow.diagnosis.inference.described import (
     cause_of,
     discrepancy_of,
     heaviest_sets,
@@ -34,15 +37,12 @@ from descentflow.diagnosis.report.described import (
     recipe_of,
     singles_of,
 )
+from descentflow.diagnosis.inference.explain import Explanation, detection_limits, explain
+from descentflow.diagnosis.inference.naming import free_in_every_set
+from descentflow.diagnosis.inference.verdict import verdict_of
 from descentflow.diagnosis.report.gap_report import GapReport
-from descentflow.diagnosis.report.what_is_left import (
-    curves,
-    flights_worth_a_look,
-    not_identifiable,
-    remaining_of,
-    would_split,
-)
-from descentflow.diagnosis.verdict import verdict_of
+from descentflow.diagnosis.sides.diagnosis_settings import Settings
+from descentflow.diagnosis.sides.two_sides import Compared
 
 CERTAIN_ERRORS = 3.0
 """Standard errors from which a mean counts among those that a gap is measured over."""

@@ -6,8 +6,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from descentflow.core.linear_gaussian import Array
 from descentflow.core.units import FT_M, KT_MPS
-from descentflow.diagnosis.inference.linear_gaussian import Array
 from descentflow.effects.flight_state import CHANGING, NEAR_MACH, constant_mach_slope
 from descentflow.repairs.flight_evidence import FlightEvidence
 from descentflow.repairs.mixed_model import WIDE

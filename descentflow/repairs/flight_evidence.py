@@ -18,10 +18,10 @@ from torch import Tensor
 
 from descentflow.air.measured_air import measured_airs
 from descentflow.core.errors import DataError
+from descentflow.core.linear_gaussian import Array
 from descentflow.core.units import FL_M
-from descentflow.diagnosis.inference.assumptions import ASSUMED
-from descentflow.diagnosis.inference.compared_state import state_of
-from descentflow.diagnosis.inference.linear_gaussian import Array
+from descentflow.diagnosis.sides.assumptions import ASSUMED
+from descentflow.diagnosis.sides.compared_state import state_of
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.measurements.quantities import Quantities, grid_of, measured
 from descentflow.measurements.quantity_registry import CHANNELS

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
+from descentflow.core.linear_gaussian import Array
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
-from descentflow.diagnosis.inference.linear_gaussian import Array
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.repairs.mixed_model import before_flights, predictive_log_density
 from descentflow.repairs.type_fit import TypeFlights, fit_types, linearised

@@ -25,8 +25,8 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.optimize import minimize
 
-from descentflow.diagnosis.inference.assumptions import ASSUMED
-from descentflow.diagnosis.inference.linear_gaussian import Array
+from descentflow.core.linear_gaussian import Array
+from descentflow.diagnosis.sides.assumptions import ASSUMED
 
 MASS_SPREAD = ASSUMED.coefficient_spread[0]
 COEFFICIENT_SPREAD = (ASSUMED.coefficient_spread[1], ASSUMED.coefficient_spread[1], ASSUMED.coefficient_spread[3])

@@ -12,7 +12,7 @@ from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.aircraft_types.registry import file_of
 from descentflow.core.arguments import Output, checked_arguments
 from descentflow.core.errors import AircraftError, DataError
-from descentflow.diagnosis.inference.linear_gaussian import Array
+from descentflow.core.linear_gaussian import Array
 from descentflow.repairs.crew_speeds import CrewSpeed, crew_speeds
 from descentflow.repairs.held_out import held_out
 from descentflow.repairs.mixed_model import WIDE, MixedModelPosterior

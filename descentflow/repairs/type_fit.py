@@ -9,12 +9,12 @@ import polars as pl
 import torch
 
 from descentflow.core.errors import DataError
+from descentflow.core.linear_gaussian import Array
 from descentflow.core.tensors import Number
 from descentflow.diagnosis.inference.flight_effects import FlightShapes, differing
-from descentflow.diagnosis.inference.linear_gaussian import Array
 from descentflow.diagnosis.inference.moments import moments
 from descentflow.diagnosis.inference.signatures import Signatures
-from descentflow.diagnosis.inference.two_sides import compare
+from descentflow.diagnosis.sides.two_sides import compare
 from descentflow.effects import EFFECTS
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.repairs.flight_evidence import FlightEvidence, flight_evidence

@@ -8,8 +8,8 @@ from torch import Tensor
 
 from benchmarks.rivals_sets import RivalSet
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-from descentflow.diagnosis.inference.two_sides import Compared, compare
-from descentflow.diagnosis.simulator import Simulator
+from descentflow.diagnosis.sides.simulator import Simulator
+from descentflow.diagnosis.sides.two_sides import Compared, compare
 from descentflow.effects import EFFECTS, Effect
 from descentflow.measurements.quantities import quantities_of
 from descentflow.measurements.quantity_registry import CHANNELS

@@ -11,10 +11,10 @@ from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.cli.entry import main
 from descentflow.core.errors import AircraftError, CheckpointError, ConfigError, DataError, DescentflowWarning
 from descentflow.diagnosis.diagnose import diagnose
-from descentflow.diagnosis.diagnosis_inputs import Inputs
 from descentflow.diagnosis.findings.read_gap import read_gap
-from descentflow.diagnosis.measured_sides import both_sides
 from descentflow.diagnosis.report.gap_report import GapReport
+from descentflow.diagnosis.sides.diagnosis_inputs import Inputs
+from descentflow.diagnosis.sides.measured_sides import both_sides
 from descentflow.effects import EFFECTS
 from descentflow.measurements.quantity_registry import CHANNELS
 from descentflow.simulation.world import simulate

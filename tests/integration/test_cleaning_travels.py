@@ -8,7 +8,7 @@ import pytest
 
 import descentflow as df
 from descentflow.core.errors import DescentflowWarning
-from descentflow.diagnosis.diagnosis_inputs import Inputs, Opened
+from descentflow.diagnosis.sides.diagnosis_inputs import Inputs, Opened
 from descentflow.generation.prediction.predict import Prediction
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 

@@ -14,8 +14,8 @@ from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.errors import AircraftError, ConfigError, DataError, DescentflowWarning
 from descentflow.densities.checkpoint import load_model
 from descentflow.diagnosis.diagnose import diagnose
-from descentflow.diagnosis.diagnosis_inputs import Inputs
 from descentflow.diagnosis.report.gap_report import GapReport
+from descentflow.diagnosis.sides.diagnosis_inputs import Inputs
 from descentflow.effects import EFFECTS
 from descentflow.effects.example_flights import example_flights
 from descentflow.effects.vertical_rate_lag import _late

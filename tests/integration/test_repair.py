@@ -16,7 +16,7 @@ from descentflow.aircraft_types.bada3.opf_file import read_opf, write_opf
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.cli.entry import main
 from descentflow.core.errors import ConfigError, DataError
-from descentflow.diagnosis.inference.two_sides import compare
+from descentflow.diagnosis.sides.two_sides import compare
 from descentflow.measurements.quantities import CHANNELS, quantities_of
 from descentflow.repairs.repair_found import Repair
 from descentflow.surveillance.descents.prepared_descents import Descents, write_descents

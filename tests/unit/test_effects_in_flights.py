@@ -10,7 +10,7 @@ from torch import Tensor
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, filled, state_of_levels, with_effects
-from descentflow.diagnosis.inference.two_sides import compare
+from descentflow.diagnosis.sides.two_sides import compare
 from descentflow.effects import EFFECTS
 from descentflow.effects.effect import Effect, Parameter
 from descentflow.measurements.level_channels import LevelGrid, gaps_of

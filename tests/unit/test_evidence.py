@@ -11,10 +11,10 @@ from example_sides import example_sides
 from scipy import stats
 
 from descentflow.aircraft_types.registry import aircraft
+from descentflow.core.linear_gaussian import Precisions, posterior, shrunk
 from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, corrected_entries
-from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.diagnosis_steps import diagnose_compared
-from descentflow.diagnosis.inference.assumptions import Assumptions
+from descentflow.diagnosis.gap.what_is_left import curves
 from descentflow.diagnosis.inference.candidates import FlightsEffect, linearised
 from descentflow.diagnosis.inference.explain import detection_limits, explain
 from descentflow.diagnosis.inference.flight_mixture import (
@@ -23,14 +23,14 @@ from descentflow.diagnosis.inference.flight_mixture import (
     fit_mixture,
     flight_windows,
 )
-from descentflow.diagnosis.inference.linear_gaussian import Precisions, posterior, shrunk
 from descentflow.diagnosis.inference.moments import Moments, moments, sums_by_aircraft_and_day, sums_over
 from descentflow.diagnosis.inference.naming import name_effects, nuisances
 from descentflow.diagnosis.inference.sets import Search, SetFit, SetFits
-from descentflow.diagnosis.inference.two_sides import Compared, Entry
-from descentflow.diagnosis.report.what_is_left import curves
-from descentflow.diagnosis.simulator import Simulator
-from descentflow.diagnosis.verdict import verdict_of
+from descentflow.diagnosis.inference.verdict import verdict_of
+from descentflow.diagnosis.sides.assumptions import Assumptions
+from descentflow.diagnosis.sides.diagnosis_settings import Settings
+from descentflow.diagnosis.sides.simulator import Simulator
+from descentflow.diagnosis.sides.two_sides import Compared, Entry
 from descentflow.effects import EFFECTS
 from descentflow.effects.example_flights import example_flights
 from descentflow.surveillance.cleaning.thresholds import Cleaning

@@ -18,7 +18,7 @@ from matplotlib.text import Text
 from descentflow.diagnosis.findings.cause_found import ClosedShare
 from descentflow.diagnosis.findings.findings import Curve, Findings
 from descentflow.diagnosis.findings.inputs_found import Provenance
-from descentflow.diagnosis.report.described import recipe_of
+from descentflow.diagnosis.inference.described import recipe_of
 from descentflow.diagnosis.report.figures import cost_figure, level_figure
 from descentflow.diagnosis.report.page import next_command, page, summary
 from descentflow.effects import EFFECTS

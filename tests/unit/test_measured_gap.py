@@ -6,9 +6,9 @@ import pytest
 import torch
 from example_sides import example_sides
 
-from descentflow.diagnosis.correction.measured_gap import MeasuredGap, measured_again
-from descentflow.diagnosis.correction.previous_round import achieved_share, mean_of
 from descentflow.diagnosis.findings.gap_found import MeasuredEntry
+from descentflow.diagnosis.gap.measured_gap import MeasuredGap, measured_again
+from descentflow.diagnosis.gap.previous_round import achieved_share, mean_of
 from descentflow.effects import EFFECTS
 
 

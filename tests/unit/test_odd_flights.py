@@ -9,8 +9,8 @@ import torch
 from example_sides import example_sides
 
 from descentflow.diagnosis.findings.costs_found import LevelMeans
-from descentflow.diagnosis.inference.two_sides import Compared
-from descentflow.diagnosis.report.what_is_left import flights_worth_a_look
+from descentflow.diagnosis.gap.what_is_left import flights_worth_a_look
+from descentflow.diagnosis.sides.two_sides import Compared
 from descentflow.measurements.quantities import CHANNELS, quantities_of
 
 HAVING = range(1, 80, 4)

@@ -9,15 +9,15 @@ from example_sides import example_sides
 
 from descentflow.aircraft_types.registry import aircraft
 from descentflow.core.mode_s_steps import STEPS
-from descentflow.diagnosis.correction.costs import costs_of, profile_of
-from descentflow.diagnosis.diagnosis_settings import Settings
 from descentflow.diagnosis.diagnosis_steps import diagnose_compared
-from descentflow.diagnosis.inference.two_sides import Compared
-from descentflow.diagnosis.inference.where import where
-from descentflow.diagnosis.practical_size import below_rounding, rounding_of
+from descentflow.diagnosis.gap.costs import costs_of, profile_of
+from descentflow.diagnosis.gap.practical_size import below_rounding, rounding_of
+from descentflow.diagnosis.gap.where import where
 from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.diagnosis.report.page import page
-from descentflow.diagnosis.simulator import Simulator
+from descentflow.diagnosis.sides.diagnosis_settings import Settings
+from descentflow.diagnosis.sides.simulator import Simulator
+from descentflow.diagnosis.sides.two_sides import Compared
 from descentflow.effects import EFFECTS
 
 MANY = 1500

@@ -4,8 +4,8 @@ import pytest
 import torch
 
 from descentflow.diagnosis.findings.cause_found import Cause, ClosedShare, Closure
-from descentflow.diagnosis.report.described import recipe_of
-from descentflow.diagnosis.report.sizes import sizes_of
+from descentflow.diagnosis.findings.sizes import sizes_of
+from descentflow.diagnosis.inference.described import recipe_of
 from descentflow.effects import EFFECTS
 
 NOTHING = ClosedShare(None, None, None)

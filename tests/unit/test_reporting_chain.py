@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from descentflow.core.units import FL_M, FPM_MPS
-from descentflow.diagnosis.inference.compared_state import report_delay_s
+from descentflow.diagnosis.sides.compared_state import report_delay_s
 from descentflow.effects import EFFECTS
 from descentflow.effects.example_flights import example_flights
 from descentflow.measurements.level_channels import LevelGrid

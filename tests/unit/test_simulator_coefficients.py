@@ -6,8 +6,8 @@ import pytest
 import torch
 from scipy.optimize import minimize
 
-from descentflow.diagnosis.inference.assumptions import ASSUMED
-from descentflow.diagnosis.inference.simulator_coefficients import (
+from descentflow.diagnosis.sides.assumptions import ASSUMED
+from descentflow.diagnosis.sides.simulator_coefficients import (
     SimulatorCoefficients,
     _spread,
     scaled,

@@ -11,7 +11,7 @@ from torch import Tensor
 from descentflow.aircraft_types.registry import aircraft
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import FL_M, KT_MPS
-from descentflow.diagnosis.inference.two_sides import Compared, compare
+from descentflow.diagnosis.sides.two_sides import Compared, compare
 from descentflow.effects import EFFECTS
 from descentflow.effects.flight_state import log_rate
 from descentflow.measurements.level_channels import LevelGrid

@@ -21,7 +21,7 @@ from descentflow.cli import main
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.units import FL_M
 from descentflow.densities.checkpoint import load_model
-from descentflow.diagnosis.diagnosis_inputs import without_weather
+from descentflow.diagnosis.sides.diagnosis_inputs import without_weather
 from descentflow.measurements.level_channels import LevelGrid
 from descentflow.representation.own_air import with_own_air
 from descentflow.representation.profiles import profiles_from_frame

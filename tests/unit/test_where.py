@@ -8,10 +8,10 @@ from gaussian_toys import FlightLaw
 from scipy.stats import binom, ttest_ind
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-from descentflow.diagnosis.inference.assumptions import ASSUMED
-from descentflow.diagnosis.inference.labellings import AT_ONCE, labellings, labellings_of, noise_floor, step_down
-from descentflow.diagnosis.inference.two_sides import Compared, compare
-from descentflow.diagnosis.inference.where import cell_scores, cells, squared_t, where
+from descentflow.diagnosis.gap.labellings import AT_ONCE, labellings, labellings_of, noise_floor, step_down
+from descentflow.diagnosis.gap.where import cell_scores, cells, squared_t, where
+from descentflow.diagnosis.sides.assumptions import ASSUMED
+from descentflow.diagnosis.sides.two_sides import Compared, compare
 from descentflow.measurements.quantities import Quantities
 
 TRANSITION_FL = 318.0

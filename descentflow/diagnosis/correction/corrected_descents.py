@@ -10,7 +10,7 @@ from descentflow.core.errors import DataError
 from descentflow.core.units import FPM_MPS
 from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, state_of_levels, with_effects
 from descentflow.diagnosis.findings.correction_found import FLIGHTS, Corrections
-from descentflow.diagnosis.simulator import Simulator
+from descentflow.diagnosis.sides.simulator import Simulator
 from descentflow.measurements.level_channels import LevelGrid
 from descentflow.measurements.quantity_registry import CHANNELS
 from descentflow.physics.fuel import burn

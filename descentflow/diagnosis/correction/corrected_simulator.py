@@ -13,8 +13,8 @@ from torch import Tensor
 from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.diagnosis.correction.effects_in_flights import AddedEffects
 from descentflow.diagnosis.findings.correction_found import CHECKPOINT, Corrections
-from descentflow.diagnosis.inference.compared_state import state_of
-from descentflow.diagnosis.simulator import Simulator
+from descentflow.diagnosis.sides.compared_state import state_of
+from descentflow.diagnosis.sides.simulator import Simulator
 from descentflow.effects import EFFECTS
 from descentflow.effects.effect import NONE
 from descentflow.generation.rejection import sample_descents
@@ -48,7 +48,7 @@ def corrected(simulator: Simulator, added: AddedEffects, *, inherited: bool = Fa
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
-        >>> from descentflow.diagnosis.diagnosis_inputs import Inputs
+        >>> from descentflow.diagnosis.sides.diagnosis_inputs import Inputs
         >>> warm = AddedEffects(EFFECTS, {"temperature": torch.tensor([10.0])}, 64_000.0, Cleaning(), seed=0)
         >>> made = corrected(Inputs("descents.parquet", "best.ckpt").open().simulator, warm)
         >>> made["corrected.ckpt"](Path("warm.ckpt"))
@@ -88,7 +88,7 @@ def air_of_training(parts: Representation) -> dict[str, list[float]]:
     Also empty where it is unknown: the flights reported no TAS or no Mach number, or the model knows the air of each.
 
     Example:
-        >>> from descentflow.diagnosis.diagnosis_inputs import Inputs
+        >>> from descentflow.diagnosis.sides.diagnosis_inputs import Inputs
         >>> air_of_training(Inputs("descents.parquet", "best.ckpt").open().simulator.representation)  # in standard air
         {}
     """
@@ -128,7 +128,7 @@ def samples_with(simulator: Simulator, frame: pl.DataFrame, added: AddedEffects)
 
     Example:
         >>> import polars as pl
-        >>> from descentflow.diagnosis.diagnosis_inputs import Inputs
+        >>> from descentflow.diagnosis.sides.diagnosis_inputs import Inputs
         >>> real, theta = pl.read_parquet("descents.parquet"), {"temperature": torch.tensor([10.0])}
         >>> warm = AddedEffects(EFFECTS, theta, 64_000.0, Cleaning(), seed=0)
         >>> simulator = Inputs("descents.parquet", "best.ckpt").open().simulator

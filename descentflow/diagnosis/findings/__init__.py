@@ -7,4 +7,6 @@ costs), :mod:`~descentflow.diagnosis.findings.cause_found` (why),
 :mod:`~descentflow.diagnosis.findings.inputs_found` (what went in).
 :mod:`~descentflow.diagnosis.findings.plain_values` makes the content of `gap.json` of them, and
 :mod:`~descentflow.diagnosis.findings.read_gap` makes them of it.
+:mod:`~descentflow.diagnosis.findings.sizes` has the words of a size,
+:mod:`~descentflow.diagnosis.findings.aviation_units` those of a difference.
 """

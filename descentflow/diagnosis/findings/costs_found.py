@@ -4,6 +4,19 @@ from dataclasses import dataclass
 
 NINETY = 1.645
 """Standard errors on either side of a 90 % interval."""
+COST_LABELS = {
+    "time": ("time", "s"),
+    "time_at_speed": ("time at equal speed", "s"),
+    "air_distance": ("distance through the air", "NM"),
+    "ground_distance": ("distance over ground", "NM"),
+    "rate": ("rate of descent", "ft/min"),
+    "cas": ("calibrated airspeed", "kt"),
+    "tas": ("true airspeed", "kt"),
+    "fuel": ("fuel", "kg"),
+    "level": ("time lost in level-offs", "s"),
+    "slow": ("time lost in slow stretches", "s"),
+}
+"""Cost -> its name for readers and its unit."""
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,8 @@
-"""Inference of the diagnosis: what is measured of both sides, which effects explain how they differ, and how surely.
+"""Inference of the diagnosis: which effects explain how both sides differ, and how surely.
 
-Read :mod:`~descentflow.diagnosis.inference.explain` for the steps, and
-:mod:`~descentflow.diagnosis.inference.assumptions` for every constant.
+Read :mod:`~descentflow.diagnosis.inference.explain` for the steps.
 
-- Flights as vectors: ``two_sides``, ``compared_state``, and ``simulator_coefficients`` (what its own flights say of the
-  aircraft that a simulator flies).
-- Whether and where they differ: ``labellings``, ``where`` (cells of quantity and altitude against permuted aircraft).
-- The means of both sides: ``moments``, ``signatures``, ``candidates``, ``linear_gaussian``, ``sets``, ``naming``.
+- The means of both sides: ``moments``, ``signatures``, ``candidates``, ``sets``, ``naming``.
 - The shapes of single flights: ``flight_rates``, ``flight_mixture``, ``flight_effects``.
+- The answer: ``verdict`` (a gap or none, explained or not), ``described`` (causes as findings).
 """

@@ -6,8 +6,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from descentflow.core.linear_gaussian import Array
 from descentflow.diagnosis.inference.flight_mixture import LearntLaw
-from descentflow.diagnosis.inference.linear_gaussian import Array
 from descentflow.diagnosis.inference.signatures import Signature, Signatures
 from descentflow.effects import Effect
 

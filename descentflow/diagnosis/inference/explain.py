@@ -8,11 +8,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from descentflow.core.linear_gaussian import posterior
 from descentflow.diagnosis.findings.findings import DetectionLimit
 from descentflow.diagnosis.findings.gap_found import Nuisance
 from descentflow.diagnosis.inference.candidates import Candidate, MeanEffect
 from descentflow.diagnosis.inference.flight_effects import FlightShapes, differing
-from descentflow.diagnosis.inference.linear_gaussian import posterior
 from descentflow.diagnosis.inference.moments import moments
 from descentflow.diagnosis.inference.naming import (
     Named,
@@ -24,7 +24,7 @@ from descentflow.diagnosis.inference.naming import (
 )
 from descentflow.diagnosis.inference.sets import Search, SetFit
 from descentflow.diagnosis.inference.signatures import Signatures
-from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.diagnosis.sides.two_sides import Compared
 from descentflow.effects import Effect
 from descentflow.effects.effect import NOISE
 

@@ -16,13 +16,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
+from descentflow.core.linear_gaussian import Array
 from descentflow.diagnosis.inference.candidates import FlightsEffect
 from descentflow.diagnosis.inference.flight_mixture import FlightWindows, MixtureFit, fit_mixture, flight_windows
 from descentflow.diagnosis.inference.flight_rates import FlightRates, Spread, flight_rates, spread_of
-from descentflow.diagnosis.inference.linear_gaussian import Array
 from descentflow.diagnosis.inference.moments import Moments
 from descentflow.diagnosis.inference.signatures import Signatures
-from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.diagnosis.sides.two_sides import Compared
 from descentflow.effects import Effect
 from descentflow.effects.flight_law import DiffersByFlight
 from descentflow.effects.flight_state import log_rate

@@ -16,8 +16,8 @@ import numpy as np
 import torch
 from scipy.special import log_ndtr
 
-from descentflow.diagnosis.inference.assumptions import ASSUMED
-from descentflow.diagnosis.inference.linear_gaussian import Array, Precisions
+from descentflow.core.linear_gaussian import Array, Precisions
+from descentflow.diagnosis.sides.assumptions import ASSUMED
 from descentflow.effects.flight_law import DiffersByFlight, Learnt
 from descentflow.effects.flight_state import FlightState
 from descentflow.effects.windowed_effect import WindowedEffect

@@ -27,10 +27,10 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from descentflow.diagnosis.inference.assumptions import Assumptions
-from descentflow.diagnosis.inference.linear_gaussian import Array, Precisions
+from descentflow.core.linear_gaussian import Array, Precisions
 from descentflow.diagnosis.inference.moments import Moments
-from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.diagnosis.sides.assumptions import Assumptions
+from descentflow.diagnosis.sides.two_sides import Compared
 from descentflow.effects.flight_state import FlightState, log_rate, slope_between
 from descentflow.physics.airspeed import mach_to_tas_mps
 from descentflow.physics.atmosphere import isa_temperature_k

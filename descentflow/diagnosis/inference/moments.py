@@ -21,9 +21,9 @@ import numpy as np
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
+from descentflow.core.linear_gaussian import Array, shrunk
 from descentflow.core.units import KT_MPS
-from descentflow.diagnosis.inference.linear_gaussian import Array, shrunk
-from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.diagnosis.sides.two_sides import Compared
 from descentflow.effects.flight_state import Schedule
 
 

@@ -12,12 +12,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from descentflow.core.linear_gaussian import Array
 from descentflow.diagnosis.findings.gap_found import Nuisance
-from descentflow.diagnosis.inference.assumptions import Assumptions
-from descentflow.diagnosis.inference.linear_gaussian import Array
 from descentflow.diagnosis.inference.moments import Moments, moments
 from descentflow.diagnosis.inference.sets import Names, SetFit, SetFits
-from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.diagnosis.sides.assumptions import Assumptions
+from descentflow.diagnosis.sides.two_sides import Compared
 from descentflow.measurements.quantity_registry import QUANTITIES
 
 

@@ -23,11 +23,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from descentflow.diagnosis.inference.assumptions import Assumptions
+from descentflow.core.linear_gaussian import Array, GaussianPosterior, posterior
 from descentflow.diagnosis.inference.candidates import Candidate, linearised
-from descentflow.diagnosis.inference.linear_gaussian import Array, GaussianPosterior, posterior
 from descentflow.diagnosis.inference.moments import Moments
 from descentflow.diagnosis.inference.signatures import Signature
+from descentflow.diagnosis.sides.assumptions import Assumptions
 from descentflow.measurements.quantity_registry import QUANTITIES
 
 GAUSS_NEWTON_ROUNDS = 4

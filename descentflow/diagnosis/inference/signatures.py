@@ -14,10 +14,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.inference.linear_gaussian import Array
+from descentflow.core.linear_gaussian import Array
 from descentflow.diagnosis.inference.moments import Moments
-from descentflow.diagnosis.inference.simulator_coefficients import scaled
-from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.diagnosis.sides.simulator_coefficients import scaled
+from descentflow.diagnosis.sides.two_sides import Compared
 from descentflow.effects import Effect
 from descentflow.effects.flight_state import FlightState
 

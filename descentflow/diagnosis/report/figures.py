@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
+from descentflow.diagnosis.findings.aviation_units import at_level, aviation_value, level_range
 from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans
 from descentflow.diagnosis.findings.findings import Curve
-from descentflow.diagnosis.report.aviation_units import at_level, aviation_value, level_range
 from descentflow.measurements.quantity_registry import label_of
 from descentflow.reporting.figure_style import BLUE, RED, tidy
 

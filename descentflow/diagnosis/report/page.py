@@ -5,19 +5,19 @@ from pathlib import Path
 from shlex import quote
 from typing import Any
 
-from descentflow.diagnosis.findings.cause_found import Cause
-from descentflow.diagnosis.findings.costs_found import Measured
-from descentflow.diagnosis.findings.findings import SEEN, Curve, DetectionLimit, Findings
-from descentflow.diagnosis.findings.inputs_found import InputUsed, Provenance
-from descentflow.diagnosis.findings.plain_values import percent
-from descentflow.diagnosis.inference.assumptions import ASSUMED
-from descentflow.diagnosis.report.aviation_units import (
+from descentflow.diagnosis.findings.aviation_units import (
     at_level,
     aviation_value,
     between,
     level_range,
     with_unit,
 )
+from descentflow.diagnosis.findings.cause_found import Cause
+from descentflow.diagnosis.findings.costs_found import Measured
+from descentflow.diagnosis.findings.findings import SEEN, Curve, DetectionLimit, Findings
+from descentflow.diagnosis.findings.inputs_found import InputUsed, Provenance
+from descentflow.diagnosis.findings.plain_values import percent
+from descentflow.diagnosis.findings.sizes import reported_text
 from descentflow.diagnosis.report.page_tables import (
     by_level_table,
     cost_table,
@@ -26,7 +26,7 @@ from descentflow.diagnosis.report.page_tables import (
     specialist_tables,
     whole_costs,
 )
-from descentflow.diagnosis.report.sizes import reported_text
+from descentflow.diagnosis.sides.assumptions import ASSUMED
 from descentflow.effects import EFFECTS, UNKNOWN
 from descentflow.effects.effect import NONE
 from descentflow.measurements.quantity_registry import label_of

@@ -10,10 +10,7 @@ from torch import Tensor
 from descentflow.diagnosis.findings.cause_found import ClosedShare, OnBothSides, ParameterEstimate, ReportedSize
 from descentflow.diagnosis.findings.costs_found import NINETY, Measured
 from descentflow.diagnosis.findings.plain_values import number, percent
-from descentflow.diagnosis.inference.two_sides import Compared
 from descentflow.effects import Effect, Parameter
-from descentflow.effects.effect import NONE
-from descentflow.measurements.quantity_registry import QUANTITIES
 
 DERIVATIVE_STEP = 1e-5
 """Step of derivatives, in sizes of a parameter that matter."""
@@ -172,34 +169,6 @@ class BothSides:
 
     has_some: bool = False
     measured: list[OnBothSides] = field(default_factory=list)
-
-
-def on_both_sides(compared: Compared, effect: Effect) -> BothSides:
-    """Measurements of an effect on either side.
-
-    Args:
-        compared: Flights of both sides; a nominal descent has none of any effect.
-        effect: Of which it is asked.
-    """
-    if not compared.has_simulated:
-        return BothSides()
-    found = [_of_side(compared, effect, side) for side in (compared.real, ~compared.real)]
-    if not all(found):
-        return BothSides(bool(effect.against))
-    rows, some = [], False
-    for p, flights, simulator in zip(effect.parameters, *found, strict=True):
-        some |= abs(simulator) >= NONE * p.scale
-        rows.append(OnBothSides(p.name, p.reported_unit, p.reported(flights), p.reported(simulator)))
-    return BothSides(some, rows)
-
-
-def _of_side(compared: Compared, effect: Effect, side: Tensor) -> list[float]:
-    """Parameters that one side shows by itself."""
-    index = torch.nonzero(side)[:, 0]
-    banded = [name for name in compared.quantities() if QUANTITIES[name].by_band]
-    shown = {name: compared.table(name, compared.y[index]) for name in banded}
-    found = effect.measured(compared.state.rows(index), shown)
-    return [] if found is None else found.tolist()
 
 
 def sizes_beside(effect: Effect, sizes: Sequence[ReportedSize], both: BothSides) -> list[ReportedSize]:

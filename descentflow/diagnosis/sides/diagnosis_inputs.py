@@ -18,8 +18,8 @@ from descentflow.core.errors import ConfigError, DataError, UnknownTypeError, wa
 from descentflow.core.version import __version__
 from descentflow.diagnosis.findings.findings import SEEN
 from descentflow.diagnosis.findings.inputs_found import CoefficientsUsed, InputUsed, Provenance
-from descentflow.diagnosis.input_descriptions import input_of_flights, input_of_model, rows_dropped
-from descentflow.diagnosis.simulator import FLIGHTS, MODEL, TYPE, Simulator, kind_of_simulator, types_of
+from descentflow.diagnosis.sides.input_descriptions import input_of_flights, input_of_model, rows_dropped
+from descentflow.diagnosis.sides.simulator import FLIGHTS, MODEL, TYPE, Simulator, kind_of_simulator, types_of
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.open_descents import FlightSource, paths_of

@@ -8,8 +8,8 @@ import torch
 from torch import Tensor
 
 from descentflow.diagnosis.findings.gap_found import GapCell
-from descentflow.diagnosis.inference.labellings import Labellings, distances, labellings_of, noise_floor, step_down
-from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.diagnosis.gap.labellings import Labellings, distances, labellings_of, noise_floor, step_down
+from descentflow.diagnosis.sides.two_sides import Compared
 from descentflow.measurements.quantity_registry import QUANTITIES
 
 PERMUTATIONS = 1999
@@ -92,7 +92,7 @@ def squared_t(y: Tensor, labels: Labellings) -> Tensor:
     aircraft must be many. Where there is one side, means alone are compared with zero.
 
     Example:
-        >>> from descentflow.diagnosis.inference.labellings import labellings
+        >>> from descentflow.diagnosis.gap.labellings import labellings
         >>> y = torch.tensor([[0.0], [1.0], [2.0], [6.0], [7.0], [8.0]]).double()
         >>> labels = labellings(torch.arange(6), torch.arange(6) > 2, 0, seed=0)
         >>> of_means = 6.0**2 / (1.0 / 3 + 1.0 / 3)

@@ -22,8 +22,8 @@ import torch
 from torch import Tensor
 
 from descentflow.core.units import FPM_MPS, KT_MPS, NM_M
-from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans, Measured
-from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.diagnosis.findings.costs_found import COST_LABELS, Cost, LevelMeans, Measured
+from descentflow.diagnosis.sides.two_sides import Compared
 from descentflow.effects.flight_state import log_rate
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 from descentflow.physics.fuel import burn
@@ -33,19 +33,6 @@ FLEETS = 400
 CONFIDENCE = (0.05, 0.95)
 LEVEL_PARTS = 3
 """Parts into which the levels are divided besides the whole."""
-COST_LABELS = {
-    "time": ("time", "s"),
-    "time_at_speed": ("time at equal speed", "s"),
-    "air_distance": ("distance through the air", "NM"),
-    "ground_distance": ("distance over ground", "NM"),
-    "rate": ("rate of descent", "ft/min"),
-    "cas": ("calibrated airspeed", "kt"),
-    "tas": ("true airspeed", "kt"),
-    "fuel": ("fuel", "kg"),
-    "level": ("time lost in level-offs", "s"),
-    "slow": ("time lost in slow stretches", "s"),
-}
-"""Cost -> its name for readers and its unit."""
 SUMMED_COSTS = ("time", "time_at_speed", "air_distance", "ground_distance", "fuel")
 """Costs that add up over bands; of the others the mean over bands is given."""
 COSTS_OF_FLIGHT = ("level", "slow")

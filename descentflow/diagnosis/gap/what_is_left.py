@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.diagnosis_settings import Settings
+from descentflow.diagnosis.findings.aviation_units import aviation_value
 from descentflow.diagnosis.findings.cause_found import Cause
 from descentflow.diagnosis.findings.costs_found import LevelMeans
 from descentflow.diagnosis.findings.findings import Curve
@@ -13,8 +13,8 @@ from descentflow.diagnosis.findings.gap_found import LargestDifference, Remainin
 from descentflow.diagnosis.findings.inputs_found import FlightWorthALook, LeftOutChannel
 from descentflow.diagnosis.inference.moments import moments
 from descentflow.diagnosis.inference.naming import free_in_every_set
-from descentflow.diagnosis.inference.two_sides import Compared
-from descentflow.diagnosis.report.aviation_units import aviation_value
+from descentflow.diagnosis.sides.diagnosis_settings import Settings
+from descentflow.diagnosis.sides.two_sides import Compared
 from descentflow.effects import UNKNOWN, Effect
 from descentflow.measurements.quantity_registry import SHOWN_BY
 
@@ -147,7 +147,7 @@ def not_identifiable(settings: Settings, source: str) -> list[WouldSplit]:
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
-        >>> from descentflow.diagnosis.simulator import Simulator
+        >>> from descentflow.diagnosis.sides.simulator import Simulator
         >>> from descentflow.effects import EFFECTS
         >>> asked = Settings(Simulator(aircraft("A320")), EFFECTS, [], 0, str)
         >>> "mass" in not_identifiable(asked, "training flights")[0].between, not_identifiable(asked, "simulator")

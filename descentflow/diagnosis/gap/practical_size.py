@@ -19,8 +19,8 @@ from descentflow.core.mode_s_steps import UNCERTAINTY
 from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
 from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans
 from descentflow.diagnosis.findings.gap_found import BelowRounding, GapCell
-from descentflow.diagnosis.inference.two_sides import Compared, Entry
-from descentflow.diagnosis.inference.where import ALL
+from descentflow.diagnosis.gap.where import ALL
+from descentflow.diagnosis.sides.two_sides import Compared, Entry
 from descentflow.measurements.quantity_registry import NOISE_CHANNELS, QUANTITIES
 from descentflow.physics.airspeed import mach_to_cas_mps
 

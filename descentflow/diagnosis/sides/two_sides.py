@@ -8,9 +8,9 @@ from torch import Tensor
 
 from descentflow.core.errors import DataError
 from descentflow.core.units import FL_M
-from descentflow.diagnosis.inference.assumptions import ASSUMED, Assumptions
-from descentflow.diagnosis.inference.compared_state import by_own_turns, report_delay_s, state_of, turned_more
-from descentflow.diagnosis.inference.simulator_coefficients import SimulatorCoefficients, simulator_coefficients
+from descentflow.diagnosis.sides.assumptions import ASSUMED, Assumptions
+from descentflow.diagnosis.sides.compared_state import by_own_turns, report_delay_s, state_of, turned_more
+from descentflow.diagnosis.sides.simulator_coefficients import SimulatorCoefficients, simulator_coefficients
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.measurements.quantities import Quantities
 from descentflow.measurements.quantity_registry import BY_BAND, OF_FLIGHT, QUANTITIES

@@ -17,8 +17,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.inference.assumptions import ASSUMED, Assumptions
-from descentflow.diagnosis.inference.linear_gaussian import Array, Precisions, shrunk
+from descentflow.core.linear_gaussian import Array, Precisions, shrunk
+from descentflow.diagnosis.sides.assumptions import ASSUMED, Assumptions
 from descentflow.effects.flight_state import FlightState, log_rate
 
 GAUSS_NEWTON_STEPS = 4

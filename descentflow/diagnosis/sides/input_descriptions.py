@@ -9,7 +9,7 @@ import polars as pl
 from torch import Tensor
 
 from descentflow.diagnosis.findings.inputs_found import InputUsed
-from descentflow.diagnosis.simulator import Simulator, types_of
+from descentflow.diagnosis.sides.simulator import Simulator, types_of
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents
 
@@ -82,7 +82,7 @@ def input_of_model(simulator: Simulator, parts: "Representation") -> InputUsed:
     """Origin of a model: its name, training flights, settings and a fingerprint of its weights.
 
     Example:
-        >>> from descentflow.diagnosis.diagnosis_inputs import Inputs
+        >>> from descentflow.diagnosis.sides.diagnosis_inputs import Inputs
         >>> trained = Inputs("descents.parquet", "best.ckpt").open().simulator_input
         >>> trained.flights, trained.aircraft, trained.first, trained.last
         (86, 24, '2024-03-04', '2024-03-08')

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from descentflow.core.units import FL_M
 from descentflow.diagnosis.findings.findings import Findings
-from descentflow.diagnosis.simulator import Simulator
+from descentflow.diagnosis.sides.simulator import Simulator
 from descentflow.effects import Effect
 
 

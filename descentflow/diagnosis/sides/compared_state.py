@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from descentflow.core.units import FL_M, FPM_MPS
-from descentflow.diagnosis.inference.assumptions import ASSUMED, Assumptions
+from descentflow.diagnosis.sides.assumptions import ASSUMED, Assumptions
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.measurements.quantities import Quantities
 from descentflow.physics.performance_model import PerformanceModel

@@ -2,13 +2,18 @@
 
 from collections.abc import Mapping, Sequence
 
-from descentflow.diagnosis.findings.cause_found import Alternative, Cause, ClosedShare, Closure
+import torch
+from torch import Tensor
+
+from descentflow.diagnosis.findings.cause_found import Alternative, Cause, ClosedShare, Closure, OnBothSides
 from descentflow.diagnosis.findings.correction_found import RecipeNumber, RecipeStep
 from descentflow.diagnosis.findings.findings import Discrepancy, SingleEffect, Subset
+from descentflow.diagnosis.findings.sizes import BothSides, parameters, share_of, sizes_beside, sizes_of
 from descentflow.diagnosis.inference.explain import Explanation
-from descentflow.diagnosis.inference.two_sides import Compared
-from descentflow.diagnosis.report.sizes import on_both_sides, parameters, share_of, sizes_beside, sizes_of
+from descentflow.diagnosis.sides.two_sides import Compared
 from descentflow.effects import UNKNOWN, Effect
+from descentflow.effects.effect import NONE
+from descentflow.measurements.quantity_registry import QUANTITIES
 
 SHOWN_SETS = 10
 """Sets of effects that are written down."""
@@ -55,6 +60,34 @@ def cause_of(found: Explanation, name: str, closed: ClosedShare, takes_away: Map
         takes_away=dict(takes_away),
         alternatives=alternatives,
     )
+
+
+def on_both_sides(compared: Compared, effect: Effect) -> BothSides:
+    """Measurements of an effect on either side.
+
+    Args:
+        compared: Flights of both sides; a nominal descent has none of any effect.
+        effect: Of which it is asked.
+    """
+    if not compared.has_simulated:
+        return BothSides()
+    found = [_of_side(compared, effect, side) for side in (compared.real, ~compared.real)]
+    if not all(found):
+        return BothSides(bool(effect.against))
+    rows, some = [], False
+    for p, flights, simulator in zip(effect.parameters, *found, strict=True):
+        some |= abs(simulator) >= NONE * p.scale
+        rows.append(OnBothSides(p.name, p.reported_unit, p.reported(flights), p.reported(simulator)))
+    return BothSides(some, rows)
+
+
+def _of_side(compared: Compared, effect: Effect, side: Tensor) -> list[float]:
+    """Parameters that one side shows by itself."""
+    index = torch.nonzero(side)[:, 0]
+    banded = [name for name in compared.quantities() if QUANTITIES[name].by_band]
+    shown = {name: compared.table(name, compared.y[index]) for name in banded}
+    found = effect.measured(compared.state.rows(index), shown)
+    return [] if found is None else found.tolist()
 
 
 def discrepancy_of(found: Explanation) -> Discrepancy:

@@ -7,7 +7,7 @@ import polars as pl
 import torch
 
 from descentflow.core.errors import DataError
-from descentflow.diagnosis.simulator import Simulator
+from descentflow.diagnosis.sides.simulator import Simulator
 from descentflow.measurements.quantities import Quantities, grid_of, measured, of_some_aircraft
 from descentflow.measurements.quantity_registry import SHOWN_BY
 
@@ -36,7 +36,7 @@ class MeasuredSides:
         lacked: Channel -> the side that lacks it, where one side alone does; it is left out on both.
 
     Example:
-        >>> from descentflow.diagnosis.diagnosis_inputs import Inputs
+        >>> from descentflow.diagnosis.sides.diagnosis_inputs import Inputs
         >>> from descentflow.measurements.quantity_registry import CHANNELS
         >>> opened = Inputs("descents.parquet", "best.ckpt").open()
         >>> sides = both_sides(opened.simulator, opened.frame, CHANNELS)

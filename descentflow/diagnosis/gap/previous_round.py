@@ -5,7 +5,6 @@ from pathlib import Path
 from statistics import fmean
 
 from descentflow.core.errors import DataError
-from descentflow.diagnosis.correction.measured_gap import MeasuredGap, closed_share, measured_again
 from descentflow.diagnosis.findings.cause_found import ClosedShare
 from descentflow.diagnosis.findings.correction_found import Previous
 from descentflow.diagnosis.findings.costs_found import NINETY
@@ -13,7 +12,8 @@ from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.findings.gap_found import MeasuredEntry
 from descentflow.diagnosis.findings.inputs_found import Provenance
 from descentflow.diagnosis.findings.read_gap import read_gap
-from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.diagnosis.gap.measured_gap import MeasuredGap, closed_share, measured_again
+from descentflow.diagnosis.sides.two_sides import Compared
 
 MIN_SHARE_AGAIN = 0.5
 """Share of the earlier round's entries that must be measured again: of fewer, the two gaps are not of the same."""

@@ -18,8 +18,8 @@ from torch import Tensor
 from descentflow.diagnosis.findings.cause_found import ClosedShare
 from descentflow.diagnosis.findings.costs_found import NINETY
 from descentflow.diagnosis.findings.gap_found import MeasuredEntry
-from descentflow.diagnosis.inference.labellings import distances, labellings_of, mean_over_quantities, noise_floor
-from descentflow.diagnosis.inference.two_sides import Compared
+from descentflow.diagnosis.gap.labellings import distances, labellings_of, mean_over_quantities, noise_floor
+from descentflow.diagnosis.sides.two_sides import Compared
 
 FLOOR_LABELLINGS = 30
 """Labellings behind a noise floor."""

@@ -8,9 +8,9 @@ import numpy as np
 import torch
 import xarray
 
-from descentflow.air.weather_field import Points
 from descentflow.core.units import FL_M
 from descentflow.physics.atmosphere import isa_temperature_k, pressure_altitude_m
+from descentflow.weather.weather_field import Points
 
 PRESSURE_HPA = np.array([150.0, 200, 250, 300, 350, 400, 450, 500, 600, 700])
 LATITUDE, LONGITUDE = np.arange(60.0, 43.9, -2.0), np.arange(-8.0, 18.1, 2.0)

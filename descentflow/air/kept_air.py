@@ -7,11 +7,12 @@ import torch
 
 from descentflow.air.level_air import LevelAir
 from descentflow.core.errors import CheckpointError
+from descentflow.weather.weather_layout import STRONGEST_MPS
 
 MAX_KEPT_FLIGHTS = 2000
 """Training flights whose airs are kept: 3.6 MB of 228 levels; their mean is known to a forty-fifth of their spread."""
-WARMEST_K, STRONGEST_MPS = 80.0, 200.0
-"""Beyond these no air is on earth: a checkpoint that holds more is not whole."""
+WARMEST_K = 80.0
+"""Beyond it, and beyond the strongest wind, no air is on earth: a checkpoint that holds more is not whole."""
 
 
 @dataclass(frozen=True)

@@ -58,6 +58,7 @@ def run(
     embedded: bool = False,
     format: str | None = None,
     column: list[str] | None = None,
+    airspeeds_from: list[str] | None = None,
     types: Path | None = None,
     typecode: str | None = None,
     report: Path | None = None,
@@ -86,7 +87,10 @@ def run(
             altitude=alt_ft; may be given again (names and units: timestamp, icao24, altitude and geoaltitude in ft,
             IAS, TAS and groundspeed in kt, Mach, vertical_rate in ft/min, ..., or FL for flight levels; without Mach it
             is computed from IAS and altitude); 'altitude=alt_m*3.2808' multiplies
-        types: CSV of icao24,typecode for rows that do not name their type
+        airspeeds_from (FIELD): for rows without IAS and Mach, which get them from groundspeed, track, and the wind and
+            temperature of this weather field (NetCDF or GRIB on pressure levels, a file or a folder; may be given
+            again), or of 'columns' of the rows (u_component_of_wind, v_component_of_wind in m/s, temperature in K)
+        types: CSV of icao24,typecode, or flight_id,typecode, for rows that do not name their type
         typecode: keep these types, for instance A320,A321 (default: all)
         report: also write the report as JSON
         figures (DIR): plots of the rows kept and dropped of some flights
@@ -129,6 +133,7 @@ def run(
             out=out,
             format=format,
             columns=pairs("--column", column or []),
+            airspeeds_from=airspeeds_from,
             memory_bytes=memory,
             engine=scheduler or engine,
             workers=workers,

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from descentflow.air.field_air import along_track
 from descentflow.air.level_air import LevelAir
 from descentflow.air.measured_air import held
-from descentflow.air.weather_field import Points, WeatherField
 from descentflow.core.errors import ConfigError, DescentflowWarning
 from descentflow.core.units import NM_M
 from descentflow.physics.performance_model import PerformanceModel
@@ -19,6 +18,7 @@ from descentflow.positions.ground_plan import GroundPlan
 from descentflow.positions.placing import Positions, unix_of
 from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.representation.own_air import flown_in
+from descentflow.weather.weather_field import Points, WeatherField
 
 Array = NDArray[np.float64]
 TURNS = 3
@@ -56,7 +56,7 @@ class AirAlongPath:
 
     Example:
         >>> import xarray
-        >>> from descentflow.air.weather_file import weather_file_of
+        >>> from descentflow.weather.weather_file import weather_file_of
         >>> from descentflow.densities.checkpoint import load_model
         >>> from descentflow.positions.ground_plan import ground_plan
         >>> axes = {"level": [600.0, 200.0], "latitude": [50.0, 53.0], "longitude": [0.0, 8.0]}

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import torch
 
 from descentflow.air.level_air import LevelAir
-from descentflow.air.weather_layout import names_weather
 from descentflow.core.arguments import Count, checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.core.threads import one_thread_where_they_spin
@@ -20,6 +19,7 @@ from descentflow.generation.sample_airs import Airs, airs_of
 from descentflow.generation.sample_contexts import Contexts, context_rows, entry_levels
 from descentflow.generation.samples import Samples, origin_of
 from descentflow.positions.ground_plan import NOWHERE, GroundPlan
+from descentflow.weather.weather_layout import names_weather
 
 if TYPE_CHECKING:
     from descentflow.generation.air_along_path import AirAlongPath
@@ -112,8 +112,8 @@ def sample(
 def _along_path(field: Any, plan: GroundPlan) -> "Iterator[AirAlongPath]":
     """The air of a weather field along a plan's path."""
     # Here: samples without a field need none of it.
-    from descentflow.air.weather_field import weather_field
     from descentflow.generation.air_along_path import AirAlongPath
+    from descentflow.weather.weather_field import weather_field
 
     with weather_field(field) as opened:
         yield AirAlongPath(opened, plan)

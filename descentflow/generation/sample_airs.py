@@ -10,14 +10,14 @@ import polars as pl
 import torch
 from torch import Tensor
 
-from descentflow.air.kept_air import STRONGEST_MPS, WARMEST_K
+from descentflow.air.kept_air import WARMEST_K
 from descentflow.air.level_air import LevelAir
-from descentflow.air.weather_layout import names_weather
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.core.units import KT_MPS
 from descentflow.generation.given_temperature import NAME, gives_temperature
 from descentflow.representation.context_columns import read_table
 from descentflow.representation.representation import Representation
+from descentflow.weather.weather_layout import STRONGEST_MPS, names_weather
 
 Airs = str | Path | Mapping[str, Any] | pl.DataFrame | LevelAir
 """``standard``, ``training``, values by name, a table (in memory or as a path), or a weather field's path."""

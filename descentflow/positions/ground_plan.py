@@ -8,7 +8,6 @@ from typing import TypedDict
 
 from torch import Tensor
 
-from descentflow.air.weather_layout import names_weather
 from descentflow.core.arguments import NotNegativeFloat, checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import NM_M
@@ -16,6 +15,7 @@ from descentflow.positions.ground_path import GroundPath, Point, path_along, pat
 from descentflow.positions.placing import Positions, place
 from descentflow.positions.wind import Wind, read_wind_field, wind_of_text
 from descentflow.representation.decoder.trajectories import Trajectories
+from descentflow.weather.weather_layout import names_weather
 
 
 @dataclass(frozen=True)

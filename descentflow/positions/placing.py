@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from descentflow.air.kept_air import STRONGEST_MPS
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import KT_MPS
 from descentflow.positions.ground_path import GroundPath
 from descentflow.positions.wind import Wind
 from descentflow.representation.decoder.trajectories import Trajectories
+from descentflow.weather.weather_layout import STRONGEST_MPS
 
 Array = NDArray[np.float64]
 

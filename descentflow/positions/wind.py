@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from descentflow.air.weather_layout import EAST, NORTH
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import KT_MPS
+from descentflow.weather.weather_layout import EAST, NORTH
 
 if TYPE_CHECKING:
-    from descentflow.air.weather_field import WeatherField
-    from descentflow.air.weather_file import WeatherSource
+    from descentflow.weather.weather_field import WeatherField
+    from descentflow.weather.weather_file import WeatherSource
 
 Array = NDArray[np.float64]
 _WIND = re.compile(r"(?:(?P<level>\d+(?:\.\d+)?):)?(?P<direction>\d+(?:\.\d+)?)/(?P<speed>\d+(?:\.\d+)?)")
@@ -122,7 +122,7 @@ class FieldWind:
             ConfigError: If the field has several times and the flights' is not known.
             DataError: If the field has no value at a place or a time.
         """
-        from descentflow.air.weather_field import Points
+        from descentflow.weather.weather_field import Points
 
         if unix_s is None or len(self.field.times) == 1:
             unix_s = np.asarray(self.field.only_time)
@@ -137,7 +137,7 @@ def read_wind_field(source: "WeatherSource") -> FieldWind:
     """Read a field of wind on pressure levels, all of it.
 
     Args:
-        source: NetCDF or GRIB, a folder of them, or several, see :func:`descentflow.air.weather_file.opened`. The
+        source: NetCDF or GRIB, a folder of them, or several, see :func:`descentflow.weather.weather_file.opened`. The
             variables are found by their standard name (``eastward_wind``, ``northward_wind``) or as ``u`` and ``v``.
 
     Raises:
@@ -153,8 +153,8 @@ def read_wind_field(source: "WeatherSource") -> FieldWind:
         array([183., 340.])
     """
     # Here: most samples are flown without a field.
-    from descentflow.air.weather_field import WeatherField
-    from descentflow.air.weather_file import opened, readable
+    from descentflow.weather.weather_field import WeatherField
+    from descentflow.weather.weather_file import opened, readable
 
     loaded = []
     with opened(source) as parts:

@@ -12,13 +12,13 @@ from torch import Tensor
 from descentflow.air.energy_in_air import drag_in_air, in_air, rate_in_air
 from descentflow.air.kept_air import KeptAir
 from descentflow.air.level_air import LevelAir
-from descentflow.air.weather_layout import SUFFIXES, names_weather
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation
+from descentflow.weather.weather_layout import SUFFIXES, names_weather
 
 if TYPE_CHECKING:
     from descentflow.air.measured_air import FlightAirs

@@ -71,7 +71,7 @@ def take_in(
     for block in _ahead(_blocks(sources, read, request, block_rows, alone)):
         found |= dict.fromkeys(block.columns)
         parts.append(DropReport())
-        good = usable(block, parts[-1])
+        good = usable(block, parts[-1], request.airspeeds.needed if request.airspeeds else ())
         names.append(names_given(good))
         if len(names) > 16:
             names = [pl.concat(names).unique()]
@@ -116,7 +116,14 @@ def _blocks(
 ) -> Iterator[pl.DataFrame]:
     """Blocks of rows; an empty one for a group without rows that is one of several."""
     try:
-        yield from row_blocks(sources, report, format=request.format, block_rows=block_rows, columns=request.columns)
+        yield from row_blocks(
+            sources,
+            report,
+            format=request.format,
+            block_rows=block_rows,
+            columns=request.columns,
+            derived=request.airspeeds is not None,
+        )
     except DataError as error:
         if alone or not error.got.startswith("no row in "):
             raise

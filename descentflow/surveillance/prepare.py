@@ -18,6 +18,7 @@ from descentflow.surveillance.out_of_core.spill import Memory
 from descentflow.surveillance.read_rows import read_table, source_of
 from descentflow.surveillance.request import PreparationRequest, description
 from descentflow.surveillance.rows.addresses import named_types, types_held
+from descentflow.surveillance.rows.airspeed_source import AirspeedSource
 
 __all__ = ["MEMORY_BYTES", "Cleaning", "prepare"]
 
@@ -35,6 +36,7 @@ def prepare(
     out: Output | None = None,
     format: str | None = None,
     columns: Mapping[str, str] | None = None,
+    airspeeds_from: Any = None,
     memory_bytes: Count = MEMORY_BYTES,
     engine: Any = None,
     workers: Count | None = None,
@@ -51,13 +53,16 @@ def prepare(
             traffic, in the schema of rows (:data:`descentflow.surveillance.rows.schema.COLUMNS`, or its aliases), or
             what :func:`descentflow.simulation.world.simulate` returned.
         typecode: Type or types to keep, `"A320"`, `"A320,A321"` or `["A320", "A321"]`; all if None.
-        types: Table `icao24,typecode` of polars or pandas, a file of it, or a dictionary of these, for rows that do not
-            name their type.
+        types: Table `icao24,typecode`, or `flight_id,typecode`, of polars or pandas, a file of it, or a
+            dictionary address -> type, for rows that do not name their type.
         bottom_fl: Lowest flight level of the grid; that of `cleaning` if None.
         cleaning: Thresholds, or some of them by name; the defaults if None.
         out: Parquet file to write (a name that ends in .parquet), or folder for a store of Parquet files by type.
         format: Name of the files' format; recognised from their content if None.
         columns: Name in a row -> column of the rows' tables, for instance `{"altitude": "alt_ft"}`.
+        airspeeds_from: Source of wind and temperature, with which rows without IAS and Mach get these from groundspeed
+            and track: files or a folder of a weather field on pressure levels (NetCDF, GRIB); or `"columns"` of the
+            rows (`u_component_of_wind`, `v_component_of_wind` in m/s, `temperature` in K). None if rows must have them.
         memory_bytes: Bound on this process, and on each worker, if `out` is given.
         engine: Where partitions are cleaned if `out` is given: threads of this process by default; ``"dask"``, the
             address or the file of a Dask scheduler, or a `distributed.Client`
@@ -96,6 +101,7 @@ def prepare(
         format=format,
         shown=shown,
         columns=columns or {},
+        airspeeds=None if airspeeds_from is None else AirspeedSource.of(airspeeds_from),
     )
     report_progress = progress or (lambda _: None)
     if out is not None:

@@ -18,11 +18,12 @@ from descentflow.surveillance.formats.known_formats import (
     put_together,
     recognised,
 )
-from descentflow.surveillance.rows.air_data import MACH_MISSING, mach_reported, with_ias, with_mach
+from descentflow.surveillance.rows.air_data import MACH_MISSING, mach_reported, reports_airspeeds, with_ias, with_mach
 from descentflow.surveillance.rows.column_names import note_unused, row_names, with_folders, with_named
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.normalise import is_list_of_types, normalise, wanted
-from descentflow.surveillance.rows.units_check import check_units
+from descentflow.surveillance.rows.schema import AIRSPEEDS
+from descentflow.surveillance.rows.units_check import check_ground_vector, check_units
 from descentflow.surveillance.rows.values_beside import with_values_beside
 from descentflow.surveillance.unpacking import Input, Unreadable, files_of, inputs, opened, unpacked
 
@@ -44,6 +45,7 @@ def row_blocks(
     format: str | None = None,
     block_rows: int = 500_000,
     columns: Mapping[str, str] | None = None,
+    derived: bool = False,
 ) -> Iterator[pl.DataFrame]:
     """Read files, archives, all files of folders, and tables in memory, one after the other, as rows of the schema.
 
@@ -54,6 +56,7 @@ def row_blocks(
             recognised for each from its content if None.
         block_rows: About the most rows in a block; memory is bounded by a few times this number.
         columns: Name in a row -> column of the tables, where it has another name there.
+        derived: Whether rows may have groundspeed and track in place of airspeeds.
 
     Yields:
         Rows with those columns of :data:`descentflow.surveillance.rows.schema.COLUMNS` that the block's files have.
@@ -75,10 +78,10 @@ def row_blocks(
     empty = True
     # Closed at the end, so that an error leaves no file open.
     with closing(_opened(sources, report, unreadable)) as opened_sources:
-        named = tuple((columns or {}).values())
+        named = (*(columns or {}).values(), *(AIRSPEEDS if derived else ()))
         parts = _parts(opened_sources, report, unreadable, format, block_rows, named)
         tables = put_together(parts, report, block_rows)
-        rows = _normalised(tables, report, columns or {})
+        rows = _normalised(tables, report, columns or {}, derived)
         for block in _even_blocks(rows, block_rows):
             empty = False
             yield block
@@ -171,24 +174,31 @@ def _parts(
                 yield RowBlock(rows, found, source.label, number == 0)
 
 
-def _normalised(tables: Iterator[RowBlock], report: DropReport, columns: Mapping[str, str]) -> Iterator[pl.DataFrame]:
+def _normalised(
+    tables: Iterator[RowBlock], report: DropReport, columns: Mapping[str, str], derived: bool
+) -> Iterator[pl.DataFrame]:
     """Rows in our names, types and units; names and units of tables that anybody may have made are checked.
 
     A folder of rows often holds the list of their types (`--types`), which has none: it is counted and left out.
     """
     for table in tables:
         if not table.format.any_columns:
-            rows = normalise(table.rows, table.label, report)
+            rows = normalise(table.rows, table.label, report, derived)
             yield rows if "Mach" in rows.columns else with_mach(rows, report)
             continue
         given = with_named(with_folders(table.rows, table.label), columns, table.label, report)
         if is_list_of_types(given.columns):
             report.note(LISTS_OF_TYPES, len(given))
             continue
-        used = wanted(given.columns)
+        used = wanted(given.columns, AIRSPEEDS if derived else ())
         note_unused([name for name in given.columns if name not in used], len(given), report)
         report.note(WITHOUT_ROWS, int(table.first and given.is_empty() and table.label != TABLE_IN_MEMORY))
-        own = with_values_beside(normalise(given, table.label, report), report)
+        own = with_values_beside(normalise(given, table.label, report, derived), report)
+        if derived and not reports_airspeeds(own):
+            if table.first or len(own) >= MIN_IN_LATER_PARTS:
+                check_ground_vector(own, table.label)
+            yield own
+            continue
         rows = with_ias(own, report)
         computed = rows is not own
         reported = mach_reported(rows)
@@ -197,7 +207,7 @@ def _normalised(tables: Iterator[RowBlock], report: DropReport, columns: Mapping
         if table.first or len(rows) >= MIN_IN_LATER_PARTS:
             # A computed IAS proves nothing of Mach.
             check_units(rows.drop("Mach", strict=False) if computed else rows, table.label)
-        yield with_mach(rows, report) if reported < MACH_MISSING else rows
+        yield with_mach(rows, report) if derived or reported < MACH_MISSING else rows
 
 
 def _even_blocks(tables: Iterator[pl.DataFrame], block_rows: int) -> Iterator[pl.DataFrame]:

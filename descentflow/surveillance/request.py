@@ -24,8 +24,10 @@ from descentflow.surveillance.descents.prepared_descents import top_levels
 from descentflow.surveillance.descents.store import SCHEMA_VERSION
 from descentflow.surveillance.formats.known_formats import ACCEPTED
 from descentflow.surveillance.read_rows import TABLE_IN_MEMORY, Source
+from descentflow.surveillance.rows.airspeed_source import AirspeedSource
 from descentflow.surveillance.rows.column_names import check_named
 from descentflow.surveillance.rows.drop_report import DropReport
+from descentflow.surveillance.rows.schema import AIRSPEEDS, COLUMNS
 from descentflow.surveillance.unpacking import files_of
 
 HASHED_ROWS = 100_000
@@ -44,6 +46,7 @@ class PreparationRequest:
         format: Name of the files' format; recognised from their content if None.
         shown: Number of random flights whose dropped rows are kept, besides the flight that each filter hit most.
         columns: Name in a row -> column of the rows' tables, where it has another name there.
+        airspeeds: Source of wind and temperature for rows without airspeeds; None where rows must have them.
 
     Example:
         >>> request = PreparationRequest(["rows.parquet"], cleaning=Cleaning(bottom_fl=200))
@@ -58,6 +61,7 @@ class PreparationRequest:
     format: str | None = None
     shown: int = 0
     columns: Mapping[str, str] = field(default_factory=dict)
+    airspeeds: AirspeedSource | None = None
 
     def __post_init__(self) -> None:
         check_named(self.columns)
@@ -84,7 +88,10 @@ class PreparationRequest:
             names: Flight names in them (:func:`~descentflow.surveillance.cleaning.flights.names_given`).
         """
         shared = tuple(names_shared(names))
-        return Work(self.cleaning, columns, shared, tuple(self.typecodes), self.types, self.shown)
+        if self.airspeeds:
+            made = {*columns, *AIRSPEEDS, *self.airspeeds.needed}
+            columns = tuple(name for name in COLUMNS if name in made)
+        return Work(self.cleaning, columns, shared, tuple(self.typecodes), self.types, self.shown, self.airspeeds)
 
     def facts(self, files: Sequence[Path]) -> dict[str, Any]:
         """All that the descents depend on.
@@ -93,7 +100,9 @@ class PreparationRequest:
             files: Those of :meth:`files` that are read.
         """
         types = None if self.types is None else hashlib.sha256(self.types.write_csv().encode()).hexdigest()
-        columns = {"columns": dict(sorted(self.columns.items()))} if self.columns else {}
+        given: dict[str, Any] = {"columns": dict(sorted(self.columns.items()))} if self.columns else {}
+        if self.airspeeds:
+            given["airspeeds_from"] = [_file_provenance(path) for path in self.airspeeds.files()] or self.airspeeds.kind
         return {
             "made_by": version(),
             "schema_version": SCHEMA_VERSION,
@@ -101,7 +110,7 @@ class PreparationRequest:
             "typecodes": sorted(self.typecodes) or None,
             "types_sha256": types,
             "format": self.format,
-            **columns,
+            **given,
             "inputs": [*map(_table_provenance, self.tables), *map(_file_provenance, files)],
         }
 
@@ -138,6 +147,7 @@ def description(facts: dict[str, Any], report: DropReport, levels: pl.DataFrame)
         "settings": facts["settings"],
         "typecodes": facts["typecodes"],
         "inputs": facts["inputs"],
+        **({"airspeeds_from": facts["airspeeds_from"]} if "airspeeds_from" in facts else {}),
         "report": report.as_dict(),
     }
 

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import xarray
 
-from descentflow.air.weather_field import Points, weather_field
 from descentflow.core.units import KT_MPS
 from descentflow.positions.wind import read_wind_field
+from descentflow.weather.weather_field import Points, weather_field
 from fuzzing.byte_changes import damaged
 from fuzzing.good_files import TESTS
 

@@ -14,7 +14,6 @@ from weather_toys import weather, written
 
 import descentflow as df
 from descentflow.air.level_air import LevelAir
-from descentflow.air.weather_field import weather_field
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.core.units import KT_MPS
 from descentflow.generation.air_along_path import TURNS, AirAlongPath
@@ -24,6 +23,7 @@ from descentflow.positions.wind import read_wind_field
 from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.representation.own_air import flown_in
 from descentflow.training.datamodule import DescentDataModule
+from descentflow.weather.weather_field import weather_field
 
 pytestmark = pytest.mark.usefixtures("worlds_once")
 

@@ -111,7 +111,7 @@ def test_state_vectors_that_opensky_repeats_are_left_out(tmp_path: Path) -> None
     )
     vectors.write_parquet(tmp_path / "states.parquet")
     found, notes = rows_of(tmp_path / "states.parquet")
-    assert notes == {"state vectors without a message for 10 s, left out": 10}
+    assert notes == {"state vectors without a message for 2 s, left out": 10}
     assert np.allclose(found["altitude"], FLIGHT["altitude"][10:])
     assert np.allclose(found["vertical_rate"], FLIGHT["vertical_rate"][10:], atol=1e-6)
     assert np.allclose(found["groundspeed"], 400.0)

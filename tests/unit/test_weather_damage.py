@@ -14,10 +14,10 @@ pytest.importorskip("xarray", reason="xarray is an extra of descentflow (wind)")
 import xarray
 from weather_toys import START, linear, linear_wind, some_points, weather, written, written_as_grib
 
-from descentflow.air.weather_field import Points, weather_field
 from descentflow.core.errors import DataError
 from descentflow.core.units import KT_MPS
 from descentflow.positions.wind import read_wind_field
+from descentflow.weather.weather_field import Points, weather_field
 
 HOURS = np.arange(0, 25, 6)
 WORLD = np.arange(-180.0, 180.0, 5.0)

@@ -16,7 +16,6 @@ import descentflow as df
 from descentflow.air.field_air import along_track, field_airs, paths_of_flights
 from descentflow.air.level_air import LevelAir
 from descentflow.air.measured_air import FlightAirs
-from descentflow.air.weather_field import Points, weather_field
 from descentflow.cli import main
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.units import FL_M
@@ -28,6 +27,7 @@ from descentflow.representation.profiles import profiles_from_frame
 from descentflow.simulation.world_config import WorldConfig
 from descentflow.surveillance.descents.prepared_descents import Descents, write_descents
 from descentflow.training.datamodule import DescentDataModule
+from descentflow.weather.weather_field import Points, weather_field
 
 pytestmark = pytest.mark.usefixtures("worlds_once")
 

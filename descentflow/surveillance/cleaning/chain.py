@@ -10,6 +10,7 @@ from joblib import Parallel, delayed
 
 from descentflow.core.workers import results_of
 from descentflow.surveillance.cleaning import descent_filters, faulty_values, filters
+from descentflow.surveillance.cleaning.derived_airspeeds import with_airspeeds
 from descentflow.surveillance.cleaning.descent_filters import ClearedSpeed
 from descentflow.surveillance.cleaning.faulty_values import Stale
 from descentflow.surveillance.cleaning.flights import (
@@ -19,6 +20,7 @@ from descentflow.surveillance.cleaning.flights import (
     named_as_before,
     of_types,
     rows_by_address,
+    typed_by_flight,
     with_types,
 )
 from descentflow.surveillance.cleaning.level_flight import SPEEDS, note_level_flight, stretches
@@ -26,6 +28,7 @@ from descentflow.surveillance.cleaning.level_grid import to_levels
 from descentflow.surveillance.cleaning.rates import ConstantRate, with_rate
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.cleaning.two_clocks import check_one_clock, without_other_clocks
+from descentflow.surveillance.rows.airspeed_source import AirspeedSource
 from descentflow.surveillance.rows.drop_report import ROW_NUMBER, DropReport, TracedReport, some_flights
 from descentflow.surveillance.rows.schema import COLUMNS
 
@@ -48,6 +51,7 @@ class Work:
         typecodes: Types to keep; all if empty.
         types: Table `icao24,typecode` for rows that do not name their type.
         shown: Number of random flights whose rows are wanted with the reason for which each was dropped; none if 0.
+        airspeeds: Source of wind and temperature for rows without airspeeds, which else are not usable.
     """
 
     rules: Cleaning
@@ -56,6 +60,7 @@ class Work:
     typecodes: tuple[str, ...] = ()
     types: pl.DataFrame | None = None
     shown: int = 0
+    airspeeds: AirspeedSource | None = None
 
 
 @dataclass
@@ -101,16 +106,21 @@ def clean(
     shared = pl.Series(work.shared, dtype=pl.String)
     gap_s = work.rules.flight_gap_s
     rows = without_other_clocks(in_order(rows, report), gap_s, report)
+    types = work.types
+    if types is not None and "icao24" not in types.columns:
+        rows, types = typed_by_flight(rows, types), None
     rows = name_flights(rows, gap_s, shared, report)
     silences = rows.select("flight_id", PART_OF).drop_nulls().unique() if PART_OF in rows.columns else None
     rows = rows.drop(PART_OF, strict=False)
     report.by_flight = True
     report.count("flights_separated", rows, rows)
-    typed = with_types(rows, work.types, report)
+    typed = with_types(rows, types, report)
     rows = of_types(typed, work.typecodes, report)
     present = dict(typed["typecode"].drop_nulls().value_counts().iter_rows()) if work.typecodes else {}
-    untyped = rows_by_address(typed) if work.types is not None and not report.left("unknown_type") else {}
+    untyped = rows_by_address(typed) if types is not None and not report.left("unknown_type") else {}
     del typed
+    if work.airspeeds:
+        rows = with_airspeeds(rows, work.airspeeds, report)
     batches = _batches(rows)
     del rows
     levels, dropped_rows, parts, level_flight = [], [], [], []

@@ -10,25 +10,34 @@ import polars as pl
 
 from descentflow.surveillance.cleaning.filters import Index
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED, ROWS_WITHOUT
+from descentflow.surveillance.rows.schema import AIRSPEEDS, COLUMNS, POSSIBLE, REQUIRED, ROWS_WITHOUT
 
 MEASURED_COLUMNS = ("altitude", "IAS", "Mach", "vertical_rate", "TAS", "groundspeed")
 OTHER_VALUES = "rows with the address and time of another row but other values, left out as duplicates"
 """Note in the report."""
 
 
-def usable(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
+def usable(rows: pl.DataFrame, report: DropReport, instead: Sequence[str] = ()) -> pl.DataFrame:
     """Drop rows in which a required value is missing or impossible; each row is judged by itself.
 
     An impossible value of a channel that is not required is set to missing instead, and noted.
+
+    Args:
+        rows: As read.
+        report: Takes the counts.
+        instead: Columns that a row must have in place of airspeeds, where these are derived; none where they are not.
     """
     report.count("read", rows, rows)
+    absent = [name for name in (*AIRSPEEDS, *instead) if name not in rows.columns]
+    rows = rows.with_columns(pl.lit(None, COLUMNS[name]).alias(name) for name in absent)
     for name in REQUIRED:
         report.note(ROWS_WITHOUT + name, rows[name].null_count())
-    complete = report.count("missing_value", rows, rows.drop_nulls(list(REQUIRED)))
+    either = [pl.all_horizontal(pl.col(some).is_not_null()) for some in (AIRSPEEDS, instead) if some]
+    always = [pl.col(name).is_not_null() for name in REQUIRED if name not in AIRSPEEDS]
+    complete = report.count("missing_value", rows, rows.filter(*always, pl.any_horizontal(either)))
     for name in REQUIRED:
         if name in POSSIBLE:
-            possible = complete[name].is_between(*POSSIBLE[name])
+            possible = complete[name].is_between(*POSSIBLE[name]).fill_null(True)
             left = complete if possible.all() else complete.filter(possible)
             complete = report.count(f"impossible_{name}", complete, left)
     for name in sorted(set(POSSIBLE) & set(complete.columns) - set(REQUIRED)):
@@ -208,6 +217,16 @@ def _name_of_part() -> pl.Expr:
     alone = name.str.extract(MADE_ALONE) == address
     begin = pl.when(alone.fill_null(False)).then(address).when(name.str.ends_with("_" + address)).then(name)
     return begin.otherwise(name + "_" + address) + "_" + time.dt.strftime("%Y%m%dT%H%M%S")
+
+
+def typed_by_flight(rows: pl.DataFrame, types: pl.DataFrame) -> pl.DataFrame:
+    """Rows with the types of a list of flights, by the names that the source gives them."""
+    if "flight_id" not in rows.columns:
+        return rows
+    listed = types.select("flight_id", _type="typecode").unique("flight_id", keep="first", maintain_order=True)
+    joined = rows.join(listed, on="flight_id", how="left", maintain_order="left")
+    own = [pl.col("typecode")] if "typecode" in rows.columns else []
+    return joined.with_columns(pl.coalesce(*own, "_type").alias("typecode")).drop("_type")
 
 
 NO_TYPES = ("ZZZZ", "XXXX", "UNKN", "UNKNOWN", "NONE", "NULL", "NAN", "N/A", "NA", "-", "?")

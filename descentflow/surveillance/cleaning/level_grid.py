@@ -6,6 +6,7 @@ import polars as pl
 from descentflow.surveillance.cleaning.filters import SEGMENT, flights_of
 from descentflow.surveillance.cleaning.rates import ALTITUDE_STEP_FT
 from descentflow.surveillance.cleaning.thresholds import Cleaning
+from descentflow.surveillance.rows.airspeed_source import REPORTED
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import CHANNELS
 
@@ -66,6 +67,10 @@ def to_levels(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> pl.Dat
         for name in ("flight_id", "icao24", "typecode", "callsign")
         if name in rows.columns
     }
+    if "airspeed_source" in rows.columns:
+        # Between a reported airspeed and a derived one lies a derived one.
+        above, below = (rows["airspeed_source"].gather(at) for at in (upper, upper + 1))
+        columns["airspeed_source"] = pl.select(pl.when(above == REPORTED).then(below).otherwise(above)).to_series()
     columns |= {"level_fl": level.astype(np.int32), "timestamp": pl.Series(crossing.round().astype(np.int64))}
     for name in CHANNELS:
         if name in rows.columns:

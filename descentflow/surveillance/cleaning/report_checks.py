@@ -109,9 +109,28 @@ def _no_address_named(types: pl.DataFrame, untyped: Mapping[str, int]) -> DataEr
 REASONS: dict[str, tuple[str, str]] = {
     "missing_value": (
         "lack a time, an address, an altitude, IAS or Mach",
-        "see which column is empty; IAS and Mach come with Mode S enhanced surveillance (BDS 6,0), not with ADS-B; "
-        "a table that has no column Mach gets it from IAS and altitude",
+        "see which column is empty; IAS and Mach come with Mode S enhanced surveillance (BDS 6,0), not with ADS-B: "
+        "rows with groundspeed and track get them by a weather field (--airspeeds-from); a table that has no column "
+        "Mach gets it from IAS and altitude",
     ),
+    "outside_field_time": (
+        "are of times that the weather field does not have",
+        "take the field of the rows' days, from the hour before the first row to the hour after the last (UTC)",
+    ),
+    "outside_field_place": (
+        "are of places or levels that the weather field does not have",
+        "take a field of the whole region, from 150 hPa or less to the lowest level of the grid",
+    ),
+    "coarse_field": (
+        "lie between times of the weather field too far apart",
+        "take a field of every hour, or every six",
+    ),
+    "without_weather": ("have no wind or temperature", "fill the holes (NaN) of the field or of the columns"),
+    "impossible_derived": (
+        "get an IAS or a Mach number that no airliner has",
+        "check groundspeed (kt), track (degrees) and altitude (ft), and the wind (m/s)",
+    ),
+    "stuck_groundspeed": ("repeat groundspeed and track while they descend", "give each row its own groundspeed"),
     "impossible_": (
         "hold a value that no airliner has",
         "check the unit of that column: altitude in ft, IAS in kt, Mach as 0.78, vertical_rate in ft/min",

@@ -125,17 +125,20 @@ def types_held(types: Any) -> pl.DataFrame:
 def named_types(types: pl.DataFrame, source: object) -> pl.DataFrame:
     """A table of types with its columns named icao24 and typecode; other known names of these are taken, too.
 
-    Addresses are six hexadecimal digits, as in rows.
+    Addresses are six hexadecimal digits, as in rows. A list of flights without addresses has flight_id in their place.
     """
     names = row_names(types.columns)
-    absent = [name for name in ("icao24", "typecode") if name not in names.values()]
+    key = "flight_id" if "icao24" not in names.values() and "flight_id" in names.values() else "icao24"
+    absent = [name for name in (key, "typecode") if name not in names.values()]
     if absent:
         raise DataError(
             f"{source}: a types table without {', '.join(absent)} (it has {listed(types.columns)})",
-            expected="columns icao24,typecode",
+            expected="columns icao24,typecode, or flight_id,typecode",
             mend="rename its columns",
         )
-    found = {ours: next(name for name, target in names.items() if target == ours) for ours in ("icao24", "typecode")}
+    found = {ours: next(name for name, target in names.items() if target == ours) for ours in (key, "typecode")}
     named = types.rename({theirs: ours for ours, theirs in found.items() if ours not in types.columns})
     check_types({name: named[name].dtype for name in found}, str(source), "text")
+    if key == "flight_id":
+        return named.select(pl.col(key, "typecode").cast(pl.String).str.strip_chars())
     return named.with_columns(six_digits(named["icao24"], source, DropReport()))

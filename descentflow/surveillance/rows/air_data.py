@@ -23,7 +23,7 @@ from descentflow.core.constants import (
 )
 from descentflow.core.units import FT_M, KT_MPS
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.rows.schema import COLUMNS, POSSIBLE
+from descentflow.surveillance.rows.schema import AIRSPEEDS, COLUMNS, POSSIBLE
 
 Array = NDArray[np.float64]
 
@@ -81,6 +81,11 @@ def with_ias(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
     ias = _made(rows, "Mach", cas_of_mach_kt)
     report.note(IAS_COMPUTED, ias.count())
     return rows.with_columns(IAS=ias).select(name for name in COLUMNS if name == "IAS" or name in rows.columns)
+
+
+def reports_airspeeds(rows: pl.DataFrame) -> bool:
+    """True for rows of which some have IAS or Mach."""
+    return any(rows[name].count() for name in AIRSPEEDS if name in rows.columns)
 
 
 def mach_reported(rows: pl.DataFrame) -> float:

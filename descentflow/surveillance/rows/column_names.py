@@ -193,11 +193,17 @@ OF_DESCENTS = {"flight_id", "level_fl", "time_s"}
 """Columns by which prepared descents are known."""
 COLUMNS_MEND = (
     "name yours, for instance --column altitude=alt_ft of `descentflow prepare`, or rename it; IAS comes with Mode S "
-    "enhanced surveillance (BDS 6,0), not with ADS-B alone, and Mach with it; one of the two is computed from the other"
+    "enhanced surveillance (BDS 6,0), not with ADS-B alone, and Mach with it; one of the two is computed from the "
+    "other, and both from groundspeed, track and a weather field (--airspeeds-from)"
 )
 VECTORS_MEND = (
-    "take airspeeds from OpenSky's replies to Mode S radars (rawdata or the roll-call tables; docs: Sources of rows, "
-    "Airspeeds from OpenSky), and pass these replies: state vectors have none"
+    "derive them by a weather field (--airspeeds-from FIELD of `descentflow prepare`), or take them from OpenSky's "
+    "replies to Mode S radars (rawdata or the roll-call tables; docs: Sources of rows, Airspeeds from OpenSky), and "
+    "pass these replies: state vectors have none"
+)
+GEOMETRIC_MEND = (
+    "name the column of the pressure altitude (--column altitude=NAME); a geometric altitude is none: CAS of a Mach "
+    "number follows from the pressure"
 )
 SAMPLES_MEND = (
     "pass the checkpoint itself in place of its samples, or export them as flights (descentflow export --to traffic)"
@@ -224,6 +230,8 @@ def without_columns(path: Path | str, missing: Sequence[str], theirs: Sequence[s
         mend = DESCENTS_MEND
     elif STATE_VECTOR in theirs:
         mend = VECTORS_MEND
+    elif "altitude" in missing and "geoaltitude" in named:
+        mend = GEOMETRIC_MEND
     return DataError(
         f"{path} has no column {', '.join(missing)} (it has {listed(theirs)})",
         expected=f"columns {', '.join(REQUIRED)}, named as the traffic library names them",

@@ -18,7 +18,15 @@ from descentflow.surveillance.rows.column_names import (
     without_columns,
 )
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.rows.schema import COLUMNS, FILLS, REQUIRED, TIMESTAMP, check_types
+from descentflow.surveillance.rows.schema import (
+    AIRSPEEDS,
+    COLUMNS,
+    FILLS,
+    GROUND_VECTOR,
+    REQUIRED,
+    TIMESTAMP,
+    check_types,
+)
 from descentflow.surveillance.rows.times import timestamps, where_fits
 
 MAX_TEXT_BYTES = 500
@@ -31,16 +39,22 @@ READABLE_VALUES = {
     pl.Datetime: "dates with time, or seconds since 1970",
     pl.String: f"texts of at most {MAX_TEXT_BYTES} bytes",
 }
-MAX_MESSAGE_AGE_S = 10.0
-"""Age of the last message above which a state vector is dropped: OpenSky repeats the last one for minutes."""
+MAX_MESSAGE_AGE_S = 2.0
+"""Age of the last message above which a state vector is dropped: OpenSky repeats the last one for minutes, and a
+groundspeed of 2 s ago is that of 1 kt more."""
 
 
-def normalise(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.DataFrame:
-    """Rename, convert and cast the columns of a table."""
+def normalise(table: pl.DataFrame, path: Path | str, report: DropReport, derived: bool = False) -> pl.DataFrame:
+    """Rename, convert and cast the columns of a table; `derived` if it may have a ground vector for airspeeds."""
     theirs = table.columns
     table = _from_state_vectors(table, report) if STATE_VECTOR in table.columns else table
     table = with_altitude(_renamed(table, path, report), path, report)
+    if derived and "icao24" not in table.columns and "flight_id" in table.columns:
+        table = table.with_columns(icao24=pl.col("flight_id").cast(pl.String))
+        report.note("addresses made of flight_id, for there is no icao24", len(table))
     missing = [n for n in REQUIRED if n not in {*table.columns, *computable(table.columns)}]
+    if derived and set(AIRSPEEDS) & set(missing):
+        missing = [n for n in (*REQUIRED, *GROUND_VECTOR) if n not in (*table.columns, *AIRSPEEDS)]
     if missing:
         raise without_columns(path, missing, theirs, table.columns)
     columns = []
@@ -98,7 +112,7 @@ def _from_state_vectors(table: pl.DataFrame, report: DropReport) -> pl.DataFrame
     if all(name in table.columns and not table[name].dtype.is_temporal() for name in ("time", "lastcontact")):
         age = pl.col("time").cast(pl.Float64, strict=False) - pl.col("lastcontact")
         fresh = table.filter((age <= MAX_MESSAGE_AGE_S).fill_null(True))
-        report.note("state vectors without a message for 10 s, left out", len(table) - len(fresh))
+        report.note("state vectors without a message for 2 s, left out", len(table) - len(fresh))
         table = fresh
     used = {old for old, _ in STATE_VECTOR_COLUMNS.values()} - set(converted)
     return table.with_columns(**converted).drop(used, strict=False).rename(track)
@@ -141,4 +155,6 @@ def wanted(names: Sequence[str], named: Sequence[str] = ()) -> list[str]:
     useful = [name for name in names if targets[name] in known or name in vectors or name in named]
     given = {targets[name] for name in useful}
     given |= {"altitude"} if vectors or LEVELS in given else set()
+    if set(AIRSPEEDS) <= set(named):  # not asked of rows whose airspeeds are derived
+        given |= {*AIRSPEEDS, *(("icao24",) if "flight_id" in given else ())}
     return useful if given >= set(REQUIRED) - computable(given) else list(names)

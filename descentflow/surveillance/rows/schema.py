@@ -30,12 +30,16 @@ COLUMNS: dict[str, pl.DataType] = {
     "temperature": pl.Float64(),
     "wind_direction": pl.Float64(),
     "wind_speed": pl.Float64(),
+    "u_component_of_wind": pl.Float64(),
+    "v_component_of_wind": pl.Float64(),
     "geometric_rate": pl.Float64(),
     "fuel_flow": pl.Float64(),
     "selected_altitude": pl.Float64(),
     "cleared_flight_level": pl.Float64(),
     "cleared_speed_kt": pl.Float64(),
     "cleared_mach": pl.Float64(),
+    "airspeed_source": pl.String(),
+    "derived_IAS": pl.Float64(),
 }
 """Every column of a row and its type.
 
@@ -43,11 +47,17 @@ Units: `altitude` (pressure altitude), `geoaltitude` and `selected_altitude` (of
 `vertical_rate` and `geometric_rate` in ft/min, `IAS`, `TAS`, `groundspeed` and `wind_speed` in kt, angles in degrees
 (`track` true; `heading` as the source gives it, magnetic from Mode S; `wind_direction` true, from where it blows),
 `temperature` in K, `fuel_flow` of all engines in kg/s. What a controller has cleared: `cleared_flight_level` in
-hundreds of feet, `cleared_speed_kt` (IAS) and `cleared_mach`, missing where nothing is assigned.
+hundreds of feet, `cleared_speed_kt` (IAS) and `cleared_mach`, missing where nothing is assigned. Of a weather model:
+`u_component_of_wind` towards east and `v_component_of_wind` towards north, in m/s. Where airspeeds are derived from
+groundspeed: `airspeed_source` names each row's source, and `derived_IAS` (kt) stands beside a reported IAS.
 """
 
 REQUIRED = ("timestamp", "icao24", "altitude", "IAS", "Mach")
 """A row without one of these is dropped; a missing `vertical_rate` is computed from `altitude`."""
+
+AIRSPEEDS = ("IAS", "Mach")
+GROUND_VECTOR = ("groundspeed", "track")
+"""Columns of which IAS and Mach are derived, with a wind and a temperature."""
 
 ROWS_WITHOUT = "rows without "
 """First words of a note that counts rows in which a required column is empty."""
@@ -70,6 +80,9 @@ POSSIBLE = {
     "roll": (-90.0, 90.0),
     "temperature": (150.0, 340.0),
     "wind_speed": (0.0, 300.0),
+    "u_component_of_wind": (-150.0, 150.0),
+    "v_component_of_wind": (-150.0, 150.0),
+    "derived_IAS": (0.0, 700.0),
     "geometric_rate": (-15_000.0, 15_000.0),
     "fuel_flow": (0.0, 20.0),
     "cleared_flight_level": (0.0, 600.0),

@@ -1,5 +1,8 @@
 """Checks of columns: units and quantities by physics, of all rows or some flights, and values that stand for none."""
 
+import itertools
+from dataclasses import replace
+
 import numpy as np
 import polars as pl
 
@@ -7,6 +10,7 @@ from descentflow.core.errors import DataError, warn
 from descentflow.core.units import FT_M
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt, isa_tas_of_mach_kt, mach_of_cas
 from descentflow.surveillance.rows.readings import (
+    AS_GIVEN,
     FASTEST_FPM,
     LEAP_FPM,
     LOWEST_TAS_FT,
@@ -15,7 +19,9 @@ from descentflow.surveillance.rows.readings import (
     MAX_RATE_ROWS,
     MAX_TAS_OF_IAS,
     MIN_AIRCRAFT,
+    READINGS,
     SLOWEST_FPM,
+    Reading,
     Solution,
     UnitEvidence,
     agreeing,
@@ -46,6 +52,8 @@ groundspeed (100 kt against 300)."""
 MIN_AGREEING_SHARE = 0.1
 """Share of flights that agree from which the others are named, and the table is not refused as a whole."""
 MAX_LISTED_FLIGHTS = 5
+MAX_COPIED_SHARE = 0.9
+"""Share of rows whose two altitudes are the same, above which one is a copy of the other."""
 
 
 def check_units(rows: pl.DataFrame, source: str) -> None:
@@ -78,6 +86,64 @@ def check_units(rows: pl.DataFrame, source: str) -> None:
     check_angles(rows, source)
     check_other_units(rows, source)
     check_possible(rows, source)
+
+
+def check_ground_vector(rows: pl.DataFrame, source: str) -> None:
+    """Refuse rows without airspeeds whose groundspeed, altitude or rate is evidently in a wrong unit.
+
+    Above FL280 half of the groundspeeds are nearer to possible true airspeeds than to any in another unit.
+
+    Args:
+        rows: As read, with a groundspeed.
+        source: Begin of the message.
+
+    Raises:
+        DataError: Naming the column and the unit that it seems to have, or an altitude that is the geometric one.
+    """
+    check_numbers_of_days(rows, source)
+    rows = rows.drop_nulls("icao24")
+    check_whole_minutes(rows, source)
+    check_constant_rate(rows.head(MAX_RATE_ROWS), source)
+    check_angles(rows, source)
+    check_other_units(rows, source)
+    check_possible(rows, source)
+    _check_copied_altitude(rows, source)
+    if set(rows.columns) >= {"groundspeed", "altitude"}:
+        _check_speed_over_ground(rows, source)
+
+
+def _check_speed_over_ground(rows: pl.DataFrame, source: str) -> None:
+    others = [name for name in ("TAS", "Mach") if name in rows.columns]
+    evidence = UnitEvidence.of(rows.drop(others).with_columns(IAS="groundspeed").drop("groundspeed"))
+    if not evidence.columns:
+        return
+
+    def read(altitude: Reading, speed: Reading, rate: Reading) -> Solution:
+        tried = {"altitude": altitude, "IAS": replace(speed, meaning="TAS"), "vertical_rate": rate}
+        found = judged(evidence, {name: tried[name] for name in evidence.given})
+        shown = {"altitude": altitude, "groundspeed": speed, "vertical_rate": rate}
+        return replace(found, readings={name: one for name, one in shown.items() if one.words})
+
+    given = read(AS_GIVEN, AS_GIVEN, AS_GIVEN)
+    speeds = [one for one in READINGS["groundspeed"] if not one.meaning]
+    several = itertools.product(READINGS["altitude"], speeds, READINGS["vertical_rate"])
+    best = (
+        [] if given.agrees else sorted((one for tried in several if (one := read(*tried)).agrees), key=lambda s: s.rank)
+    )
+    if best:
+        raise refusal(source, given, best[:1])
+
+
+def _check_copied_altitude(rows: pl.DataFrame, source: str) -> None:
+    """Refuse an altitude that is the geometric one again: CAS follows from the pressure altitude."""
+    seen = rows.select("altitude", "geoaltitude").drop_nulls() if "geoaltitude" in rows.columns else rows.clear()
+    seen = seen.filter(pl.col("altitude") > LOWEST_TAS_FT)
+    if len(seen) >= MIN_CHECKED_VALUES and (seen["altitude"] == seen["geoaltitude"]).mean() > MAX_COPIED_SHARE:  # type: ignore[operator]
+        raise DataError(
+            f"{source}: altitude is the geometric altitude in nearly all rows",
+            expected="the pressure altitude (alt_baro, baroaltitude), of which CAS follows",
+            mend="name the column of the pressure altitude, for instance --column altitude=baroaltitude",
+        )
 
 
 def check_consistency(rows: pl.DataFrame, source: str) -> None:

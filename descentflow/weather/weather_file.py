@@ -18,10 +18,10 @@ from typing import Any, TextIO
 
 import numpy as np
 
-from descentflow.air import weather_layout as layout
-from descentflow.air.weather_layout import AXES, GRIB, SUFFIXES, VARIABLE_NAMES, VERSION, Array, Axis
 from descentflow.core.errors import DataError, DescentflowError
 from descentflow.core.tabular import optional_library, pyproj
+from descentflow.weather import weather_layout as layout
+from descentflow.weather.weather_layout import AXES, GRIB, SUFFIXES, VARIABLE_NAMES, VERSION, Array, Axis
 
 WeatherSource = str | Path | Sequence[str | Path]
 """A file, a folder of files, or several."""
@@ -75,7 +75,7 @@ def opened(source: WeatherSource) -> Iterator[list[WeatherFile]]:
     pyproj()
     xarray, parts = optional_library("xarray", extra="wind"), []
     with ExitStack() as stack:
-        for path in _paths_of(source):
+        for path in weather_files(source):
             with readable(path):
                 for options in _grib_options(path) if path.suffix.lower() in GRIB else [{}]:
                     data = stack.enter_context(xarray.open_dataset(path, **options))
@@ -124,7 +124,7 @@ def same(one: Array, other: Array) -> bool:
     return one.shape == other.shape and np.allclose(one, other, rtol=0, atol=SAME, equal_nan=True)
 
 
-def _paths_of(source: WeatherSource) -> list[Path]:
+def weather_files(source: WeatherSource) -> list[Path]:
     """The files that a path stands for: itself, or those of a folder, or several."""
     paths = [Path(one) for one in ([source] if isinstance(source, str | Path) else source)]
     files = (sorted(path.iterdir()) if path.is_dir() else [path] for path in paths)

@@ -7,7 +7,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from descentflow.air.kept_air import STRONGEST_MPS
 from descentflow.core.errors import DataError
 from descentflow.core.units import FL_M, KT_MPS
 from descentflow.physics.atmosphere import pressure_altitude_m
@@ -15,6 +14,8 @@ from descentflow.physics.atmosphere import pressure_altitude_m
 Array = NDArray[np.float64]
 GRIB = (".grib", ".grb", ".grib2", ".grb2")
 SUFFIXES = (".nc", ".nc4", *GRIB)
+STRONGEST_MPS = 200.0
+"""Beyond it no wind is on earth."""
 AXES = {
     "time": ("valid_time", "time"),
     "pressure": ("isobaricInhPa", "isobaricInPa", "pressure_level", "level", "plev", "isobaric"),

@@ -8,12 +8,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from descentflow.air.weather_file import WeatherFile, WeatherSource, opened, same
-from descentflow.air.weather_layout import EAST, NORTH, TEMPERATURE, VARIABLE_NAMES, Array, unusable
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.recent import Recent
 from descentflow.core.units import FL_M
 from descentflow.physics.atmosphere import isa_temperature_k
+from descentflow.weather.weather_file import WeatherFile, WeatherSource, opened, same
+from descentflow.weather.weather_layout import EAST, NORTH, TEMPERATURE, VARIABLE_NAMES, Array, unusable
 
 WIDEST_GAP = 1.5
 """Median steps of time beyond which two times of a field count as a gap, which nothing is interpolated across."""
@@ -42,7 +42,7 @@ class WeatherField:
 
     Example:
         >>> import xarray
-        >>> from descentflow.air.weather_file import weather_file_of
+        >>> from descentflow.weather.weather_file import weather_file_of
         >>> axes = {"level": [500.0, 250.0], "latitude": [52.0, 50.0], "longitude": [4.0, 6.0]}
         >>> cold = xarray.Dataset({"t": (tuple(axes), np.full((2, 2, 2), 240.0))}, axes)
         >>> field = WeatherField([weather_file_of(cold, "cold.nc")])

@@ -102,6 +102,12 @@ def fit_representation(
     (drag, cas), mask = scale.observed(train)
     of_drag = fit_components(drag, mask, FL_M, settings.explained_variance, settings.fpca)
     of_cas = fit_components(cas, mask, FL_M, settings.cas_explained_variance, settings.fpca)
+    if of_drag.n_components + of_cas.n_components == 0:
+        raise DataError(
+            "training flights that are all identical",
+            expected="drag or CAS that varies between flights",
+            mend="check that the rows come from different flights and are not copies",
+        )
     decoder = standardised_decoder(train, aircraft, (of_drag, of_cas), scale, mass_kg)
     if settings.residual and settings.fpca == "ppca":
         decoder.residuals = fit_residuals(decoder, train)

@@ -14,11 +14,14 @@ from toys import assert_equal
 from descentflow.cli.entry import main
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.densities.checkpoint import load_model
+from descentflow.generation.sample import sample
+from descentflow.repairs.repair import repair
 from descentflow.representation.read_checkpoint import read_checkpoint
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.fit import fit
 from descentflow.training.models import Gaussian, GaussianMixture, MaskedAffineFlow
+from descentflow.training.models.latent_model import LatentModel
 from descentflow.training.training_settings import settings_of, training_settings
 
 pytestmark = pytest.mark.usefixtures("components_once", "plain_figures")
@@ -47,6 +50,17 @@ def test_a_path_descents_in_memory_and_a_data_module_give_the_same(descents: Pat
     assert in_memory.representation.provenance["descents"] == "in memory"
     assert_equal(fit(DescentDataModule(descents), Gaussian()).density, expected)
     assert_equal(fit([descents], "gaussian", split_by="flight").density, expected)
+
+
+@pytest.mark.parametrize("density", [Gaussian(), MaskedAffineFlow()])
+def test_a_fleet_of_one_speed_has_no_component_of_cas(descents: Path, density: LatentModel) -> None:
+    flights = read_descents(descents)
+    alike = Descents(flights.frame.drop("Mach", "TAS", strict=False).with_columns(IAS=pl.lit(280.0)), flights.metadata)
+    own = fit(alike, density, max_epochs=1, final=False)
+    assert own.representation.decoder.cas_basis.n_components == 0
+    cas_kt = sample(own, 20, seed=0).to_polars()["CAS"].drop_nulls().to_numpy()
+    assert float(abs(cas_kt - 280.0).max()) < 0.15  # its noise is 0.03 kt
+    repair(alike, aircraft="A320")
 
 
 def test_random_numbers_and_threads_outside_go_on_as_before(descents: Path) -> None:

@@ -138,7 +138,6 @@ def test_values_at_missing_levels_are_not_read(method: Method) -> None:
     ("values", "mask", "words"),
     [
         (torch.ones(1, 3), torch.ones(1, 3, dtype=torch.bool), "1 training flight"),
-        (torch.ones(5, 3), torch.ones(5, 3, dtype=torch.bool), "all identical"),
         (torch.full((5, 3), torch.inf), torch.ones(5, 3, dtype=torch.bool), "not finite"),
         (torch.rand(5, 3), torch.tensor([[True, True, False]]).expand(5, 3), "fewer than two training flights"),
     ],
@@ -146,3 +145,21 @@ def test_values_at_missing_levels_are_not_read(method: Method) -> None:
 def test_useless_profiles_are_refused(values: torch.Tensor, mask: torch.Tensor, words: str) -> None:
     with pytest.raises(DataError, match=words):
         fit_components(values, mask, SPACING_M)
+
+
+def test_profiles_that_are_all_alike_have_no_component_and_no_curve_beyond() -> None:
+    values = torch.linspace(1.0, 3.0, 5).double().expand(8, 5)
+    mask = torch.ones(8, 5, dtype=torch.bool)
+    mask[:3, 4] = False
+    basis = fit_components(values, mask, SPACING_M)
+    weights = basis.encode(values, mask)
+    assert weights.shape == (8, 0)
+    torch.testing.assert_close(basis.decode(weights), values)
+    assert float(basis.left_out().abs().max()) == 0.0
+
+
+def test_no_loading_at_all_leaves_the_noise_alone() -> None:
+    centred, mask = torch.tensor([[1.0, 2.0], [3.0, 0.0]]).double(), torch.tensor([[True, True], [True, False]])
+    found = ppca.log_likelihood(centred, mask, torch.zeros(2, 0).double(), torch.tensor(4.0).double())
+    expected = torch.distributions.Normal(0.0, 2.0).log_prob(centred)[mask].sum()
+    torch.testing.assert_close(found, expected.to(found))

@@ -9,6 +9,7 @@ from toys import normal
 
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.generation.rejection import sample_descents
+from descentflow.representation.fit_representation import fit_residuals
 from descentflow.representation.residuals import NEIGHBOURS, ResidualLine, Residuals
 
 D, R, M = 3, 4, 200
@@ -54,3 +55,14 @@ def test_a_sample_has_the_residual_of_a_training_flight() -> None:
     off = (left[:, None] - speed).abs()
     assert float(off.amin(1).max()) < 1e-9
     assert len(off.argmin(1).unique()) > 100
+
+
+def test_components_that_leave_nothing_out_have_no_residual_of_their_profile() -> None:
+    parts = toys.representation(300)
+    drag = parts.decoder.drag_basis
+    drag.loadings = drag.loadings @ torch.linalg.svd(drag.loadings, full_matrices=False)[2][: drag.n_components].T
+    found = fit_residuals(parts.decoder, toys.flights(300))
+    assert len(found.drag) == 0 < len(found.speed)
+    assert found.draw(torch.zeros(4, parts.decoder.dimension), torch.zeros(4), torch.rand(4)).shape[1] == len(
+        found.speed
+    )

@@ -25,6 +25,8 @@ TOLERANCE = 1e-5
 """EM stops when the mean log-likelihood per observed value gains less (nats)."""
 LATENT_DIMENSION = 16
 """First latent dimension tried."""
+ALIKE, LEAST_NOISE = 1e-9, 1e-4
+"""Spread of profiles that are all alike, and their noise, as shares of the largest value: 0.03 kt of CAS."""
 
 
 def gappy_profiles(values: Tensor, mask: Tensor) -> Centred:
@@ -64,7 +66,8 @@ def fit_components(
 
     ``ppca`` (default) fits probabilistic PCA by EM to the observed levels; ``iterative`` is the paper's algorithm.
     The number of components is the smallest that explains the wanted share of variance; the latent dimension of
-    the probabilistic PCA, which completes the gaps, is larger and grows until it can tell.
+    the probabilistic PCA, which completes the gaps, is larger and grows until it can tell. Profiles that are the same
+    for all flights, as the CAS of a simulator that flies one schedule, have none.
 
     Args:
         values: (n, L) profiles; masked values are ignored.
@@ -78,8 +81,8 @@ def fit_components(
             taken as they are, and one by one. Of complete profiles the components are the same.
 
     Raises:
-        DataError: If there are fewer than two flights, a level that fewer than two flights observe, a value
-            that is not finite, or no variance at all.
+        DataError: If there are fewer than two flights, a level that fewer than two flights observe, or a value
+            that is not finite.
 
     Example:
         >>> shape = torch.linspace(0, 1, 50).double()
@@ -97,7 +100,9 @@ def fit_components(
         values = (values if whole else torch.where(mask, values, 0.0)).to(torch.float64)
         _check_counts(values, mask, whole)
         flights = complete_profiles(values) if whole else gappy_profiles(values, mask)
-        _check_values(float(flights.scale), float(flights.largest))
+        _check_finite(float(flights.largest))
+        if float(flights.scale) <= ALIKE * float(flights.largest):
+            return _without_components(flights, spacing_m)
         if method == "iterative":
             return _by_iteration(values, mask, spacing_m, explained_variance)
         mean, scale = flights.mean, flights.scale
@@ -179,15 +184,18 @@ def _check_counts(values: Tensor, mask: Tensor, whole: bool) -> None:
         )
 
 
-def _check_values(spread: float, largest: float) -> None:
-    """Refuse profiles with values that are none, and profiles that are all the same."""
+def _check_finite(largest: float) -> None:
+    """Refuse profiles with values that are none."""
     if not math.isfinite(largest):
         raise DataError(
             "profiles with values that are not finite", expected="finite observed values",
             mend="prepare the rows again: cleaning drops such rows",
         )  # fmt: skip
-    if spread <= 1e-9 * largest:
-        raise DataError(
-            "training flights that are all identical", expected="profiles that vary between flights",
-            mend="check that the rows come from different flights and are not copies",
-        )  # fmt: skip
+
+
+def _without_components(flights: Centred, spacing_m: float) -> FunctionalBasis:
+    """The basis of profiles that are all alike: their mean, and a direction of no size with the noise of rounding."""
+    levels = len(flights.mean)
+    none, noise = flights.mean.new_zeros(0, levels), (LEAST_NOISE * flights.largest).square()
+    direction = flights.mean.new_zeros(levels, 1)
+    return FunctionalBasis(flights.mean, none, direction, noise, noise.new_ones(()), none[:, 0], spacing_m)

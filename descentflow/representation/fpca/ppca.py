@@ -139,7 +139,7 @@ def _square(pairs: Tensor, q: int) -> Tensor:
     number = torch.zeros(q, q, dtype=torch.long, device=pairs.device)
     first, second = torch.triu_indices(q, q)
     number[first, second] = number[second, first] = torch.arange(len(first), device=pairs.device)
-    return pairs[:, number.flatten()].reshape(-1, q, q)
+    return pairs[:, number.flatten()].reshape(len(pairs), q, q)  # q may be zero: -1 would be ambiguous
 
 
 def posterior_given(

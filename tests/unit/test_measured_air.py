@@ -209,3 +209,23 @@ def test_the_table_of_air_is_within_its_errors_of_the_truth() -> None:
     still = air_table(frame.drop("groundspeed"))
     assert still["tailwind"].is_null().all()
     assert still["deviation_k"].mean() == pytest.approx(8.0, abs=0.2)
+
+
+def test_true_airspeed_every_sixteen_seconds_measures_the_air_nearly_as_well(world: World) -> None:
+    """Radars ask for BDS 5,0 less often than for 6,0: of the rows, every fourth has a true airspeed."""
+    some = world.rows.with_columns(TAS=pl.when(pl.int_range(pl.len()).over("flight_id") % 4 == 0).then("TAS"))
+    frame = df.prepare(some, typecode="A320").frame
+    assert frame["TAS"].count() > 0.85 * len(frame)
+    sparse = measured_airs(frame, LEVELS)
+    assert sparse.without == 0
+    deviation, _ = _true_growth(world, sparse.flight_ids)
+    left = (sparse.air.deviation_k - deviation)[sparse.known]
+    assert float(left.square().mean().sqrt()) < 0.7, "K"
+    inside = (left.abs() < 1.645 * sparse.deviation_error_k[sparse.known]).double()
+    assert 0.8 < float(inside.mean()) < 0.97
+
+
+def test_nothing_is_interpolated_between_reports_half_a_minute_apart(world: World) -> None:
+    some = world.rows.with_columns(TAS=pl.when(pl.int_range(pl.len()).over("flight_id") % 8 == 0).then("TAS"))
+    report = df.prepare(some, typecode="A320").report
+    assert not any("between reports" in note for note in report.notes)

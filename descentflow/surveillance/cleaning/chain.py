@@ -26,6 +26,7 @@ from descentflow.surveillance.cleaning.flights import (
 from descentflow.surveillance.cleaning.level_flight import SPEEDS, note_level_flight, stretches
 from descentflow.surveillance.cleaning.level_grid import to_levels
 from descentflow.surveillance.cleaning.rates import ConstantRate, with_rate
+from descentflow.surveillance.cleaning.sparse_reports import with_values_between
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.cleaning.two_clocks import check_one_clock, without_other_clocks
 from descentflow.surveillance.rows.airspeed_source import AirspeedSource
@@ -186,7 +187,7 @@ def _cleaned(rows: pl.DataFrame, work: Work) -> Outcome:
     """Levels of the descents of some flights."""
     rules = work.rules
     report = TracedReport(by_flight=True, rows=len(rows)) if work.shown else DropReport(by_flight=True)
-    kept, level = _free(rows, rules, report)
+    kept, level = _free(with_values_between(rows, report), rules, report)
     levels = to_levels(kept, rules, report)
     long = levels.filter(pl.len().over("flight_id") >= rules.fewest_levels)
     left = kept.filter(pl.col("flight_id").is_in(long["flight_id"].unique().implode()))

@@ -15,7 +15,7 @@ Mask = NDArray[np.bool_]
 STEEPEST_DEG = 15.0
 """Bank beyond which groundspeed and track, which lag, are no vector of one instant."""
 TURN_S, MAX_STEP_S = 5.0, 60.0
-"""Half-width of the window of a turn (tracks in whole degrees tell no bank in less), and longest step to a neighbour."""
+"""Half-width of the window of a turn, as tracks in whole degrees need, and longest step to a neighbour beyond it."""
 OLDEST_S, STUCK_S, STUCK_FT = 2.0, 20.0, 1500.0
 """Age of a groundspeed that is too old, and how long, over which height, it is repeated before it is one: over that
 height TAS changes by 3 kt at a held Mach number, and by 7 kt at a held CAS."""

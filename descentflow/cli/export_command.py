@@ -10,7 +10,11 @@ from descentflow.exports.targets import TARGETS
 
 def extend(parser: ArgumentParser) -> None:
     """List the targets."""
-    parser.epilog = "targets:\n" + "\n".join(f"  {name:<13}{target.purpose}" for name, target in TARGETS.items())
+    lines = [
+        f"  {name:<13}{target.purpose}{'; needs --time, and --end with --track or --route' * target.placed}"
+        for name, target in TARGETS.items()
+    ]
+    parser.epilog = "\n".join(["targets:", *lines])
 
 
 def run(

@@ -76,6 +76,7 @@ def export(
         ['samples.py', 'samples.json']
     """
     target = target_of(to)
+    target.check_ground(to, [name for name, value in ground.items() if value is not None])
     if prefix and not PREFIX.fullmatch(prefix):
         raise ConfigError(
             f"callsigns that begin {prefix!r}", expected="capital letters, then digits or none", mend="pass KLM"

@@ -1,5 +1,6 @@
 """The targets of `descentflow export`; each is a module of its own, imported when it is used."""
 
+from collections.abc import Container
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -45,7 +46,7 @@ class ExportTarget:
         """Refuse a request that the target cannot serve.
 
         Raises:
-            ConfigError: If the extension is another, the place or time is missing, or it lacks an option.
+            ConfigError: If the extension is another, or it lacks an option.
         """
         if request.path.suffix not in self.suffixes:
             raise ConfigError(
@@ -62,18 +63,32 @@ class ExportTarget:
                     expected=f"{' or '.join(having)}, which can be asked for it",
                     mend="leave it out",
                 )
-        if self.placed and request.plan.path is None:
-            raise ConfigError(
-                f"{name} without places",
-                expected="an end point and a track, or a route",
-                mend="give --end and --track, or --route",
-            )
-        if self.placed and request.plan.end_time is None:
-            raise ConfigError(
-                f"{name} without a time",
-                expected="when the first flight passes the lowest level",
-                mend="give --time, for instance 2026-11-22T10:00:00",
-            )
+
+    def check_ground(self, name: str, given: Container[str]) -> None:
+        """Refuse a request that lacks a place or time which the target needs, and say all that it lacks.
+
+        Args:
+            name: Of the target.
+            given: Names of the arguments of :func:`~descentflow.positions.ground_plan.ground_plan` that have a value.
+
+        Raises:
+            ConfigError: Naming the options that are to be given.
+        """
+        if not self.placed:
+            return
+        places = {"end": "--end LAT,LON", "track": "--track DEG"} if "route" not in given else {}
+        lacking = [option for option in (*places, "end_time") if option not in given]
+        if not lacking:
+            return
+        options = [(places | {"end_time": "--time 2026-11-22T10:00:00"})[option] for option in lacking]
+        without = ["places"] * ("end" in lacking) or ["a track at the end point"] * ("track" in lacking)
+        without += ["a time"] * ("end_time" in lacking)
+        instead = ", or --route LAT,LON LAT,LON for the places" if {"end", "track"} <= {*lacking} else ""
+        raise ConfigError(
+            f"{name} without {' and '.join(without)}",
+            expected="an end point and a track, or a route, and when the first flight passes the lowest level",
+            mend=f"give {' '.join(options)}{instead}",
+        )
 
     def writer(self, name: str) -> Writer:
         """The function that writes."""

@@ -78,7 +78,20 @@ def test_the_cf_file_passes_the_compliance_checker(a320: Path, table: pl.DataFra
         ("json", "s.json", {}, "target 'json'; expected one of parquet, cf"),
         ("parquet", "s.txt", {}, r"output s\.txt for parquet"),
         ("cf", "s.nc", {}, "cf without places"),
-        ("cf", "s.nc", {"end": (52.0, 4.0), "track": 90.0}, "cf without a time"),
+        ("cf", "s.nc", {"end": (52.0, 4.0), "track": 90.0}, "cf without a time; .* give --time 2026"),
+        (
+            "cf",
+            "s.nc",
+            {"end": (52.0, 4.0)},
+            "cf without a track at the end point and a time; .* give --track DEG --time",
+        ),
+        (
+            "traffic",
+            "s.parquet",
+            {},
+            "traffic without places and a time; .* give --end LAT,LON --track DEG --time 2026",
+        ),
+        ("traffic", "s.parquet", {"route": [(52.0, 4.0), (52.0, 5.0)]}, "traffic without a time; .* give --time 2026"),
         ("parquet", "s.parquet", {"n": 0}, "n = 0"),
         ("parquet", "s.parquet", {"every_s": 1e300}, r"every_s = 1e\+300; expected a finite number, from 0 to"),
         (
@@ -87,7 +100,7 @@ def test_the_cf_file_passes_the_compliance_checker(a320: Path, table: pl.DataFra
             {"step_s": 1.0},
             r"step_s = 1\.0 for bluesky; expected parquet or cf or traffic, which can",
         ),
-        ("cf", "s.nc", {"precision": "float32"}, "precision = float32 for cf; expected onnx"),
+        ("bluesky", "s.scn", {"precision": "float32"}, "precision = float32 for bluesky; expected onnx"),
     ],
 )
 def test_what_a_target_cannot_serve_is_refused(

@@ -8,6 +8,8 @@ import pytest
 from hostile_toys import FLIGHT, OF_JSON, SOURCES, outcome, refused
 from source_toys import written_to
 
+from descentflow.surveillance.formats.json_rows import DAMAGED
+
 ODD = (None, True, 1e308, -1e308, 10**400, float("nan"), "x", "", [], {}, [1], {"a": 1}, "\ud800", -1, 1e18, "9" * 999)
 
 
@@ -21,8 +23,8 @@ def test_whole_files_are_read(kind: str, tmp_path: Path) -> None:
 
 CUT = {
     "csv": None,  # a CSV may end anywhere; the last line then lacks values or has a short one
-    "aircraft-json": "JSON lines cut at the end of a file",
-    "jet1090": "JSON lines cut at the end of a file",
+    "aircraft-json": DAMAGED,
+    "jet1090": DAMAGED,
     "modes-hex": "lines that are no time and frame",
     "asterix-062": "ASTERIX blocks cut at the end of a file",
     "asterix-048": "ASTERIX blocks cut at the end of a file",
@@ -48,7 +50,7 @@ def test_truncated_files(kind: str, share: float, tmp_path: Path) -> None:
     elif kind.startswith(("asterix", "modes", "aircraft", "jet1090")):
         assert rows is not None
         assert len(rows) < len(FLIGHT)
-        assert words.pop(expected) == 1
+        assert [number for note, number in words.items() if note.startswith(expected)] == [1]
     else:
         assert rows is None
         assert expected in words

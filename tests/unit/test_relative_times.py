@@ -7,6 +7,7 @@ import pytest
 from surveillance_toys import flight, written
 
 from descentflow.core.errors import DataError
+from descentflow.surveillance.cleaning.flights import BEFORE_1990
 from descentflow.surveillance.prepare import prepare
 
 SECONDS = (pl.col("timestamp") - pl.col("timestamp").min()).dt.total_microseconds() / 1e6
@@ -40,3 +41,21 @@ def test_one_clock_for_all_rows_is_taken_in_any_order(tmp_path: Path) -> None:
     half = len(rows) // 2
     paths = [written(part, tmp_path / f"{name}.csv") for name, part in (("a", rows[:half]), ("b", rows[half:]))]
     assert prepare(paths).flights == {"A320": 2}, "files of one recording"
+
+
+@pytest.mark.parametrize("begin_s", [0.0, 468_000.0, 600_000_000.0], ids=["start", "GPS week", "1989"])
+def test_a_clock_without_a_date_is_read_and_said(begin_s: float) -> None:
+    rows = flight().with_columns(timestamp=SECONDS + begin_s)
+    found = prepare(rows)
+    assert found.flights == {"A320": 1}
+    assert found.report.notes[BEFORE_1990] == len(rows)
+    assert BEFORE_1990 not in prepare(flight()).report.notes
+
+
+@pytest.mark.parametrize("name", ["gps_time", "GPS_seconds", "gps_week_s", "tow", "time_of_week"])
+def test_gps_time_is_refused_by_its_name(name: str) -> None:
+    rows = flight().with_columns(timestamp=SECONDS + 1_393_200_018.0).rename({"timestamp": name})
+    with pytest.raises(DataError, match=r"no column timestamp .* GPS time .1980-01-06, without leap seconds. plus"):
+        prepare(rows)
+    unix = pl.col(name) + 315_964_782.0
+    assert prepare(rows.select(pl.exclude(name), timestamp=unix)).flights == {"A320": 1}

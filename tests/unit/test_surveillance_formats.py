@@ -68,7 +68,11 @@ def test_snapshots_in_any_arrangement(form: str, tmp_path: Path) -> None:
     if form.startswith("one"):
         cut, notes = rows_of(written_to(tmp_path / "cut", text[:-40]))
         assert len(cut) == len(FLIGHT) - 1
-        assert notes == {"JSON lines cut at the end of a file": 1}
+        (note, number), *_ = notes.items()
+        assert number == len(notes) == 1
+        assert (
+            f"cut, line {1 if form == 'one after the other' else len(lines)}" in note or "at the end of a file" in note
+        )
 
 
 def test_lines_with_nan_are_read_one_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

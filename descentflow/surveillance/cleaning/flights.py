@@ -11,9 +11,14 @@ import polars as pl
 from descentflow.surveillance.cleaning.filters import Index
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import AIRSPEEDS, COLUMNS, POSSIBLE, REQUIRED, ROWS_WITHOUT
+from descentflow.surveillance.rows.times import FIRST_TIME_S
 
 MEASURED_COLUMNS = ("altitude", "IAS", "Mach", "vertical_rate", "TAS", "groundspeed")
 OTHER_VALUES = "rows with the address and time of another row but other values, left out as duplicates"
+"""Note in the report."""
+
+
+BEFORE_1990 = "rows of times before 1990, which count from something else: their date is unknown"
 """Note in the report."""
 
 
@@ -32,6 +37,7 @@ def usable(rows: pl.DataFrame, report: DropReport, instead: Sequence[str] = ()) 
     rows = rows.with_columns(pl.lit(None, COLUMNS[name]).alias(name) for name in absent)
     for name in REQUIRED:
         report.note(ROWS_WITHOUT + name, rows[name].null_count())
+    report.note(BEFORE_1990, int((rows["timestamp"].dt.epoch("us") < 1e6 * FIRST_TIME_S).sum()))
     either = [pl.all_horizontal(pl.col(some).is_not_null()) for some in (AIRSPEEDS, instead) if some]
     always = [pl.col(name).is_not_null() for name in REQUIRED if name not in AIRSPEEDS]
     complete = report.count("missing_value", rows, rows.filter(*always, pl.any_horizontal(either)))

@@ -3,7 +3,7 @@
 import itertools
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import orjson
@@ -17,31 +17,72 @@ BLANKS = re.compile(r"\s*")
 DECODER = json.JSONDecoder()
 
 
+DAMAGED = "JSON lines that are cut or damaged, left out (the first of each file: "
+"""Begin of the notes in the report."""
+
+
 def documents(source: Input, report: DropReport) -> Iterator[object]:
     """Documents of a file, read one at a time where they stand one a line; of a list each element is one.
 
-    A last document that ends before its end, as where a recording was stopped, is left out and counted.
+    A last document that ends before its end, as where a recording was stopped, is left out and counted. So are lines
+    that are no JSON among others, unless they are half of them.
     """
-    begun = False
+    whole, damaged = 0, list[DataError]()
     for number, line in source.lines():
         try:
             found = [orjson.loads(line)]
         except orjson.JSONDecodeError:
             # One that the faster parser does not take, several, or the first line of a document of many.
             try:
-                found = list(_one_after_the_other(line, number, source.label, begun, report))
+                found = list(_one_after_the_other(line, number, source.label))
             except DataError as error:
-                if begun or not isinstance(error.__cause__, json.JSONDecodeError):
+                if not isinstance(error.__cause__, json.JSONDecodeError | UnicodeDecodeError):
                     raise
-                rest = Input(source.stream, source.label).whole()
-                found = list(_one_after_the_other(line + rest, number, source.label, begun, report))
-        for document in found:
-            yield from document if isinstance(document, list) else [document]
-        begun = True
+                if not whole and not damaged:
+                    rest = Input(source.stream, source.label).whole()
+                    yield from _elements(_of_many_lines(line + rest, number, source.label, report))
+                    return
+                damaged.append(error)
+                continue
+        whole += 1
+        yield from _elements(found)
+    _judge_damaged(damaged, whole, report)
 
 
-def _one_after_the_other(text: bytes, first_line: int, label: str, begun: bool, report: DropReport) -> Iterator[object]:
-    """Documents of a text, with NaN, infinity and numbers of any length."""
+def _elements(found: Iterable[object]) -> Iterator[object]:
+    for document in found:
+        yield from document if isinstance(document, list) else [document]
+
+
+def _of_many_lines(text: bytes, first_line: int, label: str, report: DropReport) -> list[object]:
+    """Documents of many lines each; or one a line where the first line is damaged."""
+    try:
+        return list(_one_after_the_other(text, first_line, label, report))
+    except DataError as error:
+        found, damaged = [], list[DataError]()
+        for number, line in enumerate(text.splitlines(), first_line):
+            try:
+                found += list(_one_after_the_other(line, number, label))
+            except DataError as wrong:
+                damaged.append(wrong)
+        if len(damaged) >= len(found):
+            raise error from error.__cause__
+        _judge_damaged(damaged, len(found), report)
+        return found
+
+
+def _judge_damaged(damaged: Sequence[DataError], whole: int, report: DropReport) -> None:
+    """Count damaged lines among whole ones; refuse a file of which they are half."""
+    if damaged and len(damaged) >= whole:
+        raise damaged[0]
+    if damaged:
+        report.note_of(DAMAGED, f"{damaged[0].got})", len(damaged))
+
+
+def _one_after_the_other(
+    text: bytes, first_line: int, label: str, report: DropReport | None = None
+) -> Iterator[object]:
+    """Documents of a text, with NaN, infinity and numbers of any length; the last may be cut where it is counted."""
     place, letters, where = 0, "", f"{label}, line {first_line}"
     try:
         letters = text.decode("utf-8-sig")
@@ -57,8 +98,8 @@ def _one_after_the_other(text: bytes, first_line: int, label: str, begun: bool, 
             f"{where}: not UTF-8 at byte {error.start}", expected="JSON in UTF-8", mend="save it as UTF-8"
         ) from error
     except json.JSONDecodeError as error:
-        if (begun or place) and not text.endswith(b"\n") and "}" not in letters[error.pos :]:
-            report.note("JSON lines cut at the end of a file", 1)
+        if report and place and not text.endswith(b"\n") and "}" not in letters[error.pos :]:
+            report.note("JSON documents cut at the end of a file", 1)
             return
         raise DataError(
             f"{label}, line {first_line - 1 + error.lineno}: not JSON ({error.msg})",

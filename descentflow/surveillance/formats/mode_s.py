@@ -178,23 +178,32 @@ LINES_READ = "lines `seconds frame` or `seconds,frame`, seconds since 1970 and f
 
 
 def is_message(document: object) -> bool:
-    """Test for a JSON document that looks like a line of jet1090."""
-    return isinstance(document, dict) and "timestamp" in document and bool(document.keys() & {"frame", "df"})
+    """Test for a JSON document that looks like a line of jet1090, or of pyModeS 3."""
+    return isinstance(document, dict) and "timestamp" in document and bool(document.keys() & {"frame", "df", "raw_msg"})
 
 
 def jet1090(documents: Iterator[object], label: str, report: DropReport, block_rows: int) -> Iterator[pl.DataFrame]:
-    """Rows of jet1090's lines: as decoded by the receiver, or decoded here where a line has only time and frame."""
+    """Rows of jet1090's lines: as decoded by the receiver, or decoded here where a line has only time and frame.
+
+    Lines of pyModeS 3, whose fields have other names, are decoded anew from their `raw_msg`.
+    """
 
     def batches() -> Iterator[pl.DataFrame]:
         while some := list(itertools.islice(documents, BATCH_MESSAGES)):
             messages = [m for m in some if isinstance(m, dict) and is_number(m.get("timestamp"))]
             report.note("lines that are no message with a time", len(some) - len(messages))
-            done = [m for m in messages if "df" in m]
+            done = [m for m in messages if "df" in m and "icao" not in m]
             if len(done) < len(messages):
-                rest = [m for m in messages if "df" not in m]
-                raw = [m for m in rest if isinstance(m.get("frame"), str) and WHOLE_FRAME.fullmatch(m["frame"])]
+                rest = [(m.get("frame", m.get("raw_msg")), m) for m in messages if "df" not in m or "icao" in m]
+                raw = [(f, float(m["timestamp"])) for f, m in rest if isinstance(f, str) and WHOLE_FRAME.fullmatch(f)]
                 report.note("lines without fields or a frame of 14 or 28 hexadecimal digits", len(rest) - len(raw))
-                done += decoded([m["frame"] for m in raw], [float(m["timestamp"]) for m in raw], report)
+                if not done and not raw:
+                    raise DataError(
+                        f"{label}: lines without a frame, whose fields are not those of jet1090",
+                        expected="fields as jet1090 names them, or `timestamp` with `frame` (`raw_msg` of pyModeS 3)",
+                        mend="write the frame into each line, as pyModeS does in `raw_msg`, or record with jet1090",
+                    )
+                done += decoded([frame for frame, _ in raw], [time for _, time in raw], report)
             yield columns_of(done)
 
     yield from rows(batches(), report)

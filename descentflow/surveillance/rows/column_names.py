@@ -1,5 +1,6 @@
 """Columns of a table by known names, by those of the trade, and by those that a user gives."""
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path, PurePath
@@ -19,8 +20,8 @@ LEVELS = "FL"
 LEVEL_NAMES = ("fl", "flight_level")
 HIGHEST_LEVEL = 1000.0
 """A median above this is no flight level but feet."""
-MAX_NOTED_COLUMNS, MAX_NAME_LETTERS, MAX_NOTED_LINES = 12, 40, 10
-"""Columns that a line of the report names, letters of a name, and lines about other tables."""
+MAX_NOTED_COLUMNS, MAX_NAME_LETTERS = 12, 40
+"""Columns that a line of the report names, and letters of a name."""
 UNUSED = "rows whose columns are not used: "
 """First words of such a line."""
 
@@ -113,9 +114,7 @@ def note_unused(names: Iterable[str], rows: int, report: DropReport) -> None:
     if not shown:
         return
     more = f" and {len(shown) - MAX_NOTED_COLUMNS} more" if len(shown) > MAX_NOTED_COLUMNS else ""
-    said = f"{UNUSED}{', '.join(shown[:MAX_NOTED_COLUMNS])}{more}"
-    lines = sum(note.startswith(UNUSED) for note in report.notes)
-    report.note(said if said in report.notes or lines < MAX_NOTED_LINES else f"{UNUSED}other tables' columns", rows)
+    report.note_of(UNUSED, f"{', '.join(shown[:MAX_NOTED_COLUMNS])}{more}", rows)
 
 
 def check_named(columns: Mapping[str, str]) -> None:
@@ -215,6 +214,14 @@ DESCENTS_MEND = (
 )
 
 
+GPS_NAME = re.compile(r"gps.*(time|sec|week|tow)|(^|_)tow($|_)|time_of_week|week_sec")
+"""Begin or part of the name of a column of GPS time."""
+GPS_MEND = (
+    "write a column timestamp: seconds of GPS time (1980-01-06, without leap seconds) plus 315964782 are seconds since "
+    "1970, and a week number is 604800 of them"
+)
+
+
 def listed(names: Sequence[str]) -> str:
     """Names of columns for a message, not too many."""
     more = f" and {len(names) - MAX_LISTED_COLUMNS} more" if len(names) > MAX_LISTED_COLUMNS else ""
@@ -232,6 +239,8 @@ def without_columns(path: Path | str, missing: Sequence[str], theirs: Sequence[s
         mend = VECTORS_MEND
     elif "altitude" in missing and "geoaltitude" in named:
         mend = GEOMETRIC_MEND
+    elif "timestamp" in missing and any(GPS_NAME.search(name.lower()) for name in theirs):
+        mend = GPS_MEND
     return DataError(
         f"{path} has no column {', '.join(missing)} (it has {listed(theirs)})",
         expected=f"columns {', '.join(REQUIRED)}, named as the traffic library names them",

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 import numpy as np
 
-MAX_NAMED_STEPS = 4
+MAX_NAMED_STEPS, MAX_NOTED_CASES = 4, 10
 """Steps that a summary names."""
 
 
@@ -100,6 +100,19 @@ class DropReport(InNotebook):
         """Add to a count of something that was changed."""
         if number:
             self.notes[what] = self.notes.get(what, 0) + number
+
+    def note_of(self, what: str, which: str, number: int) -> None:
+        """Add to a count that names a case; beyond the first ten cases all others have one count.
+
+        Example:
+            >>> report = DropReport()
+            >>> report.note_of("lines left out of ", "a.json", 2)
+            >>> report.notes
+            {'lines left out of a.json': 2}
+        """
+        said = f"{what}{which}"
+        lines = sum(note.startswith(what) for note in self.notes)
+        self.note(said if said in self.notes or lines < MAX_NOTED_CASES else f"{what}others", number)
 
     def as_dict(self) -> dict[str, Any]:
         """The report as dictionaries and lists for JSON."""

@@ -213,3 +213,39 @@ def test_slow_and_low_types_are_read_as_they_are(typecode: str) -> None:
     rows = simulate(typecode, 12, 3, "london-fir-2019").rows
     for without in ((), ("Mach",), ("Mach", "TAS"), ("Mach", "TAS", "groundspeed")):
         check_units(rows.drop(without), "rows.parquet")
+
+
+BY_A_HUNDRED = {
+    ("altitude", 100.0): "altitude seems to be multiplied by 100",
+    ("altitude", 0.01): "altitude seems to be in hundreds of feet",
+    ("IAS", 100.0): "IAS seems to be multiplied by 100",
+    ("IAS", 0.01): "IAS seems to be divided by 100",
+    ("Mach", 100.0): "Mach seems to be in hundredths",
+    ("Mach", 0.01): "Mach seems to be divided by 100",
+    ("TAS", 0.01): "TAS seems to be divided by 100",
+    ("groundspeed", 100.0): "groundspeed seems to be multiplied by 100",
+    ("groundspeed", 0.01): "groundspeed seems to be divided by 100",
+    ("vertical_rate", 0.01): "vertical_rate seems to be in hundreds of ft/min",
+}
+
+
+@pytest.mark.parametrize("without", [(), ("Mach",), ("TAS", "groundspeed"), ALONE])
+@pytest.mark.parametrize(("name", "factor"), BY_A_HUNDRED)
+def test_a_factor_of_a_hundred_is_named_and_mended(
+    name: str, factor: float, without: tuple[str, ...], rows: pl.DataFrame
+) -> None:
+    noise = pl.Series(np.random.default_rng(0).normal(0, 1, len(rows)))
+    rows = rows.with_columns(pl.col("IAS") + noise).drop(without)
+    if name not in rows.columns or (name == "groundspeed" and set(without) > {"TAS"}):
+        return
+    with pytest.raises(DataError) as caught:
+        read_rows([rows.with_columns(pl.col(name) * factor)], DropReport())
+    assert caught.value.got.partition("; ")[0].partition(": 7")[0].endswith(BY_A_HUNDRED[name, factor])
+    assert f"multiply the column {name} by {1 / factor:g} " in caught.value.mend
+
+
+def test_a_number_that_stands_for_none_throughout_is_no_scale(rows: pl.DataFrame) -> None:
+    with pytest.warns(DescentflowWarning, match=r"outside 40 to 700 and taken for missing .the most frequent: 9999"):
+        read_rows([rows.with_columns(TAS=pl.lit(9999.0))], DropReport())
+    with pytest.warns(DescentflowWarning, match=r"check the unit of the column .times 0.01 they would be possible"):
+        read_rows([rows.with_columns(pl.col("TAS") * 100)], DropReport())

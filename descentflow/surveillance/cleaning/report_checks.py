@@ -10,6 +10,7 @@ from descentflow.surveillance.cleaning.flights import FLIGHTS_OF_SEVERAL_TYPES, 
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.cleaning.two_clocks import ROWS_OF_OTHER_CLOCK
 from descentflow.surveillance.rows.drop_report import DropReport, Step
+from descentflow.surveillance.rows.false_values import TAKEN_FOR_MISSING
 from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED, ROWS_WITHOUT
 from descentflow.surveillance.rows.values_beside import JOIN_MEND, OF_OTHER_ROWS, VALUES_APART
 
@@ -60,6 +61,9 @@ def check_report(report: DropReport, rules: Cleaning) -> None:
     if clocks := [note for note in report.notes if note.startswith(ROWS_OF_OTHER_CLOCK.partition("{")[0])]:
         said = " and ".join(f"{report.notes[note]:,} {note}" for note in clocks)
         warn(f"{said}, are left out: write the times of all sources in UTC (the earlier of both are kept)")
+    for note in report.notes:
+        if note.endswith(TAKEN_FOR_MISSING):
+            warn(f"{report.notes[note]:,} {note}; to mend it, leave these cells of the source empty")
     for note in ADVICE if report.steps and report.steps[-1].rows_left else ():
         if number := report.notes.get(note):
             warn(f"{number:,} {note}; to mend it, {ADVICE[note]}")

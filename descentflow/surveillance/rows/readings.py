@@ -88,7 +88,14 @@ class Reading:
 
 
 AS_GIVEN, OFF = Reading(""), Reading("wrong", off=True)
-SPEEDS = (Reading("in m/s", 1 / KT_MPS), Reading("in km/h", 1 / 1.852), Reading("in miles per hour", 1 / 1.15078))
+LESSENED = Reading("divided by 100", 100.0)
+SPEEDS = (
+    Reading("in m/s", 1 / KT_MPS),
+    Reading("in km/h", 1 / 1.852),
+    Reading("in miles per hour", 1 / 1.15078),
+    Reading("multiplied by 100", 0.01),
+    LESSENED,
+)
 RATE_UNITS = {
     "in m/s": 1 / FPM_MPS,
     "in hundreds of ft/min": 100.0,
@@ -102,7 +109,7 @@ SINKS = "with the sign of a sink rate"
 READINGS: dict[str, tuple[Reading, ...]] = {
     "altitude": (AS_GIVEN, Reading("in metres", 1 / FT_M), Reading("in hundreds of feet", 100.0)),
     "IAS": (AS_GIVEN, *SPEEDS, Reading("TAS or groundspeed", meaning="TAS"), OFF),
-    "Mach": (AS_GIVEN, Reading("in hundredths", 0.01), Reading("in thousandths", 0.001), OFF),
+    "Mach": (AS_GIVEN, Reading("in hundredths", 0.01), Reading("in thousandths", 0.001), LESSENED, OFF),
     "TAS": (AS_GIVEN, *SPEEDS, Reading("IAS", meaning="IAS"), OFF),
     "groundspeed": (AS_GIVEN, *SPEEDS, Reading("IAS", meaning="IAS"), OFF),
     "vertical_rate": (
@@ -258,7 +265,7 @@ def _mach(name: str, values: Array, altitude: Array, reading: Reading) -> Array:
     if name == "Mach":
         return values
     if (reading.meaning or ("TAS" if name == "groundspeed" else name)) == "IAS":
-        return mach_of_cas(np.where(values < 1000, values, np.nan), altitude)
+        return mach_of_cas(np.minimum(values, 1000.0), altitude)
     return values / isa_tas_of_mach_kt(np.ones_like(altitude), altitude)
 
 

@@ -31,7 +31,7 @@ from descentflow.surveillance.rows.readings import (
 )
 from descentflow.surveillance.rows.schema import MIN_CHECKED_VALUES, POSSIBLE, REQUIRED
 from descentflow.surveillance.rows.times import check_numbers_of_days, check_whole_minutes
-from descentflow.surveillance.rows.units_words import contradiction, readings_in_words, refusal
+from descentflow.surveillance.rows.units_words import contradiction, readings_in_words, refusal, scaled_by_hundred
 
 CONTRADICTS_KT = 25.0
 """Difference of IAS and the CAS of Mach at which rows are dropped (`airspeeds_differ_kt`): a smaller one that no unit
@@ -337,15 +337,36 @@ def check_other_units(rows: pl.DataFrame, source: str) -> None:
         )
 
 
+MIN_OUTSIDE_SHARE, MIN_SCALED_SHARE = 0.5, 0.9
+"""Share of a column's values that are impossible from which the column is named, and share of these that a factor of a
+hundred makes possible, if it is that."""
+
+
 def check_possible(rows: pl.DataFrame, source: str) -> None:
-    """Warn of a column of which most values are impossible; the judging of rows sets them to missing."""
-    for name in sorted(set(POSSIBLE) & set(rows.columns) - set(REQUIRED)):
-        values = rows[name].drop_nulls()
-        outside = values.filter(~values.is_between(*POSSIBLE[name]))
-        if len(values) >= MIN_CHECKED_VALUES and len(outside) > len(values) / 2:
-            low, high = POSSIBLE[name]
+    """Warn of a column of which most values are impossible; the judging of rows sets them to missing.
+
+    A required column is refused where a factor of a hundred is the cause, and else left to the judging of rows.
+    """
+    for name in sorted(set(POSSIBLE) & set(rows.columns)):
+        values, (low, high) = rows[name].drop_nulls(), POSSIBLE[name]
+        outside = values.filter(~values.is_between(low, high))
+        if len(values) < MIN_CHECKED_VALUES or len(outside) <= MIN_OUTSIDE_SHARE * len(values):
+            continue
+        factor = _factor_of_hundred(outside, low, high)
+        if name not in REQUIRED:
+            scaled = f" (times {factor:g} they would be possible)" if factor else ""
             warn(
                 f"{source}: {len(outside):,} of {len(values):,} values of {name} are outside {low:g} to {high:g} and "
-                f"taken for missing (the most frequent: {outside.mode().sort()[0]:g}): check the unit of the column, "
-                "and leave values that stand for none empty"
+                f"taken for missing (the most frequent: {outside.mode().sort()[0]:g}): check the unit of the column"
+                f"{scaled}, and leave values that stand for none empty"
             )
+        elif factor:
+            raise scaled_by_hundred(source, name, factor, len(outside), len(values))
+
+
+def _factor_of_hundred(outside: pl.Series, low: float, high: float) -> float | None:
+    """The factor that makes values possible; None for one number that stands for none, however it is scaled."""
+    if outside.n_unique() <= 2:
+        return None
+    inside = {factor: (outside * factor).is_between(low, high).sum() for factor in (0.01, 100.0)}
+    return next((factor for factor, number in inside.items() if number > MIN_SCALED_SHARE * len(outside)), None)

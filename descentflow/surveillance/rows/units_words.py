@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from descentflow.core.errors import DataError
-from descentflow.surveillance.rows.readings import OPPOSITE, SINKS, Solution
+from descentflow.surveillance.rows.readings import OPPOSITE, SINKS, Reading, Solution
 
 EXPECTED = {
     "altitude": "altitude in ft",
@@ -53,6 +53,16 @@ def contradiction(source: str, given: Solution, best: Sequence[Solution]) -> Dat
         f"{source}: {got}, in units of any kind{others}",
         expected=expected,
         mend=f"{mend}, and correct it or leave it out of the table",
+    )
+
+
+def scaled_by_hundred(source: str, name: str, factor: float, outside: int, values: int) -> DataError:
+    """The error where a column's values are possible but for a factor of a hundred."""
+    scaled = Reading(f"{'multiplied' if factor < 1 else 'divided'} by 100", factor)
+    return DataError(
+        f"{source}: {name} seems to be {scaled.words}: {outside:,} of {values:,} values are impossible as given",
+        expected=EXPECTED[name],
+        mend=_mend(Solution({name: scaled})),
     )
 
 

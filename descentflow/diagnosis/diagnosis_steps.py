@@ -38,7 +38,6 @@ from descentflow.diagnosis.inference.described import (
     singles_of,
 )
 from descentflow.diagnosis.inference.explain import Explanation, detection_limits, explain
-from descentflow.diagnosis.inference.naming import free_in_every_set
 from descentflow.diagnosis.inference.verdict import verdict_of
 from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.diagnosis.sides.diagnosis_settings import Settings
@@ -141,14 +140,12 @@ def _left(compared: Compared, added: AddedEffects) -> Tensor:
 
 
 def _measured_over(found: Explanation) -> Tensor:
-    """Entries (p,) whose means certainly differ, all where none does; what is free in every set is no gap."""
+    """Entries (p,) whose means certainly differ, all where none does, of those that causes are weighed by."""
     known = found.search.known
     standing = np.abs(known.difference) / np.sqrt(known.covariance.diagonal())
-    differs = torch.from_numpy(standing > CERTAIN_ERRORS)
-    within = torch.nonzero(~free_in_every_set(found.compared))[:, 0]
-    chosen = torch.zeros(len(found.compared.entries), dtype=torch.bool)
-    chosen[within[differs] if bool(differs.any()) else within] = True
-    return chosen
+    differs = standing > CERTAIN_ERRORS
+    chosen = {e for e, certain in zip(found.weighed.entries, differs, strict=True) if certain or not differs.any()}
+    return torch.tensor([entry in chosen for entry in found.compared.entries])
 
 
 def _takes_away(compared: Compared, added: AddedEffects, name: str, costs: Sequence[Cost]) -> dict[str, float]:

@@ -4,6 +4,10 @@ import torch
 from torch import Tensor
 
 from descentflow.core.units import FPM_MPS, KT_MPS
+from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
+
+FOR_AIR = ("IAS", "groundspeed", "track", "heading")
+"""Channels by which a flight measures what the air adds to its speed."""
 
 
 def level_part_kt(seen: dict[str, Tensor]) -> Tensor:
@@ -29,3 +33,32 @@ def drift_cosine(seen: dict[str, Tensor]) -> Tensor:
         return torch.ones_like(seen["TAS"])
     cosine = torch.cos(torch.deg2rad(seen["heading"] - seen["track"]))
     return torch.where(cosine.isfinite(), cosine, 1.0)
+
+
+def speed_by_air_kt(seen: dict[str, Tensor], altitude_m: Tensor) -> Tensor:
+    r"""Speed over the ground along the heading beyond the true airspeed in standard air (n, L), without turns.
+
+    By its change with altitude the air gives or takes energy, whatever part wind and temperature have in it. With the
+    velocity over the ground :math:`G`, the wind :math:`W` and the unit vectors :math:`v` along the heading and
+    :math:`n` to its right, :math:`dW \cdot v = d(G \cdot v) - (G \cdot n)\,d\psi - dV`: a turn in a steady wind changes
+    :math:`G \cdot v`, and no energy. Calibrated airspeed gives V, for it has the finer steps.
+
+    Args:
+        seen: Channels (n, L), those of :data:`FOR_AIR` among them.
+        altitude_m: (L,) pressure altitude, ascending.
+
+    Example:
+        >>> turn = {"heading": torch.tensor([[80.0, 90.0]]), "track": torch.tensor([[80.0, 90.0]])}
+        >>> flown = {"IAS": torch.tensor([[0.0, 0.0]]), "groundspeed": torch.tensor([[30.0, 50.0]]), **turn}
+        >>> speed_by_air_kt({name: x.double() for name, x in flown.items()}, torch.tensor([0.0, 30.0]).double())
+        tensor([[30., 50.]], dtype=torch.float64)
+    """
+    drift = torch.deg2rad(seen["track"] - seen["heading"])
+    along, across = seen["groundspeed"] * torch.cos(drift), seen["groundspeed"] * torch.sin(drift)
+    known = across.isfinite()
+    last = torch.where(known, torch.arange(known.shape[1]), -1).cummax(1).values.clamp(min=0)
+    heading, across = (values.gather(1, last) for values in (torch.deg2rad(seen["heading"]), across))
+    turned = torch.remainder(heading.diff(dim=1) + torch.pi, 2 * torch.pi) - torch.pi
+    by_turns = ((across[:, 1:] + across[:, :-1]) / 2 * turned).nan_to_num(0.0).cumsum(1)
+    standard = mach_to_tas_mps(cas_to_mach(seen["IAS"] * KT_MPS, altitude_m), altitude_m) / KT_MPS
+    return along - torch.nn.functional.pad(by_turns, (1, 0)) - standard

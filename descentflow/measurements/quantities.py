@@ -15,16 +15,16 @@ from torch import Tensor
 from descentflow.core.errors import DataError
 from descentflow.core.row_runs import first_rows
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
-from descentflow.measurements.along_track import drift_cosine, level_part_kt
+from descentflow.measurements.along_track import FOR_AIR, drift_cosine, level_part_kt, speed_by_air_kt
 from descentflow.measurements.level_channels import EDGE_LEVELS, LevelGrid, gaps_of, short_scale_noise
 from descentflow.measurements.quantity_registry import CHANNELS, QUANTITIES
 from descentflow.measurements.turning import induced_by_turns
 from descentflow.physics.airspeed import mach_to_cas_mps, mach_to_tas_mps
 
-VERSION = 5
+VERSION = 6
 """Of the state that checkpoints carry."""
-WITHOUT_TURNS = (2, 3, 4)
-"""Versions that did not measure turns, and measured all else but noise alike."""
+EARLIER = (2, 3, 4, 5)
+"""Versions that did not measure what the air adds to speed, or turns, and measured all else but noise alike."""
 OTHER_NOISE = (2, 3)
 """Versions that measured noise otherwise."""
 N_BANDS = 15
@@ -41,6 +41,8 @@ class Quantities:
     ``cas_mps``, ``cas_slope_per_s``, ``tailwind_mps`` (n, K); ``rate_slope_per_m`` (n, K) d ln(reported rate)/dHp
     between the edges of a band, NaN where they are not seen; ``depth_m`` (n, K) below the flight's own highest level;
     ``turning`` (n, K), where headings or tracks are reported, the share by which turns raise induced drag;
+    ``air_slope_per_s`` (n, K), where groundspeed, track and heading are, the growth of
+    :func:`~descentflow.measurements.along_track.speed_by_air_kt` with altitude, NaN where it is not seen;
     ``airframe`` (n,) number of the aircraft.
 
     Example:
@@ -107,12 +109,12 @@ class Quantities:
     def from_state(cls, state: dict[str, Any]) -> "Quantities":
         """Rebuild from :meth:`to_state`; without what another version did not measure, or measured otherwise.
 
-        Noise is then not compared, and how the flights turned is not known.
+        Noise is then not compared, and how the flights turned, or what their air added to speed, is not known.
 
         Raises:
             KeyError: If the state is of another version.
         """
-        if state["version"] not in (*WITHOUT_TURNS, VERSION):
+        if state["version"] not in (*EARLIER, VERSION):
             raise KeyError(f"reference of version {state['version']}")
         if state["version"] in OTHER_NOISE:
             kept = {name: value for name, value in state["values"].items() if not QUANTITIES[name].is_noise}
@@ -241,6 +243,11 @@ def measured(grid: LevelGrid, band_fl: float | None = None) -> Quantities:
     if "geoaltitude" in seen:
         values["height"] = _centred(bands.mean(seen["geoaltitude"] * FT_M - grid.altitude_m))
     physics["tailwind_mps"] = tailwind.nan_to_num(0.0)
+    if all(channel in seen for channel in FOR_AIR):
+        by_air = speed_by_air_kt(seen, grid.altitude_m)
+        steep, around = bands.change(by_air) / (band * FL_M), bands.slope(by_air)
+        steep = torch.where(steep.isfinite() | (around == 0.0), steep, around)
+        physics["air_slope_per_s"] = torch.where(log_rate.isfinite(), steep, torch.nan) * KT_MPS
     turning = induced_by_turns(grid)
     if turning is not None:
         physics["turning"] = bands.mean(turning)

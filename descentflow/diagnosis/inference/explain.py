@@ -35,6 +35,7 @@ class Explanation:
 
     Attributes:
         compared: Flights of both sides.
+        weighed: The same as they are weighed: without their own air, and without what is free in every set.
         catalogue: Effects that may be named.
         search: Sets of effects for the means of both sides.
         sets: All that were fitted, heaviest first.
@@ -47,6 +48,7 @@ class Explanation:
     """
 
     compared: Compared
+    weighed: Compared
     catalogue: Mapping[str, Effect]
     search: Search
     sets: Sequence[SetFit]
@@ -71,6 +73,7 @@ def explain(
     progress("measuring means and shapes of flights")
     assumed, free = compared.assumed, free_in_every_set(compared)
     aside, within = (compared.only(torch.nonzero(part)[:, 0]) for part in (free, ~free))
+    within = within.in_own_air()
     known, by_flight = moments(within), differing(catalogue)
     signatures = Signatures(within, known)
     means = [MeanEffect(effect, signatures) for effect in catalogue.values() if effect not in by_flight]
@@ -97,6 +100,7 @@ def explain(
     )
     return Explanation(
         compared,
+        within,
         catalogue,
         search,
         sets,

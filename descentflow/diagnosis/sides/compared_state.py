@@ -8,15 +8,22 @@ against the polar with the induced drag of the flight's own turns, beyond the me
 
 Means stay as they are. By how much the real flights turn more than the simulator's is left to the effect of the
 catalogue for it.
+
+The air that a flight met is measured by its own reports: temperature by TAS and Mach number, and what wind and
+temperature add to its speed by groundspeed, track and heading. With both in the energy equation,
+:math:`a_i = \ln \hat R_i(\Delta T_i, w'_i) - \ln \hat R_i` is the change of its rate that needs no cause.
 """
 
 import torch
 from torch import Tensor
 
+from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import FL_M, FPM_MPS
 from descentflow.diagnosis.sides.assumptions import ASSUMED, Assumptions
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.measurements.quantities import Quantities
+from descentflow.physics.airspeed import mach_to_tas_mps
+from descentflow.physics.atmosphere import isa_fraction, isa_temperature_k
 from descentflow.physics.performance_model import PerformanceModel
 
 
@@ -100,6 +107,40 @@ def _calibrated_change(flights: Quantities, edge_noise: float) -> Tensor:
     spread = ((change - mean) ** 2).nanmean(0)
     true = (spread - noise.where(change.isfinite(), torch.nan).nanmean(0)).clamp(min=0.0)
     return torch.where(noise.isfinite(), mean + true / (true + noise) * (change - mean), torch.nan)
+
+
+KNOWN_SHARE = 0.5
+"""Of the rates of a side whose flights measured their air, for it to be taken off; the others are then left out."""
+
+
+def by_own_air(state: FlightState, slope_per_s: Tensor, warmth: Tensor) -> Tensor:
+    """Change (n, K) of ln rate by the air that each flight measured, beyond standard calm air; NaN where it did not.
+
+    Args:
+        state: The flights.
+        slope_per_s: (n, K) growth with altitude of what the air adds to the speed along the heading, NaN where unknown.
+        warmth: (n, K) logarithm of the true airspeed over that of the Mach number in standard air; NaN where unknown.
+
+    Example:
+        >>> from descentflow.effects.example_flights import example_flights
+        >>> state = example_flights()
+        >>> none, more = torch.zeros(6, 11).double(), torch.full((6, 11), 0.001).double()
+        >>> found = by_own_air(state, more, none)  # 0.6 kt more tailwind for each 1,000 ft
+        >>> torch.allclose(found, log_rate(state, wind_slope_per_s=more) - log_rate(state))
+        True
+    """
+    deviation_k = isa_temperature_k(state.altitude_m) * ((2 * warmth.nan_to_num(0.0)).exp() - 1)
+    # Warm air adds to the speed, the more the faster the flight: that much of the slope is in its own equation already.
+    standard, own = (_speed_slope_per_s(state, air) for air in (torch.zeros_like(deviation_k), deviation_k))
+    wind_slope = slope_per_s - (own - standard)
+    return log_rate(state, deviation_k=deviation_k, wind_slope_per_s=wind_slope) - state.own_log_rate
+
+
+def _speed_slope_per_s(state: FlightState, deviation_k: Tensor) -> Tensor:
+    """Growth dV/dHp (n, K) of the true airspeed with pressure altitude in air of a deviation."""
+    share = 1 / state.share_terms.factor(torch.zeros_like(deviation_k), deviation_k) - 1
+    tas = mach_to_tas_mps(state.mach(), state.altitude_m, deviation_k)
+    return share * G0_MPS2 / tas / isa_fraction(state.altitude_m, deviation_k)
 
 
 def turned_more(turning: Tensor, real: Tensor) -> Tensor:

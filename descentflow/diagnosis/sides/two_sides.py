@@ -9,7 +9,14 @@ from torch import Tensor
 from descentflow.core.errors import DataError
 from descentflow.core.units import FL_M
 from descentflow.diagnosis.sides.assumptions import ASSUMED, Assumptions
-from descentflow.diagnosis.sides.compared_state import by_own_turns, report_delay_s, state_of, turned_more
+from descentflow.diagnosis.sides.compared_state import (
+    KNOWN_SHARE,
+    by_own_air,
+    by_own_turns,
+    report_delay_s,
+    state_of,
+    turned_more,
+)
 from descentflow.diagnosis.sides.simulator_coefficients import SimulatorCoefficients, simulator_coefficients
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.measurements.quantities import Quantities
@@ -62,6 +69,10 @@ class Compared:
     """Identifiers of the real flights, in their order; empty where they are not known."""
     assumed: Assumptions = ASSUMED
     """Constants of the diagnosis."""
+    own_air: Tensor | float = 0.0
+    """(n, K) change of ln rate by the air that each flight measured, NaN where it did not; zero where too few did."""
+    measures_air: bool = False
+    """True if both sides measured their air, so that ``own_air`` is whole; else it is that beyond the side's mean."""
 
     @property
     def has_simulated(self) -> bool:
@@ -83,6 +94,18 @@ class Compared:
     def of(self, quantity: str) -> Tensor:
         """Entries (p,) of a quantity."""
         return torch.tensor([e.quantity == quantity for e in self.entries])
+
+    def in_own_air(self) -> "Compared":
+        """The same flights, their rates without what the air does that each met; bands that too few then show go."""
+        columns, shown = self.of("rate"), []
+        y, taken = self.y.clone(), self.own_air + torch.zeros_like(self.state.cas_mps)
+        for i in self.columns("rate").tolist():
+            y[:, i] = y[:, i] - taken[:, self.entries[i].band]
+        for i, is_rate in enumerate(columns.tolist()):
+            sides = [y[self.real, i], *([y[~self.real, i]] if self.has_simulated else [])]
+            if not is_rate or all(_enough(side) for side in sides):
+                shown.append(i)
+        return replace(self, y=y, scale=_spread(y, self.real)).only(torch.tensor(shown, dtype=torch.long))
 
     def columns(self, quantity: str) -> Tensor:
         """Positions (k,) of a quantity's entries."""
@@ -171,6 +194,7 @@ def compare(
             mend="give more flights",
         )
     y = torch.stack(list(columns.values()), 1)
+    own_air, measures_air = _own_air(state, both, is_real)
     return Compared(
         tuple(columns),
         y,
@@ -183,7 +207,28 @@ def compare(
         coefficients,
         real.names,
         assumed,
+        own_air,
+        measures_air,
     )
+
+
+def _own_air(state: FlightState, both: Quantities, real: Tensor) -> tuple[Tensor, bool]:
+    """Change (n, K) of ln rate by the air that flights measured, and whether both sides measured theirs.
+
+    Where one side did not, its air is not known, and no mean of the other may change by air: what is beyond it goes.
+    """
+    unknown = torch.full_like(state.cas_mps, torch.nan)
+    slope, warmth = both.physics.get("air_slope_per_s", unknown), both.values.get("tas", unknown)
+    sides = [side for side in (real, ~real) if bool(side.any())]
+    warmth, change = warmth.clone(), torch.zeros_like(unknown)
+    for side in sides:
+        warmth[side] = torch.where(warmth[side].isfinite(), warmth[side], warmth[side].nanmean(0))
+    by_air, shown = by_own_air(state, slope, warmth), both.physics["log_rate"].isfinite()
+    knows = [bool((by_air[side].isfinite() & shown[side]).sum() > KNOWN_SHARE * shown[side].sum()) for side in sides]
+    for side, known in zip(sides, knows, strict=True):
+        if known:
+            change[side] = by_air[side] if all(knows) else by_air[side] - by_air[side].nanmean(0)
+    return change, all(knows)
 
 
 def _with_turns(state: FlightState, turning: Tensor | None, real: Tensor) -> tuple[FlightState, Tensor]:

@@ -234,9 +234,11 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
         if law.is_one_window:
             return torch.stack([law.low_fl, law.high_fl]), torch.tensor([0]), torch.tensor([1])
         low, high = self.range_fl(state)
-        ends = torch.arange(low, high + self.grid_fl / 2, self.grid_fl, dtype=torch.float64)
+        # Brakes that are out at the bottom of the levels were out further down as well: how far, the law tells.
+        steps = math.ceil(self.longest_fl(state) / 2 / self.grid_fl)
+        ends = torch.arange(low - steps * self.grid_fl, high + self.grid_fl / 2, self.grid_fl, dtype=torch.float64)
         height = ends - ends[:, None]
-        chosen = (height >= NARROWEST_FL) & (height <= self.longest_fl(state))
+        chosen = (height >= NARROWEST_FL) & (height <= self.longest_fl(state)) & (ends >= low + NARROWEST_FL)
         if self._about:
             usual, tall = self._about
             near = ((ends + ends[:, None]) / 2 - usual).abs() <= GRID_FL

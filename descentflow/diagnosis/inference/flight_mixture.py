@@ -85,7 +85,7 @@ def flight_windows(
     top = np.where(seen, np.arange(len(bands)), -1).max(1)
     # A window that is open to the top of a flight is how its descent begins, and one open to the bottom how it ends.
     beyond_top = (weights > 0)[None] & (np.arange(len(bands)) >= top[:, None])[:, None]
-    within = ~beyond_top.any(2) & (weights[:, 0] == 0.0)
+    within = ~beyond_top.any(2)
     return FlightWindows(
         effect,
         state,

@@ -171,8 +171,10 @@ class Effect(ABC):
 
     of_coefficients: ClassVar[bool] = False
     """True for a change of the type's coefficients, which `descentflow repair` estimates."""
-    is_air: ClassVar[bool] = False
+    is_temperature: ClassVar[bool] = False
     """True if it is the temperature of the air, which a decoder takes for standard."""
+    of_air: ClassVar[bool] = False
+    """True if it is of the air that a flight meets, which its own reports measure."""
 
     @property
     def text(self) -> str:

@@ -24,7 +24,7 @@ class Temperature(Effect):
     directions = ("air warmer than the standard atmosphere", "air colder than the standard atmosphere")
     against = ("air warmer than that of the simulator's flights", "air colder than that of the simulator's flights")
     inherited_from = 2.0
-    is_air = True
+    is_temperature = of_air = True
     parameters = (
         Parameter("deviation_k", -40.0, 40.0, "K", 5.0, label="deviation from the standard atmosphere", symbol="ISA"),
     )

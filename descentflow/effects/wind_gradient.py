@@ -25,6 +25,7 @@ class WindGradient(Effect):
         "a tailwind that grows less with altitude than in the simulator's flights",
     )
     inherited_from = 0.0005
+    of_air = True
     parameters = (
         Parameter(
             "slope_per_s",

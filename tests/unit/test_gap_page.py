@@ -15,7 +15,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from descentflow.diagnosis.findings.cause_found import ClosedShare
+from descentflow.diagnosis.findings.cause_found import ClosedShare, OnBothSides, ParameterEstimate, ReportedSize
+from descentflow.diagnosis.findings.costs_found import Measured
 from descentflow.diagnosis.findings.findings import Curve, Findings
 from descentflow.diagnosis.findings.inputs_found import Provenance
 from descentflow.diagnosis.inference.described import recipe_of
@@ -210,3 +211,24 @@ def test_what_is_not_known_is_left_out() -> None:
     assert "<figure" not in page(empty)
     assert "Next: " not in summary(empty)
     assert "Change in the simulator:" in summary(empty)
+
+
+def test_still_air_is_stated_apart_and_the_rest_is_said_in_seconds_and_feet() -> None:
+    found = finding_toys.findings()
+    air = finding_toys.cause("temperature", {"deviation_k": ParameterEstimate(15.6, 14.0, 17.2, "K", "deviation")})
+    size = ReportedSize("deviation_k", "ISA +15.6 K (+14 to +17.2)", "K", Measured(15.6))
+    still = replace(air, of_air=True, sizes=[size])
+    alone = replace(found, verdict="effect", causes=[still], recipe=found.recipe[:1])
+    assert "differ (p = 0.0005): their air explains it." in summary(alone)
+    assert "The air of these flights: ISA +15.6 K (+14 to +17.2). The simulator flies standard calm air." in summary(
+        alone
+    )
+    assert "+1.5 s of +25 s in time at equal speed; -8.0 ft/min of -110 ft/min in rate of descent." in summary(alone)
+    assert "no effect of the catalogue explains what their air leaves of it" in summary(
+        replace(alone, verdict="unknown")
+    )
+    both = replace(found, verdict="effect", causes=[still, finding_toys.brakes()])
+    assert "one cause and the air explain it." in summary(both)
+    of_its_own = replace(still, on_both_sides=[OnBothSides("deviation_k", "K", 15.6, 5.0)])
+    assert "standard calm air" not in summary(replace(alone, causes=[of_its_own]))
+    assert "in all measured means" not in words_of(page(alone))

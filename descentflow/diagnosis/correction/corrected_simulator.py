@@ -94,7 +94,10 @@ def air_of_training(parts: Representation) -> dict[str, list[float]]:
     """
     if parts.reference is None or parts.air is not None:
         return {}
-    flights, effect = Quantities.from_state(parts.reference), next(one for one in EFFECTS.values() if one.is_air)
+    flights, effect = (
+        Quantities.from_state(parts.reference),
+        next(one for one in EFFECTS.values() if one.is_temperature),
+    )
     state = state_of(flights, parts.decoder.aircraft, float(parts.decoder.aircraft.mass_reference_kg))
     found = effect.measured(state, flights.values)
     if found is None or abs(float(found[0])) < NONE * effect.parameters[0].scale:

@@ -152,6 +152,7 @@ class Cause:
         takes_away: By cost (``time``, ``rate``, ...) over all levels: the part of the difference, flights minus
             simulator, that goes once the simulator has this cause beside the others; in the cost's unit.
         alternatives: The effects of ``group`` with their sizes.
+        of_air: Whether it is of the air that flights met, and not of the simulator's aircraft or crews.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -178,6 +179,19 @@ class Cause:
     on_both_sides: list[OnBothSides] = field(default_factory=list)
     takes_away: dict[str, float] = field(default_factory=dict)
     alternatives: list[Alternative] = field(default_factory=list)
+    of_air: bool = False
+
+    @property
+    def meets_still_air(self) -> bool:
+        """True if it is of the air, and the simulator's own flights have none of it: theirs is standard and calm.
+
+        Example:
+            >>> air = OnBothSides("deviation_k", "K", flights=9.9, simulator=0.0)
+            >>> Cause("temperature", [], 1.0, {}, 9.0, Closure(ClosedShare(None, None, None)), of_air=True,
+            ...       on_both_sides=[air]).meets_still_air
+            True
+        """
+        return self.of_air and all(round(side.simulator, 1) == 0.0 for side in self.on_both_sides)
 
     def in_flights(self) -> str:
         """Flights that have it; empty where all have."""

@@ -59,6 +59,7 @@ def cause_of(found: Explanation, name: str, closed: ClosedShare, takes_away: Map
         on_both_sides=both.measured,
         takes_away=dict(takes_away),
         alternatives=alternatives,
+        of_air=effect.of_air,
     )
 
 

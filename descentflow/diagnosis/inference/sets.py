@@ -26,7 +26,7 @@ import numpy as np
 from descentflow.core.linear_gaussian import Array, GaussianPosterior, posterior
 from descentflow.diagnosis.inference.candidates import Candidate, linearised
 from descentflow.diagnosis.inference.moments import Moments
-from descentflow.diagnosis.inference.signatures import MEASURED_BY_AIR, Signature
+from descentflow.diagnosis.inference.signatures import Signature
 from descentflow.diagnosis.sides.assumptions import Assumptions
 from descentflow.measurements.quantity_registry import QUANTITIES
 
@@ -34,6 +34,9 @@ GAUSS_NEWTON_ROUNDS = 4
 """Rounds of Gauss-Newton: shifts are nearly linear in their sizes."""
 SCALE_SWEEPS = 2
 """Sweeps over the quantities, of which an unknown cause moves some."""
+
+OF_AIR = frozenset({"tas", "wind", "height"})
+"""Quantities that measure the air."""
 
 Names = tuple[str, ...]
 
@@ -168,7 +171,7 @@ class SetFits:
             rest = rest + jacobian @ (fit.sizes[name] - candidate.start)
             noise = noise + (jacobian * candidate.prior_sd**2) @ jacobian.T
         every = [name for name in dict.fromkeys(map(str, self.known.quantity)) if QUANTITIES[name].by_band]
-        quantities = [name for name in every if name in MEASURED_BY_AIR] if air else every
+        quantities = [name for name in every if name in OF_AIR] if air else every
         sizes = [scale for scale in self.assumed.unknown_scales if not air or scale <= self.assumed.layers]
         scales = dict(fit.unknown)
         for _, name in itertools.product(range(SCALE_SWEEPS), quantities):
@@ -180,7 +183,7 @@ class SetFits:
 
     def _air(self, scales: Mapping[str, float]) -> frozenset[str]:
         """Quantities that layers of air move."""
-        return frozenset(q for q, scale in scales.items() if q in MEASURED_BY_AIR and scale <= self.assumed.layers)
+        return frozenset(q for q, scale in scales.items() if q in OF_AIR and scale <= self.assumed.layers)
 
     def _log_prior(self, scales: Mapping[str, float]) -> float:
         """Of an unknown cause in these quantities."""

@@ -25,8 +25,6 @@ FLIGHTS_OF_COEFFICIENTS = 40
 """Flights by whose mean the part of the coefficients is known well enough."""
 DERIVATIVE_STEP = 0.02
 """Step of differences, in sizes of a parameter that matter: shifts are smooth, and windows have edges."""
-MEASURED_BY_AIR = frozenset({"tas", "wind", "height"})
-"""Quantities that measure the air."""
 LEAST_DIRECTION = 1e-3
 """A part of the coefficients that is known to a thousandth."""
 
@@ -128,7 +126,7 @@ class Signatures:
 
     def _vectors(self, effect: Effect, theta: Tensor, state: FlightState) -> Array:
         shift = effect.shift(state, theta)
-        if self.compared.measures_air and not MEASURED_BY_AIR.isdisjoint(shift):
+        if self.compared.measures_air and effect.of_air:
             # The rate that the air makes is off each flight already: its size is that of the air itself.
             shift = {quantity: part for quantity, part in shift.items() if quantity != "rate"}
         found: Array = self.compared.vector(shift).numpy()

@@ -28,7 +28,10 @@ def verdict_of(found: Explanation, *, is_gap: bool = True, costs: Sequence[Cost]
         return "none"
     if not found.theta:
         return "unknown"
-    return "partial" if found.named.has_unknown or leaves_time(costs) else "effect"
+    if not (found.named.has_unknown or leaves_time(costs)):
+        return "effect"
+    # The air is no part of a simulator: what it leaves is unknown.
+    return "unknown" if all(found.catalogue[name].of_air for name in found.theta) else "partial"
 
 
 def leaves_time(costs: Sequence[Cost]) -> bool:

@@ -36,6 +36,8 @@ COSTS_DRAWN = ("time", "time_at_speed", "ground_distance", "air_distance", "rate
 """Costs that are drawn by level."""
 BRIEF = ("time", "ground_distance", "air_distance", "rate")
 """Costs at the top of the page."""
+CLOSED = ("time_at_speed", "rate")
+"""Costs of which the page states first how much is left: those that no chance of crews' speeds moves."""
 LEVELS_DRAWN = 4
 """Quantities drawn against altitude: the rate, and those that differ most in standard errors."""
 
@@ -227,6 +229,7 @@ def _shared(found: Findings) -> dict[str, Any]:
         "p": f"{found.p_value:.2g}",
         "significant": ASSUMED.false_gap,
         "same": bool(made.real.fingerprint) and made.real.fingerprint == made.simulator.fingerprint,
+        "remains": _remaining(found),
         "known_flights": found.dropped.get(SEEN, 0),
         "standing": _standing(found),
         "stand_in": str(used) if used and used.stand_in else "",
@@ -243,6 +246,16 @@ def _shared(found: Findings) -> dict[str, Any]:
         "listed": listed,
         "shown": lambda *one: _in_words(found, *one),
     }
+
+
+def _remaining(found: Findings) -> list[tuple[str, str, str]]:
+    """Time at equal speed and rate that are left with the causes, those before, and their names."""
+    rows = []
+    for cost in whole_costs(found):
+        if cost.name in CLOSED and cost.after:
+            left, before = (with_unit(size.estimate, cost.unit, signed=True) for size in (cost.after, cost.before))
+            rows.append((left, before, cost.label))
+    return rows
 
 
 def listed(parts: Sequence[str], word: str = "and") -> str:
@@ -320,7 +333,7 @@ def _aligned(rows: Sequence[Sequence[str]]) -> str:
 def _air_of_simulator(cause: Cause) -> str:
     """Air of the simulator's flights where the air is a cause: ``unknown``, ``standard``, or its ``own``."""
     effect = EFFECTS.get(cause.effect)
-    if effect is None or not effect.is_air:
+    if effect is None or not effect.is_temperature:
         return ""
     if not cause.on_both_sides:
         return "unknown"

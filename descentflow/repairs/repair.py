@@ -75,14 +75,17 @@ def repair(
     found = fit_types(types)
     say("predicting aircraft that were not used")
     judged = held_out(types, _finished)
-    after = _finished(types[0], found.of(0)[0]) if judged.better else before
+    after = before
+    if judged.better:
+        by = f"repaired by {judged.flights} flights of {judged.aircraft} aircraft; {before.source}"
+        after = replace(_finished(types[0], found.of(0)[0]), source=by)  # type: ignore[type-var]
     own = types[0]
     counts: dict[str, float] = {"flights_without_air": own.evidence.without_air, "powered_bands": own.evidence.powered}
     counts |= {f"share_with_{name}": share for name, share in own.unusual.items()}
     counts |= {f"flights_of_{name}": number for name, number in skipped.items()}
     result = Repair(
         before,
-        replace(after, source=f"repaired by {judged.flights} flights of {judged.aircraft} aircraft; {before.source}"),  # type: ignore[type-var]
+        after,
         tuple(_estimates(before, own, found)),
         judged,
         found,

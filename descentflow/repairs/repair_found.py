@@ -97,7 +97,7 @@ class Repair:
             f"  time at the flights' own speeds, aircraft not used: {found.time.before:+.1f} % before, "
             f"{found.time.after:+.1f} % {'after' if self.changed else 'by these'} "
             f"(90 %: {found.time.low:+.1f} to {found.time.high:+.1f}; "
-            f"chance {found.time.floor:.1f})"
+            f"chance {found.time.floor:.1f}); of single flights {found.absolute[0]:.1f} % and {found.absolute[1]:.1f} %"
         )
         gauge = f"  at the reference mass, {float(self.before.mass_reference_kg):,.0f} kg: flights do not tell the mass"
         return "\n".join([head, *lines, time, gauge])

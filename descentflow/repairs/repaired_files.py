@@ -97,7 +97,11 @@ def _write_bada4(found: Repair, acm: Path, paths: Mapping[str, Path]) -> None:
     factors = {name: numbers.get(name, 1.0) for name in FACTORS}
     speeds = {name: numbers[name] for name in SPEEDS if name in numbers}
     paths["acm"].parent.mkdir(exist_ok=True)
-    made = {"acm": changed_acm(acm, speeds, **factors), "gpf": (acm.parent.parent / GLOBAL_PARAMETERS).read_bytes()}
+    note = found.after.source.removesuffix(f"; {found.before.source}") if found.changed else ""
+    made = {
+        "acm": changed_acm(acm, speeds, note, **factors),
+        "gpf": (acm.parent.parent / GLOBAL_PARAMETERS).read_bytes(),
+    }
     for kind, content in made.items():
         with whole_file(paths[kind]) as temporary:
             temporary.write_bytes(content)
@@ -118,7 +122,7 @@ def toml_text(found: Repair, after: Bada3Aircraft) -> str:
     repaired = {one.name: one for one in found.estimates} if found.changed else {}
     flights = f"{judged.flights} flights of {judged.aircraft} aircraft"
     lines = [
-        f"# {after.typecode}, repaired by descentflow; the numbers hold at the reference mass.",
+        f"# {after.typecode}, {_title(found)}; the numbers hold at the reference mass.",
         f"summary = {json.dumps(after.source)}",
         f"known_to_be_off = {json.dumps(found.what_stays)}",
         "",
@@ -132,6 +136,10 @@ def toml_text(found: Repair, after: Bada3Aircraft) -> str:
                 entry |= _entry(repaired[one.name], flights)
             lines.append(f"{one.name} = {{ {', '.join(f'{k} = {json.dumps(v)}' for k, v in entry.items())} }}")
     return "\n".join(lines) + "\n"
+
+
+def _title(found: Repair) -> str:
+    return "repaired by descentflow" if found.changed else "as it was, for other aircraft are predicted no better"
 
 
 def _entry(one: CoefficientEstimate, flights: str) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from descentflow.cli.entry import main
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.diagnosis.sides.two_sides import compare
 from descentflow.measurements.quantities import CHANNELS, quantities_of
+from descentflow.repairs.held_out import HeldOut, _error
 from descentflow.repairs.repair_found import Repair
 from descentflow.surveillance.descents.prepared_descents import Descents, write_descents
 
@@ -98,6 +99,50 @@ def test_files_are_read_back_by_us_and_by_pybada(found: Repair, bada: Path, out:
     profile = json.loads(out.with_name("A320_bluebird_profile.json").read_text())["aircraft"]["A320"]
     assert np.diff(profile["flight_level"]).min() > 0
     assert min(profile["rocd_des"]) > 500
+
+
+def test_files_name_who_repaired_what(
+    found: Repair, descents: Descents, out: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A licence holder's file, an open type of which a file was made, and a file that stays."""
+    assert (
+        df.aircraft("A320", bada_dir=out.parent).source == "BADA 3 files A320 of Mar 08 2024, repaired by descentflow"
+    )
+    by = f"repaired by {found.held_out.flights} flights of {found.held_out.aircraft} aircraft; "
+    assert tomllib.loads(out.read_text())["summary"] == f"{by}{found.before.source}"
+    few = descents.frame.filter(pl.col("flight_id").is_in(descents.frame["flight_id"].unique().sort().head(24)))
+    source = "open coefficients, not BADA, in files A320 of Mar 0"
+    for taken in (True, False):
+        monkeypatch.setattr(HeldOut, "better", property(lambda _, taken=taken: taken))
+        df.repair(few, aircraft="A320", out=tmp_path / "A320.toml")
+        back = df.aircraft("A320", bada_dir=tmp_path).source
+        assert back.startswith(source)
+        assert back.endswith(", repaired by descentflow") == taken
+        text = (tmp_path / "A320.toml").read_text()
+        assert ("repaired" in text) == taken
+        assert tomllib.loads(text)["summary"].endswith(open_aircraft("A320").source)
+        assert ("stay as they are" in (tmp_path / "A320.html").read_text()) != taken
+
+
+def test_a_change_that_makes_the_time_worse_is_refused(found: Repair) -> None:
+    judged = found.held_out
+    assert judged.better
+    for name, worse in (
+        ("time", replace(judged.time, after=-judged.time.before + 0.01)),
+        ("absolute", (judged.absolute[0], judged.absolute[0] + 0.01)),
+        ("gain", 0.0),
+    ):
+        assert not replace(judged, **{name: worse}).better
+
+
+def test_errors_of_the_time_are_seconds_over_seconds() -> None:
+    """A flight with one band weighs as little as it flies: the mean is that of all seconds, not of flights."""
+    tails, seconds = np.array([0, 1, 2, 2]), np.array([1000.0, 900.0, 50.0, 50.0])
+    before, after = np.array([2.0, -1.0, 80.0, 60.0]), np.array([1.0, 0.0, 40.0, 30.0])
+    error = _error(tails, before, after, seconds)
+    assert error.before == pytest.approx((before * seconds).sum() / 2000)
+    assert error.after == pytest.approx((after * seconds).sum() / 2000)
+    assert error.low < error.after < error.high
 
 
 def test_the_page_shows_both_and_the_command_writes_the_same(

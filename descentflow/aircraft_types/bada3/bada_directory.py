@@ -50,7 +50,7 @@ def to_aircraft(opf: Opf, apf: Apf, typecode: str | None = None, limits: GlobalP
         engine=opf.engine,
         n_engines=opf.n_engines,
         wake_category=opf.wake_category,
-        source=f"BADA 3 files {opf.typecode} of {opf.modified or 'unknown date'}",
+        source=opf.source,
         **numbers,
         **speeds,
         limits=limits,

@@ -45,6 +45,10 @@ def _polar_place(phase: str) -> Place:
 
 PLACES: tuple[Place, ...] = (*_BEFORE_POLARS, *map(_polar_place, PHASES), *_AFTER_POLARS)
 """The numbers of the file's 21 data lines after the first, in order."""
+REPAIRED, OPEN = MARKS = ("repaired", "not BADA")
+"""Beside the date of modification, where there is room in the layout: what is not as EUROCONTROL ships it."""
+SIGNS = dict(zip(MARKS, ("repaired by", "not BADA"), strict=True))
+"""Mark -> words of a source that ask for it."""
 EMPTY = Path(__file__).with_name("empty_opf.txt")
 """A file of zeros, of no type."""
 
@@ -63,6 +67,15 @@ class Opf:
     wake_category: str
     numbers: dict[str, float]
     modified: str = ""
+
+    @property
+    def source(self) -> str:
+        """The files by their date, with what descentflow has noted beside it."""
+        day, *marks = self.modified.split(", ")
+        day, marks = ("", [day, *marks]) if day in MARKS else (day, marks)
+        family = "open coefficients, not BADA, in files" if OPEN in marks else "BADA 3 files"
+        by = ", repaired by descentflow" if REPAIRED in marks else ""
+        return f"{family} {self.typecode} of {day or 'unknown date'}{by}"
 
 
 def read_opf(path: str | Path) -> Opf:
@@ -152,7 +165,8 @@ def write_opf(aircraft: Bada3Aircraft, path: str | Path, own: Path | None = None
             if number in state and float(state[number]) != _number(line, at, number):
                 value = float(state[number]) / (1000 if number in TONNES else 1)
                 lines[line.number - 1] = lines[line.number - 1].put_real(at, value)
-    dates = {"Modification_date": day} if day else {}
+    noted = [*([day] if day else []), *(mark for mark, sign in SIGNS.items() if sign in aircraft.source)]
+    dates = {"Modification_date": ", ".join(noted)} if noted else {}
     if own is None:
         lines[kind.number] = lines[kind.number].put(4, 58, aircraft.source[:54])
         dates["Creation_date"] = day

@@ -19,6 +19,8 @@ NAMESPACE = "bada40"
 """Ends the namespace of every file of BADA 4."""
 MEDIUM_MASS = 0.7
 """Of the way from the empty to the heaviest mass: the medium mass of BADA 4's tables, a type's reference here."""
+NOTE = "descentflow"
+"""Target of the processing instructions that say who changed a file."""
 WRITTEN_FOR = "take the file as EUROCONTROL ships it"
 CLEAN = ("0", "UP")
 """High-lift position and gear of the clean wing."""
@@ -173,7 +175,7 @@ def read_acm(file: str | Path, limits: GlobalParameters, typecode: str | None = 
         "typecode": typecode or root.text("ICAO/designator"),
         "engine": engine,
         "wake_category": root.text("ICAO/WTC"),
-        "source": f"BADA {version} file {root.text('model')}",
+        "source": "; ".join([*_notes(root), f"BADA {version} file {root.text('model')}"]),
         "engines": ENGINES[engine].of(
             _placed(ENGINES[engine], root) | {"version": version, "exponents": exponents, "n_engines": int(n_engines)}
         ),
@@ -187,6 +189,12 @@ def read_acm(file: str | Path, limits: GlobalParameters, typecode: str | None = 
         "limits": limits,
     }
     return Bada4Aircraft.of(values)
+
+
+def _notes(root: Element) -> list[str]:
+    """Notes above the root of who changed the file, the last change first."""
+    before = root.node.itersiblings(preceding=True)
+    return [str(one.text) for one in before if getattr(one, "target", "") == NOTE]
 
 
 def _fuel_version(root: Element) -> tuple[str, tuple[float, float]]:
@@ -258,12 +266,15 @@ SPEEDS = {"des_cas_low_kt": "CAS1", "des_cas_high_kt": "CAS2", "des_mach": "M"}
 """Speed of the descent -> its element."""
 
 
-def changed_acm(file: Path, speeds: dict[str, float], parasitic: float, induced: float, idle: float) -> bytes:
+def changed_acm(
+    file: Path, speeds: dict[str, float], note: str, parasitic: float, induced: float, idle: float
+) -> bytes:
     """The file with factors in the numbers of clean drag and idle thrust, and speeds; all else as it stands.
 
     Args:
         file: Of :func:`read_acm`, which has checked it.
         speeds: Of the first schedule, by the name of the coefficient.
+        note: Who changed it, for a processing instruction above the root; none is written if empty.
         parasitic: Factor of the drag without lift, five numbers ``d``.
         induced: Factor of the drag by lift, the other ten.
         idle: Factor of the idle thrust, the numbers ``ti``.
@@ -272,7 +283,7 @@ def changed_acm(file: Path, speeds: dict[str, float], parasitic: float, induced:
         AircraftError: If the file cannot be read.
 
     Example:
-        >>> changed_acm(Path("A320-231.xml"), {"des_mach": 0.78}, 1.05, 1.0, 0.9)
+        >>> changed_acm(Path("A320-231.xml"), {"des_mach": 0.78}, "repaired", 1.05, 1.0, 0.9)
         Traceback (most recent call last):
         descentflow.core.errors.AircraftError: A320-231.xml: ...
     """
@@ -286,6 +297,8 @@ def changed_acm(file: Path, speeds: dict[str, float], parasitic: float, induced:
     for name, value in speeds.items():
         descent.find(SPEEDS[name]).text = f"{value:g}"
     etree = optional_library("lxml.etree", "bada4")
+    if note:
+        tree.getroot().addprevious(etree.ProcessingInstruction(NOTE, note))
     return bytes(etree.tostring(tree, xml_declaration=True, encoding="utf-8"))
 
 

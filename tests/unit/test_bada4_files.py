@@ -17,8 +17,9 @@ MUTATIONS = 120
 
 @pytest.fixture
 def release(tmp_path: Path) -> Path:
-    """A copy that a test may spoil, without the schemas, so that the reader's own checks are what answers."""
-    return Path(shutil.copytree(dummies(), tmp_path / "above" / "BADA_4.3", ignore=shutil.ignore_patterns("*.xsd")))
+    """A copy that a test may spoil, without schemas and tables, so that the reader's own checks are what answers."""
+    left_out = shutil.ignore_patterns("*.xsd", "*.PTD")
+    return Path(shutil.copytree(dummies(), tmp_path / "above" / "BADA_4.3", ignore=left_out))
 
 
 def twin(release: Path) -> Path:
@@ -105,6 +106,63 @@ def test_a_damaged_file_is_refused_with_file_line_and_mend(release: Path, damage
     assert "Dummy-TWIN.xml" in str(caught.value)
     assert "to mend it" in str(caught.value)
     assert aircraft("Dummy-TBP", release).engine == "turboprop"
+
+
+OUT_OF_RANGE = {
+    "heating value in MJ": ("<LHV>43217000</LHV>", "<LHV>43.217</LHV>", r"line 166: PFM/LHV: 43.22 J/kg; expected 4"),
+    "scale of the drag": ("<scalar>1e-006<", "<scalar>1<", r"line 18: .*DPM_clean: .* of the weight as clean drag"),
+    "an idle coefficient": ("<ti>0.28031647589003378000<", "<ti>280.31647589<", r"LIDL: .* of the weight as idle thr"),
+    "wing area": (
+        "<S>118.2</S>",
+        "<S>1182</S>",
+        r"line 12: AFCM/S: 54.99 kg of the heaviest mass on a m2; expected 120",
+    ),
+    "ceiling in metres": (
+        "<hmo>37000</hmo>",
+        "<hmo>11278</hmo>",
+        r"line 513: ALM/GLM/hmo: .*expected 20,000 to 65,000",
+    ),
+    "mass in pounds": ("<OEW>40000</OEW>", "<OEW>4000</OEW>", r"ALM/DLM/OEW: 0.06154 of the heaviest mass empty"),
+}
+
+
+@pytest.mark.parametrize("damage", OUT_OF_RANGE)
+def test_a_number_that_no_aircraft_has_is_refused_with_line_and_range(release: Path, damage: str) -> None:
+    before, after, message = OUT_OF_RANGE[damage]
+    edit(twin(release), before, after)
+    with pytest.raises(AircraftError, match=message):
+        aircraft("Dummy-TWIN", release)
+
+
+@pytest.mark.parametrize("name", DUMMIES)
+def test_a_file_that_its_own_table_contradicts_is_refused(release: Path, name: str) -> None:
+    """Numbers in range, but off by 3 %: the table beside the file tells, and nothing else can."""
+    file = release / name / f"{name}.xml"
+    area = file.read_text(encoding="utf-8").partition("<S>")[2].partition("</S>")[0]
+    edit(file, f"<S>{area}</S>", f"<S>{1.03 * float(area)}</S>")
+    assert aircraft(name, release).wing.area_m2 == pytest.approx(1.03 * float(area))
+    shutil.copy(dummies() / name / f"{name}_ISA.PTD", file.parent)
+    with pytest.raises(
+        AircraftError, match=rf"{name}.xml: drag of .* where {name}_ISA.PTD, line \d+, has .*both files"
+    ):
+        aircraft(name, release)
+    edit(file, f"<S>{1.03 * float(area)}</S>", f"<S>{area}</S>")
+    assert aircraft(name, release) == aircraft(name, dummies())
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "message"),
+    [
+        ("<LHV>43217000</LHV>", "<LHV>46000000</LHV>", "fuel of .* in descent at FL"),
+        ("<ti>0.28031647589003378000<", "<ti>0.29<", "thrust of .* in descent at FL"),
+        ("<hmo>37000</hmo>", "<hmo>31000</hmo>", r"hmo = 31000 ft, and Dummy-TWIN_ISA.PTD has FL370"),
+    ],
+)
+def test_a_table_tells_which_figure_is_off(release: Path, before: str, after: str, message: str) -> None:
+    shutil.copy(dummies() / "Dummy-TWIN" / "Dummy-TWIN_ISA.PTD", twin(release).parent)
+    edit(twin(release), before, after)
+    with pytest.raises(AircraftError, match=message):
+        aircraft("Dummy-TWIN", release)
 
 
 def test_a_release_s_own_schema_is_held_to(release: Path) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from descentflow.aircraft_types.bada4.bada4_aircraft import ENGINES, Bada4Aircraft
+from descentflow.aircraft_types.bada4.number_checks import contradicted, judged
 from descentflow.aircraft_types.bada4.wing import Wing
 from descentflow.aircraft_types.coefficient_group import CoefficientGroup
 from descentflow.aircraft_types.standard_descent import GlobalParameters
@@ -146,8 +147,8 @@ def read_acm(file: str | Path, limits: GlobalParameters, typecode: str | None = 
         The aircraft; its reference mass is the medium mass of BADA 4's tables.
 
     Raises:
-        AircraftError: If the file is damaged, of another version or lacks a part; the message names file, line and
-            element.
+        AircraftError: If the file is damaged, of another version or lacks a part, has numbers that no aircraft has, or
+            others than the printed table beside it (``NAME_ISA.PTD``); the message names file, line and element.
 
     Example:
         >>> read_acm("no_such.xml", GlobalParameters())
@@ -188,7 +189,21 @@ def read_acm(file: str | Path, limits: GlobalParameters, typecode: str | None = 
         "des_mach": descent[2],
         "limits": limits,
     }
-    return Bada4Aircraft.of(values)
+    found = Bada4Aircraft.of(values)
+    _check_numbers(root, found)
+    return found
+
+
+def _check_numbers(root: Element, found: Bada4Aircraft) -> None:
+    """Refuse what no aircraft has, and what the printed table contradicts."""
+    for one in judged(found):
+        if not one.within:
+            node = (root.every(one.path) or [root])[0]
+            node.fail(f"{one.path}: {one.worst:.4g} {one.words}", f"{one.low:,g} to {one.high:,g}")
+    table = root.file.with_name(f"{root.file.stem}_ISA.PTD")
+    if table.is_file() and (difference := contradicted(found, table)):
+        mend = "take both files as EUROCONTROL ships them, or move a file of your own away from the table"
+        raise AircraftError(f"{root.file}: {difference}", expected="the numbers that its table was made of", mend=mend)
 
 
 def _notes(root: Element) -> list[str]:

@@ -20,9 +20,10 @@ FILES = ("flights.csv", "segments.csv", "level_flight.png")
 
 
 def with_fuel(found: pl.DataFrame, bada_dir: str | Path | None = None) -> pl.DataFrame:
-    """Level flight with its fuel: the drag of the type's clean polar at the mean IAS and altitude of each segment.
+    """Level flight with its fuel: thrust by the energy equation at the mean IAS and altitude of each segment.
 
-    The mass is the type's reference mass, and the air is standard.
+    The thrust is the clean polar's drag and what the change of the airspeed takes, at least idle. The mass is the
+    type's reference mass, and the air is standard.
 
     Args:
         found: Of ``Descents.level_flight``.
@@ -30,21 +31,23 @@ def with_fuel(found: pl.DataFrame, bada_dir: str | Path | None = None) -> pl.Dat
 
     Returns:
         The rows with ``fuel_kg``, and ``idle_fuel_kg`` that the type burns at idle in the same seconds, at the same
-        altitude and speed. Missing at other kinds, without an IAS, and of types that are not known.
+        altitude and speed. Neither is what a continuous descent burns, which flies that distance in cruise. Missing at
+        other kinds, without an IAS, and of types that are not known.
 
     Warns:
         DescentflowWarning: If the coefficients of a type cannot be read.
 
     Example:
-        >>> where = {"kind": "level", "typecode": "A320", "altitude_ft": 1e4, "IAS": 250.0}
+        >>> where = {"kind": "level", "typecode": "A320", "altitude_ft": 1e4, "IAS": 250.0, "IAS_change": 0.0}
         >>> level = pl.DataFrame([{**where, "seconds": 60.0}])
         >>> [round(kg) for kg in with_fuel(level).select("fuel_kg", "idle_fuel_kg").row(0)]
         [29, 11]
     """
     parts = []
     for (code,), some in found.with_row_index("row").group_by("typecode", maintain_order=True):
-        columns = (some["IAS"] * KT_MPS, some["altitude_ft"] * FT_M, some["seconds"])
-        cas, altitude, seconds = (torch.from_numpy(one.cast(pl.Float64).to_numpy().copy()) for one in columns)
+        columns = (some["IAS"] * KT_MPS, some["altitude_ft"] * FT_M, some["seconds"], some["IAS_change"] * KT_MPS / 2)
+        cas, altitude, seconds, half = (torch.from_numpy(one.cast(pl.Float64).to_numpy().copy()) for one in columns)
+        faster = cas_to_tas_mps(cas + half, altitude) - cas_to_tas_mps(cas - half, altitude)
         try:
             model = aircraft(str(code), bada_dir)
         except AircraftError as error:
@@ -53,7 +56,8 @@ def with_fuel(found: pl.DataFrame, bada_dir: str | Path | None = None) -> pl.Dat
             flows = [torch.full_like(cas, torch.nan)] * 2
         else:
             idle = model.idle_fuel_flow_kg_s(altitude, cas_to_tas_mps(cas, altitude))
-            flows = [burn(model, cas, altitude, 0.0).flow_kg_s, idle + 0.0 * cas]
+            burnt = burn(model, cas, altitude, 0.0, acceleration_mps2=faster / seconds)
+            flows = [burnt.flow_kg_s, idle + 0.0 * cas]
         known = (pl.col("kind") == "level") & pl.col("IAS").is_not_null()
         both = zip(FUEL, flows, strict=True)
         kg = [pl.when(known).then(pl.Series((one * seconds).numpy())).fill_nan(None).alias(name) for name, one in both]
@@ -79,7 +83,7 @@ def write_level_flight(descents: Descents, folder: Path, bada_dir: str | Path | 
     Example:
         >>> import descentflow as df
         >>> write_level_flight(df.prepare("rows.parquet"), Path("level"))
-        'level flight of 120 descents: ... s a flight; fuel is known of ...: ... kg each, ... kg more than at idle'
+        'level flight of 120 descents: ... kg each, idle would burn ... in that time'
     """
     from descentflow.core.files import whole_file
     from descentflow.reporting.pages import png
@@ -104,4 +108,4 @@ def write_level_flight(descents: Descents, folder: Path, bada_dir: str | Path | 
     line = f"level flight of {len(flights)} descents: {seconds:.0f} s a flight"
     line += f"; fuel is known of {len(known)} of the {len(level)} that level off"
     fuel, idle = (float(known[name].sum()) / max(len(known), 1) for name in FUEL)
-    return f"{line}: {fuel:.1f} kg each, {fuel - idle:.1f} kg more than at idle" if len(known) else line
+    return f"{line}: {fuel:.1f} kg each, idle would burn {idle:.1f} in that time" if len(known) else line

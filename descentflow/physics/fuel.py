@@ -35,6 +35,7 @@ def burn(
     cas_gradient_per_s: Number = 0.0,
     deviation_k: Number = 0.0,
     mass_kg: Number | None = None,
+    acceleration_mps2: Number = 0.0,
 ) -> Burn:
     """Thrust that a rate asks for, and the fuel that it burns.
 
@@ -49,6 +50,7 @@ def burn(
         cas_gradient_per_s: dCAS/dHp.
         deviation_k: Temperature deviation from ISA.
         mass_kg: Mass; the reference mass when None.
+        acceleration_mps2: Of the TAS in time, beside what the slope of the CAS gives: of level flight, which has none.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
@@ -61,7 +63,8 @@ def burn(
     tas = cas_to_tas_mps(cas, altitude, deviation)
     share = energy_share_factor_local(cas, altitude, slope, 0.0, deviation)
     unpowered = inferred_drag_n(aircraft, rate, 0.0, tas, share, altitude, deviation, mass_kg)
-    needed = aircraft.drag_n(tas, altitude, deviation, mass_kg) - unpowered
+    inertia = (aircraft.mass_reference_kg if mass_kg is None else mass_kg) * acceleration_mps2
+    needed = aircraft.drag_n(tas, altitude, deviation, mass_kg) - unpowered + inertia
     idle = aircraft.idle_thrust_n(altitude, tas, deviation)
     thrust = torch.maximum(needed, idle)
     flow = torch.where(

@@ -51,10 +51,11 @@ def stretches(rows: pl.DataFrame, held: pl.Series | None = None, gap_s: float = 
         gap_s: Longest time between reports of one segment.
 
     Returns:
-        ``flight_id kind timestamp seconds interval_s altitude_ft distance_nm IAS``: one row with the kind ``descent``
-        for each flight that loses 5,000 ft, and one for each of its segments, ``level`` or ``held``. The time is that
-        of the begin, altitude and IAS (kt) are means, ``interval_s`` is the median time between reports. The distance
-        is over the ground, or through standard air without a groundspeed; missing where no speed is known.
+        ``flight_id kind timestamp seconds interval_s altitude_ft distance_nm IAS IAS_change``: one row with the kind
+        ``descent`` for each flight that loses 5,000 ft, and one for each of its segments, ``level`` or ``held``. The
+        time is that of the begin, altitude and IAS (kt) are means, ``IAS_change`` is from the first to the last,
+        ``interval_s`` is the median time between reports. The distance is over the ground, or through standard air
+        without a groundspeed; missing where no speed is known.
 
     Example:
         >>> from datetime import datetime, timedelta
@@ -145,6 +146,7 @@ def _runs(descent: pl.DataFrame, flag: pl.Expr, kind: str, gap_s: float) -> pl.D
             altitude_ft=pl.col("altitude").mean(),
             distance_nm=pl.when(pl.col("speed").is_not_null().all()).then(pl.col("flown").sum()),
             IAS=pl.col("IAS").mean(),
+            IAS_change=pl.col("IAS").drop_nulls().last() - pl.col("IAS").drop_nulls().first(),
             end=pl.col("timestamp").last(),
             top_ft=pl.col("top_ft").first(),
         )

@@ -12,6 +12,8 @@ from descentflow.core.errors import ConfigError
 from descentflow.surveillance.cleaning.thresholds import Cleaning, meaning_of
 
 UNITS = ("", "k", "m", "g", "t")
+IDLE_WITHIN = 5.0
+"""Of `--idle-only`: idle N1 varies by as much within a band, and 5 points are some 20 % of idle's fuel flow."""
 SHOWN_AT_RANDOM = 6
 """Random flights of `--figures`, besides those of which each filter dropped most."""
 
@@ -38,6 +40,10 @@ def extend(parser: argparse.ArgumentParser) -> None:
         kind = number_or_none if optional else int if isinstance(field.default, int) else float
         text = f"{meaning_of(field.name)} (default: {field.default})".replace("%", "%%")
         name = f"--{field.name.replace('_', '-')}"
+        if field.name == "idle_only":
+            text = f"drop rows with thrust above idle ({IDLE_WITHIN:g} points of N1); needs N1, thrust or fuel_flow"
+            rules.add_argument(name, action="store_const", const=IDLE_WITHIN, default=argparse.SUPPRESS, help=text)
+            continue
         rules.add_argument(name, type=kind, default=argparse.SUPPRESS, metavar="X", help=text)
 
 

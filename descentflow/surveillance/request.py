@@ -13,6 +13,7 @@ from descentflow.core.version import __version__
 from descentflow.core.workers import version
 from descentflow.surveillance.cleaning.chain import Work
 from descentflow.surveillance.cleaning.flights import names_shared
+from descentflow.surveillance.cleaning.idle import check_power
 from descentflow.surveillance.cleaning.report_checks import (
     NONE_OF,
     asked_in_vain,
@@ -87,6 +88,8 @@ class PreparationRequest:
             columns: Of all rows that were read.
             names: Flight names in them (:func:`~descentflow.surveillance.cleaning.flights.names_given`).
         """
+        if self.cleaning.idle_only is not None:
+            check_power(columns)
         shared = tuple(names_shared(names))
         if self.airspeeds:
             made = {*columns, *AIRSPEEDS, *self.airspeeds.needed}

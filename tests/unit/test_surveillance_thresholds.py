@@ -1,7 +1,7 @@
 """Thresholds are said once: the options, the YAML file and the library agree; wrong ones are refused."""
 
 import argparse
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
@@ -42,8 +42,9 @@ def test_options_go_before_the_file_and_the_file_before_defaults(tmp_path: Path)
 
     mixed = cleaning("--config", str(file), "--transient-s", "15", "--bottom-fl", "100")
     assert mixed == Cleaning(slowest_fpm=400.0, transient_s=15.0, bottom_fl=100)
-    every = [word for f in fields(Cleaning) for word in (f"--{f.name.replace('_', '-')}", "7")]
-    assert cleaning(*every) == Cleaning(*[7] * len(fields(Cleaning)))
+    options = [f"--{f.name.replace('_', '-')}" for f in fields(Cleaning)]
+    every = [word for name in options for word in ((name,) if name == "--idle-only" else (name, "7"))]
+    assert cleaning(*every) == replace(Cleaning(*[7] * len(fields(Cleaning))), idle_only=5.0)
 
 
 @pytest.mark.parametrize(

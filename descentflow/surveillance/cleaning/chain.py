@@ -23,6 +23,7 @@ from descentflow.surveillance.cleaning.flights import (
     typed_by_flight,
     with_types,
 )
+from descentflow.surveillance.cleaning.idle import IdleOnly, with_power
 from descentflow.surveillance.cleaning.level_flight import SPEEDS, note_level_flight, stretches
 from descentflow.surveillance.cleaning.level_grid import to_levels
 from descentflow.surveillance.cleaning.rates import ConstantRate, with_rate
@@ -122,6 +123,8 @@ def clean(
     del typed
     if work.airspeeds:
         rows = with_airspeeds(rows, work.airspeeds, report)
+    if work.rules.idle_only is not None:
+        rows = with_power(rows, work.rules.slowest_fpm)
     batches = _batches(rows)
     del rows
     levels, dropped_rows, parts, level_flight = [], [], [], []
@@ -165,6 +168,7 @@ def after_rates(rules: Cleaning) -> tuple[filters.Filter, ...]:
         descent_filters.SteadyDescent(rules.transient_s),
         *([] if after_s is None else [ClearedSpeed(after_s, within_kt)]),
         ConstantRate(rules),
+        *([] if rules.idle_only is None else [IdleOnly(rules.idle_only)]),
         descent_filters.LargestDescent(rules.climb_back_ft),
         descent_filters.Falling(),
     )

@@ -79,6 +79,9 @@ class Cleaning:
     keeps them."""
     cleared_speed_within_kt: float = 10.0
     """An assigned speed that the flight never comes this close to is no constraint (`or less`, `or greater`), kt."""
+    idle_only: float | None = None
+    """Drop rows whose power is further above idle than this, where N1, thrust or fuel flow is known, percentage points
+    of N1 (4 % of idle fuel flow, 1 % of the greatest thrust each); none keeps them."""
     climb_back_ft: float = 1000.0
     """Climb that separates two descents of a flight (go-around), of which the larger is kept, ft."""
     longest_gap_s: float = 60.0
@@ -151,7 +154,8 @@ def _checked(value: object, field: "dataclasses.Field[Any]", origin: str) -> int
 
 def kept_cleaning(settings: object) -> Cleaning | None:
     """The thresholds that a prepared file or a checkpoint was made with."""
-    names = {field.name for field in fields(Cleaning)}
+    # Files that were made before there was such a rule lack its name.
+    names = {field.name for field in fields(Cleaning)} - {"idle_only"}
     if not isinstance(settings, Mapping) or not names <= set(settings):
         return None
     # Rules that are gone change nothing where they were off.

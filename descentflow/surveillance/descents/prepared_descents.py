@@ -212,6 +212,8 @@ COLUMN_UNITS = {
     "geoaltitude": "ft",
     "temperature": "K",
     "fuel_flow": "kg/s",
+    "N1": "percent",
+    "thrust": "N",
     **dict.fromkeys(("IAS", "TAS", "groundspeed", "wind_speed"), "kt"),
     **dict.fromkeys(("track", "heading", "roll", "latitude", "longitude", "wind_direction"), "degrees"),
 }

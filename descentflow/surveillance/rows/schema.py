@@ -34,6 +34,8 @@ COLUMNS: dict[str, pl.DataType] = {
     "v_component_of_wind": pl.Float64(),
     "geometric_rate": pl.Float64(),
     "fuel_flow": pl.Float64(),
+    "N1": pl.Float64(),
+    "thrust": pl.Float64(),
     "selected_altitude": pl.Float64(),
     "cleared_flight_level": pl.Float64(),
     "cleared_speed_kt": pl.Float64(),
@@ -46,10 +48,11 @@ COLUMNS: dict[str, pl.DataType] = {
 Units: `altitude` (pressure altitude), `geoaltitude` and `selected_altitude` (of the autopilot's panel) in ft,
 `vertical_rate` and `geometric_rate` in ft/min, `IAS`, `TAS`, `groundspeed` and `wind_speed` in kt, angles in degrees
 (`track` true; `heading` as the source gives it, magnetic from Mode S; `wind_direction` true, from where it blows),
-`temperature` in K, `fuel_flow` of all engines in kg/s. What a controller has cleared: `cleared_flight_level` in
-hundreds of feet, `cleared_speed_kt` (IAS) and `cleared_mach`, missing where nothing is assigned. Of a weather model:
-`u_component_of_wind` towards east and `v_component_of_wind` towards north, in m/s. Where airspeeds are derived from
-groundspeed: `airspeed_source` names each row's source, and `derived_IAS` (kt) stands beside a reported IAS.
+`temperature` in K, `fuel_flow` of all engines in kg/s, `N1` (speed of the fan) in percent, `thrust` of all engines in
+N. What a controller has cleared: `cleared_flight_level` in hundreds of feet, `cleared_speed_kt` (IAS) and
+`cleared_mach`, missing where nothing is assigned. Of a weather model: `u_component_of_wind` towards east and
+`v_component_of_wind` towards north, in m/s. Where airspeeds are derived from groundspeed: `airspeed_source` names each
+row's source, and `derived_IAS` (kt) stands beside a reported IAS.
 """
 
 REQUIRED = ("timestamp", "icao24", "altitude", "IAS", "Mach")
@@ -85,6 +88,8 @@ POSSIBLE = {
     "derived_IAS": (0.0, 700.0),
     "geometric_rate": (-15_000.0, 15_000.0),
     "fuel_flow": (0.0, 20.0),
+    "N1": (0.0, 130.0),
+    "thrust": (-1e6, 2e6),
     "cleared_flight_level": (0.0, 600.0),
     "cleared_speed_kt": (100.0, 400.0),
     "cleared_mach": (0.3, 1.0),

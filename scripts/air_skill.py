@@ -5,6 +5,8 @@ Prints the mean CRPS of held-out simulated flights and the differences, each wit
 """
 
 import argparse
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import polars as pl
 from torch import Tensor
@@ -41,10 +43,12 @@ def flights(n: int, seed: int) -> tuple[Descents, pl.DataFrame]:
 
 def scores_of(train: tuple[Descents, pl.DataFrame], test: tuple[Descents, pl.DataFrame], **way: object) -> pl.DataFrame:
     """Scores of every held-out flight, by name."""
-    table = {"context_table": train[1]} if "context" in way else {}
-    density = as_density(fit(train[0], "mixture", final=False, **way, **table))
+    with TemporaryDirectory() as folder:
+        train[1].write_parquet(path := Path(folder, "context.parquet"))
+        table = {"context_table": path} if "context" in way else {}
+        density = as_density(fit(train[0], "mixture", final=False, **way, **table))
     known = density.representation
-    found = encode_flights(test[0].frame, known, test[1] if table else None)["test"]
+    found = encode_flights(test[0].frame, known, test[1] if "context" in way else None)["test"]
     scores: dict[str, Tensor] = forecast_scores(density, found.profiles, found.weights, found.context)
     columns = {name: scores[name].numpy() for name in SCORES}
     return pl.DataFrame({"flight_id": found.profiles.flight_ids, **columns}).fill_nan(None)

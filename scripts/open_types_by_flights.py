@@ -59,13 +59,13 @@ def judge(places: Mapping[str, pl.DataFrame], checks: Mapping[str, pl.DataFrame]
             continue
         whole = fit_types(parts)
         runs = [run for name, frame in places.items() for run in runs_of(frame, name) if run.typecode in mine]
-        before = [own_speed_error(run, before(run.typecode)) for run in runs]
+        errors = {"before": [own_speed_error(run, before(run.typecode)) for run in runs]}
         schedule = [nominal_error(run, before(run.typecode)) for run in runs]
         after, gains = _left_out(parts, names, runs)
         for code, values in gains.items():
             print(f"{code}: {sum(values):+.1f} nats over {len(values)} aircraft, by the fit of the others")
         print(f"\n{engine}: error of the time over runs, percent, median (90 % by aircraft)")
-        errors = {"before": before, "after": after, "schedule before": schedule}
+        errors |= {"after": after, "schedule before": schedule}
         for row in [["place", "type", "runs", *errors], *table(runs, errors)]:
             print("  ".join(f"{cell:<22}" for cell in row))
         for name, values in errors.items():

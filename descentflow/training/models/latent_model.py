@@ -2,7 +2,7 @@
 
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -140,14 +140,10 @@ class LatentModel(LightningModule, InNotebook, ABC, Generic[D]):
         """Seed of what a training step draws: by seed, epoch and batch alone, so that a resumed fit draws it too."""
         return seed_for_index(self._seed, self.current_epoch, batch_index)
 
-    def set_in_one_epoch(self, closure: Callable[[], None]) -> None:
-        """Set the parameters from all training flights in an epoch's last step, and end: another would find the same.
-
-        Not in ``on_train_epoch_end``: Lightning validates, and saves the best checkpoint, before that hook.
-        """
-        if self.trainer.is_last_batch:
-            self.optimizers().step(closure=closure)  # type: ignore[union-attr]
-            self.trainer.should_stop = True
+    def end_with_this_step(self) -> None:
+        """End the fit, all parameters being set: Lightning saves nothing before an optimizer has stepped."""
+        self.optimizers().step()  # type: ignore[union-attr]
+        self.trainer.should_stop = True
 
     def on_train_start(self) -> None:
         """End at once if the fit that is resumed had stopped: another epoch would be one too many."""

@@ -16,7 +16,7 @@ from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.densities.one_gaussian import drawn_weights, one_gaussian
 from descentflow.training.models.latent_model import Batch, LatentModel, training_flights
-from descentflow.training.models.optimizers import ClosedForm, adam_with_cosine
+from descentflow.training.models.optimizers import adam_with_cosine, no_steps
 
 Training = Literal["em", "svi"]
 
@@ -111,9 +111,9 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         return found.mixture
 
     def training_step(self, batch: Batch, batch_index: int) -> Tensor | None:
-        """All of EM in the one epoch that it takes, or the enumerated ELBO of a batch."""
+        """All of EM at once, or the enumerated ELBO of a batch."""
         if self.training_method == "em":
-            self.set_in_one_epoch(self._set_converged)
+            self._set_converged()
             return None
         if self._gaussian is None:
             self._gaussian = one_gaussian(*training_flights(self))
@@ -129,19 +129,20 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         self.density.mixture = self._converged(steps)
         train = steps.expectation(self.density.mixture)[1]
         self.log("train/nll", -train, on_epoch=True, on_step=False, sync_dist=True, batch_size=1)
+        self.end_with_this_step()
 
     def on_train_end(self) -> None:
         """Let the Gaussian of the training flights go."""
         self._gaussian = None
 
     def configure_optimizers(self) -> torch.optim.Optimizer | OptimizerLRSchedulerConfig:
-        """Adam for SVI; for EM an optimizer whose step is the whole fit.
+        """Adam for SVI; for EM one in name.
 
         Adam's parameters have their final shape only once the number of components is known, so it is chosen here,
         which Lightning calls after a checkpoint was restored and before the first step.
         """
         if self.training_method == "em":
-            return ClosedForm(self.parameters())
+            return no_steps(self)
         if not self._restored:
             steps = self._training_steps()
             n_components = self.n_clusters or self._converged(steps).n_components

@@ -1,9 +1,7 @@
-"""Optimisers: a closed form, or Adam with a cosine schedule."""
+"""Optimisers: none but in name, of closed forms, or Adam with a cosine schedule."""
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import cos, pi
-from typing import Any
 
 import torch
 from jsonargparse.typing import NonNegativeFloat, PositiveInt
@@ -42,31 +40,18 @@ class FlowSteps:
     max_steps: PositiveInt | None = 3000
 
 
-class ClosedForm(torch.optim.Optimizer):
-    """Runs the closure that sets the parameters, and nothing else.
+def no_steps(module: LightningModule) -> torch.optim.Optimizer:
+    """An optimizer that moves nothing, for parameters that are set in closed form.
 
     Lightning advances ``global_step``, on which its checkpoints depend, only when an optimizer steps; a model
     without one would never be saved.
 
     Example:
-        >>> parameter = torch.nn.Parameter(torch.zeros(1))
-        >>> ClosedForm([parameter]).step(lambda: parameter.data.fill_(3.0))
-        >>> parameter.item()
-        3.0
+        >>> optimizer = no_steps(nn.Linear(2, 1))
+        >>> optimizer.step(), optimizer.defaults["lr"]
+        (None, 0.0)
     """
-
-    def __init__(self, parameters: Iterable[nn.Parameter]) -> None:
-        """Register the parameters that the closure sets."""
-        super().__init__(parameters, {})
-
-    def step(self, closure: Callable[[], Any] | None = None) -> None:  # type: ignore[override]
-        """Set the parameters.
-
-        Args:
-            closure: The closed-form update (for instance an M step).
-        """
-        if closure is not None:
-            closure()
+    return torch.optim.SGD(module.parameters(), lr=0.0)
 
 
 UNDECAYED = ("bias", "unconstrained_upper_diag")

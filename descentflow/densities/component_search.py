@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import log
+from math import isinf, log
 from typing import Literal
 
 from torch import Tensor
@@ -14,7 +14,7 @@ from descentflow.densities.mixture_parameters import Mixture, n_parameters
 FLIGHTS_PER_PARAMETER = 15
 """The paper's cap: 15 n_p <= n_train (appendix C)."""
 MIN_FLIGHTS_PER_PARAMETER = 2
-"""End of the search beyond that cap."""
+"""End of the search beyond that cap; one, where components share their covariance."""
 MOST_COMPONENTS = 32
 """End of the search if the paper's cap allows no more. Held-out B738 are 0.04 nats a flight more probable by 32 than by
 24 components; of the A319 32 are level with 24, and 48 lose 0.03.
@@ -41,9 +41,19 @@ class Selection:
     values: dict[int, float]
     cap_binds: bool
 
+    @property
+    def value(self) -> float:
+        """The criterion of the mixture."""
+        return self.values[self.mixture.n_components]
+
 
 def max_components(
-    n_train: int, dimension: int, n_context: int = 0, flights_per_parameter: float = FLIGHTS_PER_PARAMETER
+    n_train: int,
+    dimension: int,
+    n_context: int = 0,
+    flights_per_parameter: float = FLIGHTS_PER_PARAMETER,
+    *,
+    shared: bool = False,
 ) -> int:
     """Largest number of mixture components with 15 training flights per parameter, at least one (paper, appendix C).
 
@@ -52,7 +62,7 @@ def max_components(
         16
     """
     k = 1
-    while flights_per_parameter * n_parameters(k + 1, dimension, n_context) <= n_train:
+    while flights_per_parameter * n_parameters(k + 1, dimension, n_context, shared=shared) <= n_train:
         k += 1
     return k
 
@@ -82,7 +92,8 @@ def select_mixture(
     """Choose the number of mixture components by an information criterion (paper, appendix C).
 
     Args:
-        flights: Standardised weights (n, d) of the training flights, or their steps.
+        flights: Standardised weights (n, d) of the training flights, or their steps; with infinitely many prior flights
+            the components share one covariance.
         seed: Of the starts.
         n_restarts: Starts for each number of components.
         tolerance: As in :func:`~descentflow.densities.em.fit_mixture`.
@@ -100,10 +111,10 @@ def select_mixture(
         2
     """
     steps = flights if isinstance(flights, Steps) else Steps(flights)
-    (n, dimension), n_context = steps.weights.shape, steps.context.shape[1]
-    most = max_components(n, dimension, n_context)
+    (n, dimension), n_context, shared = steps.weights.shape, steps.context.shape[1], isinf(steps.prior_flights)
+    most = max_components(n, dimension, n_context, shared=shared)
     if extend:
-        furthest = max_components(n, dimension, n_context, MIN_FLIGHTS_PER_PARAMETER)
+        furthest = max_components(n, dimension, n_context, 1 if shared else MIN_FLIGHTS_PER_PARAMETER, shared=shared)
         most = min(furthest, max(most, MOST_COMPONENTS))
     price = log(n) if criterion == "bic" else 2.0
     numbers = numbers_tried(most)
@@ -111,7 +122,7 @@ def select_mixture(
     values: dict[int, float] = {}
     for k in numbers:
         tried[k], likelihood = fit_mixture(steps, k, seed=seed, n_restarts=n_restarts, tolerance=tolerance)
-        values[k] = price * n_parameters(k, dimension, n_context) - 2 * n * likelihood
+        values[k] = price * n_parameters(k, dimension, n_context, shared=shared) - 2 * n * likelihood
         if progress is not None:
             progress(len(numbers))
         if min(values.values()) < min(list(values.values())[-PATIENCE:]):

@@ -149,7 +149,7 @@ def shrunk(covariances: Tensor, counts: Tensor, prior_flights: float) -> Tensor:
     Args:
         covariances: (k, d, d) of the flights of each component.
         counts: (k,) flights of each.
-        prior_flights: The number added; zero for none.
+        prior_flights: The number added; zero for none, infinite for one covariance of all.
 
     Example:
         >>> wide, narrow = 4.0 * torch.eye(2), torch.zeros(2, 2)
@@ -161,7 +161,7 @@ def shrunk(covariances: Tensor, counts: Tensor, prior_flights: float) -> Tensor:
         return covariances
     own = counts[:, None, None]
     shared = (own * covariances).sum(0) / counts.sum()
-    return (own * covariances + prior_flights * shared) / (own + prior_flights)
+    return torch.lerp(shared.expand_as(covariances), covariances, own / (own + prior_flights))
 
 
 def quadratic_features(weights: Tensor) -> Tensor:

@@ -67,15 +67,21 @@ class Mixture:
         return self.locs.new_zeros(n, c) if context is None else context[:, :c].to(self.locs)
 
 
-def n_parameters(n_components: int, dimension: int, n_context: int = 0) -> int:
+def n_parameters(n_components: int, dimension: int, n_context: int = 0, *, shared: bool = False) -> int:
     """Free parameters of a mixture of full Gaussians (paper, appendix C), and the slopes of means and proportions.
 
+    Args:
+        n_components: Number of mixture components.
+        dimension: Of the weights.
+        n_context: Numbers of context.
+        shared: Whether all components have one covariance.
+
     Example:
-        >>> n_parameters(16, 15)
-        2175
+        >>> n_parameters(16, 15), n_parameters(16, 15, shared=True)
+        (2175, 375)
     """
-    plain = n_components * dimension * (dimension + 3) // 2 + n_components - 1
-    return plain + n_context * (n_components * dimension + n_components - 1)
+    covariances = (1 if shared else n_components) * dimension * (dimension + 1) // 2
+    return covariances + (n_components * (dimension + 1) - 1) * (1 + n_context)
 
 
 @dataclass(frozen=True)

@@ -1,17 +1,19 @@
 """The best epoch is kept, the Gaussian among them; numbers of components beyond the cap; scores by flight."""
 
+from math import inf
 from pathlib import Path
 
 import pytest
+import sklearn.mixture
 import torch
 import toys
 import yaml
 from toys import normal
 
 from descentflow.core.errors import ConfigError
-from descentflow.densities.component_search import (
-    select_mixture,
-)
+from descentflow.densities.component_search import select_mixture
+from descentflow.densities.em import fit_mixture
+from descentflow.densities.em_steps import Steps
 from descentflow.evaluation.metrics.noise_floor import level_distances
 from descentflow.training.models import Gaussian, GaussianMixture, MaskedAffineFlow
 from studies.forecast_scores import crps_each, energy_score_each, skill
@@ -67,6 +69,37 @@ def test_the_search_ends_where_two_numbers_in_a_row_are_no_better() -> None:
     assert not found.cap_binds
     few = select_mixture(points[:300], seed=0, n_restarts=2, extend=False)
     assert (list(few.values), few.cap_binds) == ([1, 2, 3], True), "the cap of 300 flights"
+
+
+def test_components_of_one_covariance_are_those_of_scikit_learn() -> None:
+    """Three clusters in six numbers: the parameters, likelihood and criterion of ``tied``, and its covariance."""
+    centres = 4 * torch.eye(6).double()[:3]
+    points = (centres[torch.arange(300) % 3] + normal(300, 6)) @ normal(6, 6, seed=1)
+    steps = Steps(points, None, inf)
+    found, (mixture, _) = (
+        select_mixture(steps, seed=0, n_restarts=4, criterion="aic"),
+        fit_mixture(steps, 3, seed=0),
+    )
+    theirs = sklearn.mixture.GaussianMixture(
+        3, covariance_type="tied", n_init=4, tol=1e-8, max_iter=500, random_state=0
+    )
+    theirs.fit(points)
+    assert found.values[3] == pytest.approx(theirs.aic(points), abs=1e-3)
+    covariances = mixture.scale_trils @ mixture.scale_trils.mT
+    torch.testing.assert_close(covariances, torch.from_numpy(theirs.covariances_).expand(3, 6, 6), rtol=1e-3, atol=1e-3)
+
+
+def test_few_flights_of_several_kinds_get_components_of_one_covariance() -> None:
+    """Of 60 flights in six numbers two covariances are too many parameters; the final fit takes the same."""
+    centres = 6 * torch.eye(6).double()[:3]
+    points = centres[torch.arange(60) % 3] + normal(60, 6)
+    module, model = toys.WeightsModule(points, points[:30]), GaussianMixture(n_restarts=4)
+    mixture = toys.fit(model, module, 1).density.mixture
+    assert mixture.n_components >= 3
+    assert bool((mixture.scale_trils == mixture.scale_trils[0]).all())
+    again = GaussianMixture(n_restarts=4)
+    again.choose_as(model)
+    torch.testing.assert_close(toys.fit(again, module, 1).density.mixture.scale_trils, mixture.scale_trils)
 
 
 def test_the_model_says_that_its_cap_decides(capsys: pytest.CaptureFixture[str]) -> None:

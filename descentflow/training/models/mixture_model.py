@@ -1,5 +1,6 @@
 """Training of the Gaussian mixture by EM or SVI, with as many components as AIC or BIC finds (paper, appendix C)."""
 
+from math import inf
 from typing import Any, Literal
 
 import torch
@@ -29,7 +30,8 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
     (:mod:`~descentflow.densities.one_gaussian`): once, or anew in each batch. ``train/nll`` is theirs. The number of
     components is chosen by an information criterion, unless it is set: by Akaike's, which asks what is most probable
     of flights not seen yet. Of few flights its mixtures are closer to held-out ones than those of the Bayesian
-    criterion, the paper's, where covariances are shrunk towards the one that components share.
+    criterion, the paper's, where covariances are shrunk towards the one that components share. Where flights are too
+    few for more covariances, components that all have that one are tried as well.
 
     Example:
         >>> from descentflow.training.fit import fit
@@ -78,8 +80,11 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
         self._gaussian: Mixture | None = None
 
     def choose_as(self, fitted: LatentModel[GaussianMixtureDensity]) -> None:
-        """Take as many components as the other fit."""
-        self.n_clusters = fitted.density.mixture.n_components
+        """Take as many components as the other fit, and one covariance if that has one."""
+        covariances = fitted.density.mixture.scale_trils
+        self.n_clusters = len(covariances)
+        if len(covariances) > 1 and bool((covariances == covariances[0]).all()):
+            self.prior_flights = inf
 
     def make(self, dimension: int, n_context: int = 0) -> GaussianMixtureDensity:
         """A mixture of the number of components that was set, or of one until the criterion has chosen."""
@@ -103,7 +108,12 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
                 tried.expect(most)
                 tried.advance()
 
-            found = select_mixture(steps, extend=self.extend, criterion=self.criterion, progress=show, **options)
+            options |= {"extend": self.extend, "criterion": self.criterion, "progress": show}
+            found = select_mixture(steps, **options)
+            if found.cap_binds and steps.prior_flights:
+                # Of components that share a covariance, flights allow more.
+                shared = select_mixture(Steps(steps.weights, steps.context, inf), **options)
+                found = min(found, shared, key=lambda one: one.value)
         limit = "largest number tried" if self.extend else f"cap of {FLIGHTS_PER_PARAMETER} flights per parameter"
         cap = f" (the {limit} decides: more components might fit better)" if found.cap_binds else ""
         chosen = found.mixture.n_components

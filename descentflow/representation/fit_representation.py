@@ -14,6 +14,7 @@ from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.drag_scale import DragScale, DragScaleName, fit_drag_scale
 from descentflow.representation.evidence import Gaps
+from descentflow.representation.flight_parts import Top
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.gappy import Method, fit_components
 from descentflow.representation.fpca.mask_groups import group_masks
@@ -51,6 +52,8 @@ class RepresentationSettings:
         gaps: What densities are fitted to and scored by: ``marginal``, the likelihood of the levels that a flight
             shows; or ``filled``, weights that count as known after expectations were put where nothing was observed, as
             in the paper. The components of ``iterative`` have no likelihood, so that theirs are known.
+        grid_top: Where the grid ends: ``shown``, the highest level that 20 and 2 % of the training flights reach, or
+            a quarter where these are fewer; or ``quarter``, as in the paper.
 
     Example:
         >>> RepresentationSettings(explained_variance=0.9).cas_explained_variance
@@ -65,6 +68,7 @@ class RepresentationSettings:
     residual: bool = True
     drag_scale: DragScaleName = "log"
     gaps: Gaps = "marginal"
+    grid_top: Top = "shown"
 
 
 def fit_representation(

@@ -13,29 +13,32 @@ Part = Literal["train", "validation", "test"]
 PARTS: tuple[Part, ...] = ("train", "validation", "test")
 FEWEST_ON_A_LEVEL = 2
 """Training flights that must show a level: of one there is no variance."""
-REACHED_BY = 0.25
-"""The grid ends at the highest level that this share of the training flights reach (paper, appendix A)."""
+Top = Literal["shown", "quarter"]
+"""End of the grid: the highest level that enough flights reach, or a quarter of them, as in the paper."""
+ENOUGH_FLIGHTS, ENOUGH_SHARE = 20, 50
+"""Training flights that reach the end of the grid: so many, and one in so many."""
 
 
-def top_level(train: Profiles, among: list[int] | None = None) -> int:
-    """Highest flight level that at least a quarter of the training flights reach (paper, appendix A).
+def top_level(train: Profiles, among: list[int] | None = None, top: Top = "shown") -> int:
+    """Highest flight level that enough of the training flights reach: a quarter, or 20 and 2 % if these are fewer.
 
     Args:
         train: Training flights.
         among: Which flights of it they are; all if absent.
+        top: ``shown``, or ``quarter`` for a quarter in any case (paper, appendix A).
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
         >>> from descentflow.representation.profiles import profiles_from_frame
         >>> from descentflow.surveillance.descents.prepared_descents import read_descents
         >>> flights = profiles_from_frame(read_descents("descents.parquet").frame, aircraft("A320"), 150)
-        >>> float((flights.levels_fl[flights.entry_level] >= top_level(flights)).double().mean()) >= 0.25
+        >>> top_level(flights) >= top_level(flights, top="quarter")
         True
     """
     entry = train.entry_level if among is None else train.entry_level[among]
     entries = train.levels_fl[entry].sort(descending=True).values
-    needed = -(-len(entries) * int(REACHED_BY * 100) // 100)
-    return int(entries[needed - 1])
+    quarter, enough = -(-len(entries) // 4), max(ENOUGH_FLIGHTS, -(-len(entries) // ENOUGH_SHARE))
+    return int(entries[(quarter if top == "quarter" else min(quarter, enough)) - 1])
 
 
 def levels_shown(train: Profiles) -> tuple[float, float]:

@@ -258,14 +258,15 @@ class DescentDataModule(LightningDataModule):
         return _on_levels_shown(profiles.between(*self._grid) if self._grid else profiles, split)
 
     def _fresh(self, frame: pl.DataFrame, source: Descents, own_type: PerformanceModel) -> tuple[Profiles, Split]:
-        """Profiles up to the level that a quarter of the training flights reach, and the split made before."""
+        """Profiles up to the level that enough of the training flights reach, and the split made before."""
         bottom = bottom_of(source, frame, self.bottom_fl)
-        owner = dict(first_rows(frame.select("flight_id", "icao24"), "flight_id").iter_rows())
+        owner = self._owner = dict(first_rows(frame.select("flight_id", "icao24"), "flight_id").iter_rows())
 
         profiles = profiles_from_frame(frame, own_type, bottom, mass_kg=self.mass_kg)
         groups = profiles.flight_ids if self.split.split_by == "flight" else [owner[f] for f in profiles.flight_ids]
         split = split_flights(profiles.flight_ids, groups, self.split)
-        top = max([top_level(profiles, places(profiles, split, "train")), *self._grid[1:]])
+        reached = top_level(profiles, places(profiles, split, "train"), self.components.grid_top)
+        top = max([reached, *self._grid[1:]])
         profiles = profiles.between(bottom, top)
         return with_levels(profiles, rank_zero_info), split
 

@@ -8,7 +8,9 @@ import torch
 import toys
 
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
+from descentflow.representation.flight_parts import top_level
 from descentflow.representation.plausibility import level_bounds
+from descentflow.representation.profiles import Profiles
 from descentflow.training.data_settings import grouped, groups_of
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.splitting import SplitSettings, split_flights
@@ -70,13 +72,26 @@ def test_nothing_is_fitted_to_held_out_flights(descents: Path, tmp_path: Path) -
             assert torch.equal(buffer, changed[key]), key
 
 
-def test_the_grid_ends_where_a_quarter_of_the_training_flights_still_reach(descents: Path) -> None:
-    data = module(descents)
+@pytest.mark.parametrize(("grid_top", "needed"), [("quarter", 44), ("shown", 20)])
+def test_the_grid_ends_where_enough_of_the_training_flights_still_reach(
+    descents: Path, grid_top: str, needed: int
+) -> None:
+    """A quarter of 173 training flights, as in the paper, or twenty of them."""
+    data = module(descents, grid_top=grid_top)
     train, top = data.profiles("train"), float(data.representation.decoder.levels_fl[-1])
     frame = pl.read_parquet(descents).filter(pl.col("flight_id").is_in(train.flight_ids))
     reached = frame.group_by("flight_id").agg(pl.col("level_fl").max())["level_fl"]
-    assert (reached >= top).mean() >= 0.25
-    assert top == reached.max() or (reached >= top + 1).mean() < 0.25
+    assert (reached >= top).sum() >= needed
+    assert top == reached.max() or (reached >= top + 1).sum() < needed
+
+
+@pytest.mark.parametrize(("n", "needed"), [(40, 10), (200, 20), (2000, 40)])
+def test_few_flights_end_the_grid_by_a_quarter_and_many_by_two_in_a_hundred(n: int, needed: int) -> None:
+    mask = torch.arange(n) < torch.arange(n, 0, -1)[:, None]  # each level is the highest of one flight
+    nothing = torch.zeros(n, n)
+    levels_fl = torch.arange(100.0, 100.0 + n)
+    flights = Profiles(tuple(map(str, range(n))), levels_fl, nothing, nothing, nothing, nothing, mask)
+    assert int((levels_fl[flights.entry_level] >= top_level(flights)).sum()) == needed
 
 
 @pytest.mark.parametrize(

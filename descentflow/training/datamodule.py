@@ -33,7 +33,7 @@ from descentflow.representation.encode_flights import (
 )
 from descentflow.representation.evidence import WeightEvidence
 from descentflow.representation.fit_representation import RepresentationSettings, fit_representation
-from descentflow.representation.flight_parts import Part, levels_shown, one_part, places, top_level, with_levels
+from descentflow.representation.flight_parts import PARTS, Part, levels_shown, one_part, places, top_level, with_levels
 from descentflow.representation.linear_curves import evidence_of
 from descentflow.representation.own_air import MEASURED, STANDARD, airs_by, with_own_air
 from descentflow.representation.profiles import Profiles, profiles_from_frame
@@ -45,6 +45,9 @@ from descentflow.training.chosen_descents import aircraft_of, at_mass, bottom_of
 from descentflow.training.data_settings import BatchSettings, ContextSettings
 from descentflow.training.flight_batches import flight_batches
 from descentflow.training.splitting import SplitSettings, split_flights
+
+FEWEST_AIRCRAFT = 10
+"""Aircraft by which training flights are split again."""
 
 
 class DescentDataModule(LightningDataModule):
@@ -106,6 +109,7 @@ class DescentDataModule(LightningDataModule):
         self._evidence: dict[Part, WeightEvidence] = {}
         self._representation: Representation | None = None
         self._grid: list[float] = []
+        self._owner: dict[str, str] = {}
         self._parts: dict[Part, EncodedFlights] = {}
 
     def setup(self, stage: str | None = None) -> None:
@@ -138,6 +142,22 @@ class DescentDataModule(LightningDataModule):
         other._grid = self.representation.decoder.levels_fl[[0, -1]].tolist()
         other.split = replace(self.split, test_fraction=0.0, validation_fraction=0.0)
         other._evidence, other._representation, other._parts = {}, None, {}
+        return other
+
+    def resplit(self, seed: int) -> "DescentDataModule":
+        """The training flights alone, in the same components: a third of the aircraft for test, a tenth for validation.
+
+        Args:
+            seed: Of the split, which is of flights where there are only a few aircraft.
+        """
+        flights = self.flights("train")
+        names = flights.profiles.flight_ids
+        owners = [self._owner.get(name, name) for name in names]
+        groups = owners if len(set(owners)) >= FEWEST_AIRCRAFT else names
+        split = split_flights(names, groups, SplitSettings(1 / 3, seed=seed))
+        other = copy(self)
+        other._evidence = {}
+        other._parts = {part: flights.subset(places(flights.profiles, split, part)) for part in PARTS}
         return other
 
     @property

@@ -63,6 +63,8 @@ class LatentModel(LightningModule, InNotebook, ABC, Generic[D]):
         self._density: D | None = None
         self.outcome = ""
         """Description of the fit's end; empty before it."""
+        self.chosen = ""
+        """Reason for this kind of density; empty where a user named it."""
         self._seed, self._had_stopped = 0, False
         # In a tuple, for it is no part of this module: its parameters are not among these.
         self._final: tuple[D, ...] = ()
@@ -211,6 +213,8 @@ class LatentModel(LightningModule, InNotebook, ABC, Generic[D]):
             lines.append(f"sampled: the final fit, to {self.final.representation.split.describe()}")
         if parts.n_context:
             lines.append(f"conditioned on {parts.context.describe()}")
+        if self.chosen:
+            lines.append(self.chosen)
         return "\n".join(lines)
 
     def log_observed(self, evidence: WeightEvidence, context: Tensor | None = None) -> Tensor:

@@ -30,6 +30,7 @@ extensions = [
     "house_map",
     "command_help",
     "browser_demo",
+    "run_notebook",
 ]
 exclude_patterns = ["_build", "tutorials"]  # the gallery's pages are made from tutorials/ into made/tutorials
 root_doc = "index"

@@ -1,4 +1,4 @@
-"""Progress of a long call, on stderr: a line that updates on a terminal, elsewhere plain lines now and then.
+"""Progress of a long call, on stderr: a line that updates on a terminal or in a notebook, elsewhere plain lines.
 
 Nothing is shown in the first two seconds. A command opens one :func:`display`; whatever takes long, there or in the
 library, reports it by :func:`stage`. Standard output is never written to.
@@ -19,7 +19,7 @@ REDRAWN_S = 0.25
 LINE_S = 10.0
 """Seconds between two plain lines, as in the log of a batch job: an hour makes 360 of them."""
 CLEARED = "\r\x1b[2K"
-"""Control sequence that empties a terminal's line."""
+"""Control sequence that empties a terminal's line; notebooks know `\\r` alone."""
 
 
 @dataclass(eq=False)
@@ -105,14 +105,14 @@ class _Display:
             terminal = _is_terminal()
             wait = REDRAWN_S if terminal else LINE_S
             stage = self.stages[-1]
-            text = CLEARED + stage.as_meter(self.name) if terminal else f"{self.name}: {stage.as_text()}\n"
+            text = _cleared() + stage.as_meter(self.name) if terminal else f"{self.name}: {stage.as_text()}\n"
             with self.lock:
                 self._write(text, drawn=terminal)
 
     def clear(self) -> None:
         with self.lock:
             if self.drawn:
-                self._write(CLEARED, drawn=False)
+                self._write(_cleared(), drawn=False)
 
     def _write(self, text: str, *, drawn: bool) -> None:
         self.drawn = drawn
@@ -127,10 +127,20 @@ _shown: list[_Display] = []
 
 
 def _is_terminal() -> bool:
+    """Test for a stderr whose last line can be written anew."""
     try:
-        return sys.stderr.isatty()
+        return _is_notebook() or sys.stderr.isatty()
     except (AttributeError, ValueError):
         return False
+
+
+def _is_notebook() -> bool:
+    return type(sys.stderr).__module__.startswith("ipykernel.")
+
+
+def _cleared() -> str:
+    blank = " " * (shutil.get_terminal_size().columns - 1)
+    return f"\r{blank}\r" if _is_notebook() else CLEARED
 
 
 @contextmanager

@@ -1,11 +1,14 @@
-"""Show a result in a notebook: a figure, then the lines that it prints."""
+"""Show a result: in a notebook a figure, then the lines that it prints; by ``plot`` the axes of the figure."""
 
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
 from markupsafe import escape
 
+from descentflow.core.errors import DataError
+
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 DPI = 70
@@ -31,6 +34,27 @@ class InNotebook(ABC):
     @abstractmethod
     def notebook_figure(self) -> "Figure | None":
         """The figure; None where there is nothing to draw."""
+
+    def plot(self) -> "list[Axes]":
+        """Draw the figure that a notebook shows.
+
+        Returns:
+            Its axes, to be changed or added to; ``axes[0].figure`` is the figure, which has ``savefig``.
+
+        Raises:
+            DataError: If there is nothing to draw.
+
+        Example:
+            >>> from descentflow.surveillance.rows.drop_report import DropReport, Step
+            >>> axes = DropReport([Step("transient", 8, 0, 90, 3)]).plot()
+            >>> axes[0].get_xlabel()
+            'Rows dropped'
+        """
+        figure = self.notebook_figure()
+        if figure is None:
+            name = type(self).__name__
+            raise DataError(f"a {name} with nothing to draw", expected="one that has something", mend="print it")
+        return list(figure.axes)
 
     def _repr_html_(self) -> str:
         """Figure and printed lines."""

@@ -20,6 +20,10 @@ class Terminal(io.StringIO):
         return True
 
 
+Notebook = type("OutStream", (io.StringIO,), {"__module__": "ipykernel.iostream", "encoding": "utf-8"})
+"""As a kernel's stderr: no terminal, and its cells know ``\\r`` and no control sequence."""
+
+
 def show_on(stream: io.StringIO, monkeypatch: pytest.MonkeyPatch) -> None:
     """Not `sys.stderr` itself, which pytest puts back between a fixture and its test."""
     monkeypatch.setattr(progress, "sys", SimpleNamespace(stderr=stream))
@@ -96,3 +100,15 @@ def test_a_command_shows_its_stages_unless_it_is_to_be_quiet(
     assert not words or said.err == ""
     assert "wrote" in said.out
     assert "of 12 flights (" not in said.out
+
+
+def test_a_notebook_has_one_line_that_updates_and_goes(monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = Notebook()
+    show_on(stream, monkeypatch)
+    monkeypatch.setattr(progress, "REDRAWN_S", 0.001)
+    with display("descentflow sample", after_s=0.0), stage("drawing", total=200, unit="descents") as drawn:
+        drawn.advance(50)
+        wait_for(lambda: "50/200" in stream.getvalue())
+    assert "\n" not in stream.getvalue()
+    assert "\x1b" not in stream.getvalue()
+    assert stream.getvalue().rpartition("\r")[0].rpartition("\r")[2].isspace(), "the line is blank in the end"

@@ -2,15 +2,18 @@
 
 import gzip
 import io
+import pickle
 import random
 import re
 import tarfile
 import zipfile
 from collections.abc import Callable
+from pathlib import Path
 
 from fuzzing.values import NUMBERS, TEXTS, TIMES
 
 NUMBER = re.compile(rb"-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
+BOMB_BYTES = 1 << 28
 BOMB_MEMBERS = 300
 """Members of gzip, each a megabyte of line ends: 300 MB that a few hundred kilobytes unpack to."""
 
@@ -141,6 +144,42 @@ def _bomb(content: bytes, name: str, rng: random.Random) -> tuple[bytes, str]:
     filling = rng.choice((b"\n", b" ", b"\0", b"[", b"1,"))
     member = gzip.compress(filling * (1 << 20), 9)
     return gzip.compress(content) + member * rng.choice((3, BOMB_MEMBERS)), f"{name}.gz"
+
+
+class _Runs:
+    """Object of a pickle that runs code where it is opened."""
+
+    def __init__(self, made: Path) -> None:
+        self.made = made
+
+    def __reduce__(self) -> tuple[Callable[[str], object], tuple[str]]:
+        return exec, (f"open({str(self.made)!r}, 'w').close()",)
+
+
+def running_code(checkpoint: bytes, made: Path, rng: random.Random) -> bytes:
+    """A checkpoint whose pickle runs code, or unpacks to a gigabyte, or whose members lead out of it.
+
+    Args:
+        checkpoint: A whole one.
+        made: File that its code makes.
+        rng: What chooses.
+    """
+    kind = rng.choice(("pickle", "member", "bomb", "names"))
+    if kind == "pickle":
+        return pickle.dumps(_Runs(made), protocol=rng.choice((2, 4)))
+    out = io.BytesIO()
+    with (
+        zipfile.ZipFile(io.BytesIO(checkpoint)) as whole,
+        zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
+    ):
+        for name in whole.namelist():
+            content = whole.read(name)
+            if name.endswith("data.pkl") and kind == "member":
+                content = pickle.dumps(_Runs(made), protocol=2)
+            elif name.endswith("data.pkl") and kind == "bomb":
+                content += b"\0" * BOMB_BYTES
+            archive.writestr(f"../{name}" if kind == "names" else name, content)
+    return out.getvalue()
 
 
 ARCHIVES = (_gz, _gz, _zip, _zip, _tar, _tar, _nested, _bomb)

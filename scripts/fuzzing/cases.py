@@ -4,7 +4,7 @@ import json
 import random
 import shutil
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,8 @@ import torch
 import yaml
 
 from fuzzing import loggers, wrong_arguments
-from fuzzing.byte_changes import damaged, wrapped
+from fuzzing.byte_changes import damaged, running_code, wrapped
+from fuzzing.outputs import bad_place, by_another_clock
 from fuzzing.table_changes import changed
 from fuzzing.values import NUMBERS, TEXTS, mutate_tree, odd_value
 from fuzzing.weather_changes import write_damaged
@@ -23,7 +24,7 @@ COMMANDS = {"predict-descent": 0.7, "evaluate": 0.15, "fit": 0.1, "diagnose": 0.
 """Shares of what damaged descents are given to: a fit or an evaluation takes two seconds, a diagnosis ten."""
 
 
-ARGUMENTS = "arguments"
+ARGUMENTS, CODE_RAN = "arguments", "code_ran"
 MANY = 1000.0
 
 
@@ -103,6 +104,47 @@ def _prepare(kind: str, folder: Path, path: Path, rng: random.Random, rows: int 
     return Case(kind, words, out, rows)
 
 
+def _clock(rng: random.Random, good: Path, folder: Path) -> Case:
+    """Rows by another clock, of which some have tables of level flight made, too."""
+    frame = by_another_clock(pl.read_parquet(good / "sources" / "parquet"), rng)
+    path = folder / rng.choice(("rows.parquet", "rows.csv"))
+    _write(frame, path)
+    return _prepare("clocks", folder, path, rng, frame.height)
+
+
+def _level_flight(rng: random.Random, good: Path, folder: Path) -> Case:
+    """Tables of level flight of rows that are damaged, a few columns of many flights."""
+    rows = pl.read_parquet(good / "rows.parquet")
+    few = rows.filter(pl.col("flight_id").is_in(rows["flight_id"].unique().sort().head(3).implode()))
+    frame, path = changed(few, rng), folder / "rows.parquet"
+    frame.write_parquet(path)
+    case = _prepare("level flight", folder, path, rng, frame.height)
+    return replace(case, words=[*case.words, "--level-flight", str(folder / "level")])
+
+
+def _place(rng: random.Random, good: Path, folder: Path) -> Case:
+    """A command whose output cannot be written, or hardly."""
+    plain, rows = str(good / "plain.ckpt"), str(good / "sources" / "parquet")
+    commands = {
+        "sample": ([plain, "-n", SAMPLES], ".parquet"),
+        "prepare": ([rows, "--workers", "1"], ".parquet"),
+        "simulate": (["--typecode", "A320", "--flights", "1"], ".parquet"),
+        "export": ([plain, "--to", "bluesky", "-n", SAMPLES], ".scn"),
+    }
+    name = rng.choice(list(commands))
+    words, suffix = commands[name]
+    return Case("places", [name, *words, "--out", str(bad_place(folder, suffix, rng))])
+
+
+def _repair(rng: random.Random, good: Path, folder: Path) -> Case:
+    """A repair by descents that are damaged, to a file of coefficients."""
+    path, whole = folder / "descents.parquet", good / "descents.parquet"
+    kept = {name: text for name, text in pl.read_parquet_metadata(whole).items() if name != "ARROW:schema"}
+    changed(pl.read_parquet(whole), rng).write_parquet(path, metadata=kept)
+    out = folder / "A320.toml"
+    return Case("repair", ["repair", str(path), "--aircraft", "A320", "--out", str(out)], out)
+
+
 def _descents(rng: random.Random, good: Path, folder: Path) -> Case:
     whole = good / "descents.parquet"
     path, key = folder / "descents.parquet", "descentflow"
@@ -133,7 +175,9 @@ def _descents(rng: random.Random, good: Path, folder: Path) -> Case:
 def _checkpoint(rng: random.Random, good: Path, folder: Path) -> Case:
     whole = good / rng.choice(("plain.ckpt", "context.ckpt", "corrected.ckpt"))
     path, out = folder / "damaged.ckpt", folder / "out.parquet"
-    if rng.random() < 0.2:
+    if rng.random() < 0.1:
+        path.write_bytes(running_code(whole.read_bytes(), folder / CODE_RAN, rng))
+    elif rng.random() < 0.2:
         path.write_bytes(damaged(whole.read_bytes(), rng))
     else:
         torch.save(mutate_tree(torch.load(whole, weights_only=True), rng, lambda old: _odd_entry(old, rng)), path)
@@ -272,5 +316,9 @@ KINDS: dict[str, tuple[Callable[[random.Random, Path, Path], Case], float]] = {
     "weather": (_weather, 0.10),
     "arguments": (_arguments, 0.03),
     "loggers": (_logger, 0.01),
+    "clocks": (_clock, 0.05),
+    "level-flight": (_level_flight, 0.01),
+    "places": (_place, 0.02),
+    "repair": (_repair, 0.005),
 }
 """Kind of input -> what makes a case of it, and its share."""

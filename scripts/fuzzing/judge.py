@@ -19,7 +19,7 @@ from descentflow.cli.entry import main
 from descentflow.core.errors import DescentflowError
 from descentflow.diagnosis.findings.read_gap import read_gap
 from fuzzing import loggers, wrong_arguments
-from fuzzing.cases import Case
+from fuzzing.cases import CODE_RAN, Case
 from fuzzing.weather_changes import wrong_values
 
 SECONDS = 30
@@ -78,6 +78,8 @@ def judged(case: Case, folder: Path) -> Outcome:
     if touched := [name for name in case.others if not _is_as_it_was(folder / name, name)]:
         return Outcome("file of others lost", ", ".join(touched))
     left = {path.name for path in folder.iterdir()} - before
+    if CODE_RAN in left:
+        return Outcome("code of a file was run", " ".join(case.words))
     if case.others:
         left = {path.name for path in folder.rglob("*") if path.is_file()} - {Path(name).name for name in case.others}
         left -= {loggers.STORE} if status else left

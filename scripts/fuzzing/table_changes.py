@@ -100,6 +100,16 @@ def _swapped(frame: pl.DataFrame, rng: random.Random) -> pl.DataFrame:
     return frame if first == second else frame.rename({first: second, second: first})
 
 
+def _of_another(frame: pl.DataFrame, rng: random.Random) -> pl.DataFrame:
+    """Some values of a column are those of another one, or one number that stands for none."""
+    numbers = [name for name, kind in frame.schema.items() if kind.is_float()]
+    if len(numbers) < 2:
+        return frame
+    name, other = rng.sample(numbers, 2)
+    false = rng.choice((pl.col(other), pl.lit(float(rng.choice((-64, 0, 127, 9999, 4095))))))
+    return frame.with_columns(pl.when(_some(frame, rng)).then(false).otherwise(pl.col(name)).alias(name))
+
+
 CHANGES: tuple[Callable[[pl.DataFrame, random.Random], pl.DataFrame], ...] = (
     _value,
     _value,
@@ -111,6 +121,7 @@ CHANGES: tuple[Callable[[pl.DataFrame, random.Random], pl.DataFrame], ...] = (
     _nested,
     _renamed,
     _swapped,
+    _of_another,
     lambda frame, rng: frame.drop(rng.choice(frame.columns)) if frame.width > 1 else frame,
     lambda frame, rng: frame.head(rng.choice((0, 1, 2))),
     lambda frame, rng: pl.concat([frame.head(1)] * max(frame.height, 1)),

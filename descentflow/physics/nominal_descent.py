@@ -117,6 +117,8 @@ def nominal_descent(
 ) -> NominalDescent:
     """Fly the nominal BADA descent from the top level of a grid to its bottom (manual 3.2-7 and 4.3).
 
+    Crews at the places of the record of open types flew slower than the schedule, whose time is 24 % short (median).
+
     Time is the integral of ``dHp / rate`` by two-point Gauss in cells that end at every level and at every altitude
     where the rate jumps (transition, tropopause, H_p,des, the schedule's steps), so it does not depend on the spacing
     of the grid.

@@ -73,8 +73,8 @@ class Repair:
         low, high = self.levels_fl
         return (
             f"Mass, thrust and drag scale together without a trace: all numbers hold at the reference mass. Polars "
-            f"with flaps, approach and landing thrust, climb thrust and fuel are as they were. Flights were seen from "
-            f"FL{low:.0f} to FL{high:.0f}."
+            f"with flaps, approach and landing thrust, climb thrust and fuel are as they were. Thrust above idle that "
+            f"flights have alike passes for less drag. Flights were seen from FL{low:.0f} to FL{high:.0f}."
         )
 
     @property

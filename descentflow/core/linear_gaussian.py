@@ -103,11 +103,15 @@ class Precisions:
 LEAST_VARIANCE = 1e-30
 
 
-def shrunk(rows: Array) -> Array:
+def shrunk(rows: Array, toward: Array | float = 0.0) -> Array:
     """Sum (p, p) of the outer products of rows (a, p), its correlations shrunk by Ledoit and Wolf's weight.
 
     Ledoit and Wolf (2004), A well-conditioned estimator for large-dimensional covariance matrices, Journal of
     Multivariate Analysis 88, with the variances as they are (Schaefer and Strimmer 2005, target D).
+
+    Args:
+        rows: (a, p) whose outer products are summed.
+        toward: (p, p) correlation that is taken where rows are too few to show one.
 
     Example:
         >>> rows = np.random.default_rng(0).normal(size=(20, 50))  # fewer rows than entries
@@ -122,5 +126,5 @@ def shrunk(rows: Array) -> Array:
     apart = ~np.eye(len(total), dtype=bool)
     size = max(float((correlation[apart] ** 2).sum()), LEAST_VARIANCE)
     weight = float(np.clip(variance[apart].sum() / size, 0.0, 1.0))
-    found: Array = np.where(apart, (1.0 - weight) * correlation, 1.0) * np.outer(spread, spread)
+    found: Array = np.where(apart, (1.0 - weight) * correlation + weight * toward, 1.0) * np.outer(spread, spread)
     return found

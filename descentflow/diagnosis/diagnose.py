@@ -14,6 +14,7 @@ from descentflow.core.files import check_folder, check_separate
 from descentflow.core.threads import one_thread
 from descentflow.core.user_files import lines_named
 from descentflow.diagnosis.diagnosis_steps import diagnose_compared
+from descentflow.diagnosis.findings.findings import FEW
 from descentflow.diagnosis.gap.earlier_report import check_no_other_report
 from descentflow.diagnosis.gap.what_is_left import OWN_FLIGHTS, left_out_channels
 from descentflow.diagnosis.report.gap_report import FILES, GapReport
@@ -182,6 +183,7 @@ def diagnose_prepared(frame: pl.DataFrame, settings: Settings, dropped: Mapping[
         "flights_off_the_grid": given - len(real),
         "flights_compared": len(real),
         "simulator_flights": 0 if sides.simulated is None else len(sides.simulated),
+        **({FEW: compared.short_of_causes} if compared.short_of_causes else {}),
         **dropped,
     }
     report = diagnose_compared(compared, settings, source, counts, frame)

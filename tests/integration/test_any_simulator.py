@@ -159,12 +159,12 @@ def test_a_bada_folder_that_cannot_be_read_is_not_mended_by_a_type(
 
 
 def test_too_few_flights_of_either_side_are_refused(real: Descents, simulator: Descents) -> None:
-    with pytest.raises(DataError, match=r"19 real flights .* at least 20 flights a side"):
-        diagnose(fewer(real, 19), simulator)
-    with pytest.raises(DataError, match=r"19 simulated flights .* at least 20 flights a side"):
-        diagnose(real, fewer(simulator, 19))
-    with pytest.raises(DataError, match=r"19 real flights"):
-        diagnose(fewer(real, 19), typecode="A320")
+    with pytest.raises(DataError, match=r"4 real flights .* at least 5 flights a side"):
+        diagnose(fewer(real, 4), simulator)
+    with pytest.raises(DataError, match=r"4 simulated flights .* at least 5 flights a side"):
+        diagnose(real, fewer(simulator, 4))
+    with pytest.raises(DataError, match=r"4 real flights"):
+        diagnose(fewer(real, 4), typecode="A320")
     alone = with_frame(simulator, simulator.frame.with_columns(icao24=pl.lit("abcdef")))
     with pytest.raises(DataError, match=r"simulated flights of 1 aircraft .* give each an icao24 of its own"):
         diagnose(real, alone)

@@ -119,6 +119,10 @@ class Curve:
     error: list[float]
 
 
+FEW = "flights_short_of_all_causes"
+"""Count of flights that a side lacks for all causes to be sought."""
+
+
 @dataclass(frozen=True)
 class Details:
     """Details for figures and careful readers besides the answer.
@@ -231,6 +235,18 @@ class Findings:
     provenance: Provenance = field(default_factory=Provenance)
     corrected_file: str = ""
     below_rounding: list[BelowRounding] = field(default_factory=list)
+
+    @property
+    def is_few(self) -> bool:
+        """True if a side had too few flights for all causes to be sought; they are counted in ``dropped``.
+
+        Example:
+            >>> from descentflow.diagnosis.diagnose import diagnose
+            >>> from descentflow.effects import EFFECTS
+            >>> diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}).is_few
+            False
+        """
+        return bool(self.dropped.get(FEW, 0))
 
     @property
     def is_small(self) -> bool:

@@ -76,9 +76,11 @@ def explain(
     within = within.in_own_air()
     known, by_flight = moments(within), differing(catalogue)
     signatures = Signatures(within, known)
-    means = [MeanEffect(effect, signatures) for effect in catalogue.values() if effect not in by_flight]
+    # Few flights can tell what their own channels contradict, and no cause that needs a spread or coefficients.
+    able = [e for e in catalogue.values() if not compared.short_of_causes or e.inherited_from is not None]
+    means = [MeanEffect(effect, signatures) for effect in able if effect not in by_flight]
     candidates: list[Candidate] = [one for one in means if np.abs(one.at(one.start).jacobian).max(initial=0.0) > 0.0]
-    if by_flight and "rate" in within.quantities():
+    if by_flight and "rate" in within.quantities() and not compared.short_of_causes:
         candidates += FlightShapes(within, known, by_flight).candidates(signatures)
     groups = list(dict.fromkeys(e.scale_group.members for e in catalogue.values() if e.scale_group))
     progress("weighing sets of effects")

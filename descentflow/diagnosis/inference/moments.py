@@ -26,6 +26,9 @@ from descentflow.core.units import KT_MPS
 from descentflow.diagnosis.sides.two_sides import Compared
 from descentflow.effects.flight_state import Schedule
 
+FEWEST_AIRCRAFT = 20
+"""Aircraft of a side from which their spread is known well enough for a normal law."""
+
 
 @dataclass(frozen=True)
 class Moments:
@@ -75,7 +78,8 @@ def moments(compared: Compared) -> Moments:
         alike = max(1.0 - float((variance[of_speed] / step[of_speed] ** 2).mean()), 0.0) if of_speed.any() else 1.0
         shared = np.sqrt(alike * np.maximum(step**2 - variance, 0.0))
         error = error + np.outer(shared, shared) * (kernel + np.eye(len(kernel))) / 2.0
-    covariance = shrunk(np.concatenate(sums))
+    # What few aircraft do not show of how levels go together is smooth, and does not average out.
+    covariance = shrunk(np.concatenate(sums), kernel if compared.short_of_causes else 0.0)
     of_flight = compared.of_flight().numpy()
     covariance[of_flight[:, None] != of_flight] = 0.0
     return Moments(difference, covariance + error, departures, negligible, quantity, kernel)
@@ -105,7 +109,7 @@ def sums_by_aircraft_and_day(
     """
     by_aircraft, by_day = sums_over(departures, airframe), sums_over(departures, day)
     own, of_days = (by_aircraft**2).sum(0), (by_day**2).sum(0)
-    wanted = own.copy()
+    wanted = own * few_wider(len(by_aircraft))
     for name in dict.fromkeys(quantity):
         mine = quantity == name
         smooth = kernel[np.ix_(mine, mine)]
@@ -115,6 +119,16 @@ def sums_by_aircraft_and_day(
             wanted[mine] *= max(1.0, wider * of_days[mine].sum() / own[mine].sum())
     found: Array = np.concatenate([by_aircraft, by_day]) * np.sqrt(wanted / np.maximum(own + of_days, 1e-300))
     return found
+
+
+def few_wider(count: int) -> float:
+    """Factor of a variance that fewer than twenty aircraft give: Student's t in place of the normal law.
+
+    Example:
+        >>> [round(few_wider(count), 2) for count in (5, 10, 20)]
+        [2.01, 1.33, 1.0]
+    """
+    return float((student_t.ppf(0.975, max(count - 1, 1)) / norm.ppf(0.975)) ** 2) if count < FEWEST_AIRCRAFT else 1.0
 
 
 def sums_over(departures: Array, group: np.ndarray) -> Array:

@@ -26,12 +26,27 @@ def verdict_of(found: Explanation, *, is_gap: bool = True, costs: Sequence[Cost]
     """
     if found.is_none or not is_gap:
         return "none"
+    few = found.compared.short_of_causes > 0
     if not found.theta:
-        return "unknown"
-    if not (found.named.has_unknown or leaves_time(costs)):
+        # Of few flights the spread is not known well enough for an unknown cause: the time itself must differ.
+        return "unknown" if not few or differs_in_time(costs) else "none"
+    if not ((found.named.has_unknown and not few) or leaves_time(costs)):
         return "effect"
     # The air is no part of a simulator: what it leaves is unknown.
     return "unknown" if all(found.catalogue[name].of_air for name in found.theta) else "partial"
+
+
+def differs_in_time(costs: Sequence[Cost]) -> bool:
+    """Test for a difference of the time at equal speed over all levels, by more than chance.
+
+    Example:
+        >>> from descentflow.diagnosis.findings.costs_found import Measured
+        >>> late = Cost("time_at_speed", "time", "s", 150, 350, 600, 620, Measured(20, 14, 26), None, floor=7.0)
+        >>> differs_in_time([late])
+        True
+    """
+    whole = next((cost for cost in costs if cost.name == "time_at_speed"), None)
+    return whole is not None and abs(whole.before.estimate) > CERTAIN_HALF_WIDTHS * whole.floor
 
 
 def leaves_time(costs: Sequence[Cost]) -> bool:

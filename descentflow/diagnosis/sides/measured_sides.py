@@ -8,11 +8,12 @@ import torch
 
 from descentflow.core.errors import DataError
 from descentflow.diagnosis.sides.simulator import Simulator
+from descentflow.diagnosis.sides.two_sides import FEWEST_FOR_CAUSES
 from descentflow.measurements.quantities import Quantities, grid_of, measured, of_some_aircraft
 from descentflow.measurements.quantity_registry import SHOWN_BY
 
-MIN_FLIGHTS_A_SIDE = 20
-"""Least flights of either side: fewer say nothing of any effect; hundreds tell effects apart."""
+MIN_FLIGHTS_A_SIDE = 5
+"""Least flights of either side: of so few only what is measured without coefficients may be named."""
 MIN_SHARE_REPORTING = 0.1
 """A channel that this share of the flights report, or fewer, is one that they lack."""
 LEAST_AIRCRAFT = 5
@@ -153,7 +154,8 @@ def check_count(found: Quantities, given: int, low: float, high: float, whose: s
     if len(found) < MIN_FLIGHTS_A_SIDE:
         raise DataError(
             f"{len(found)} {whose} with levels between FL{low:.0f} and FL{high:.0f} (of {given} given)",
-            expected=f"at least {MIN_FLIGHTS_A_SIDE} flights a side, and hundreds to tell effects apart",
+            expected=f"at least {MIN_FLIGHTS_A_SIDE} flights a side, {FEWEST_FOR_CAUSES} to seek all causes, "
+            "and hundreds to tell effects apart",
             mend=f"give more {whose}, or both sides the same levels",
         )
 

@@ -25,9 +25,12 @@ from descentflow.physics.performance_model import PerformanceModel
 
 CLAIMED_ZERO = ("rate", "lag", "mismatch", "tas", "wind", "height")
 """Quantities that are zero by physics, whether or not the simulator's own flights measured them."""
-MIN_FLIGHTS_SHOWING = 10
+MIN_FLIGHTS_SHOWING, FEWEST_SHOWING = 10, 5
 MIN_SHARE_SHOWING = 0.1
-"""An entry is compared if so many, and this share, of the flights of either side show it."""
+"""An entry is compared if so many, and this share, of the flights of either side show it; of fewer than twenty flights
+half, and five."""
+FEWEST_FOR_CAUSES = 20
+"""Flights of a side from which all effects are sought: hundreds tell them apart."""
 MIN_AIRCRAFT_APART = 7
 """Aircraft that differ from what most flights show, for a quantity that most show alike (time level, least noise) to be
 compared. All of m are on one side by chance in one of 2^(m - 1), and 2 % is asked."""
@@ -73,6 +76,12 @@ class Compared:
     """(n, K) change of ln rate by the air that each flight measured, NaN where it did not; zero where too few did."""
     measures_air: bool = False
     """True if both sides measured their air, so that ``own_air`` is whole; else it is that beyond the side's mean."""
+
+    @property
+    def short_of_causes(self) -> int:
+        """Number of flights that a side lacks for causes that rest on coefficients, or on single flights."""
+        sides = [self.real, ~self.real] if self.has_simulated else [self.real]
+        return max(FEWEST_FOR_CAUSES - min(int(side.sum()) for side in sides), 0)
 
     @property
     def has_simulated(self) -> bool:
@@ -164,7 +173,7 @@ def compare(
         assumed: Constants.
 
     Raises:
-        DataError: If no quantity is shown by ten flights of each side in one band.
+        DataError: If no quantity is shown by enough flights of each side in one band.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
@@ -189,8 +198,8 @@ def compare(
     columns = _columns(values, is_real, both.airframe, assumed)
     if not columns:
         raise DataError(
-            f"no quantity that {MIN_FLIGHTS_SHOWING} of {len(real)} real flights show in one band",
-            expected=f"at least {MIN_FLIGHTS_SHOWING} flights on both sides through the same levels",
+            f"no quantity that enough of {len(real)} real flights show in one band",
+            expected=f"at least {FEWEST_SHOWING} flights on both sides through the same levels",
             mend="give more flights",
         )
     y = torch.stack(list(columns.values()), 1)
@@ -287,7 +296,8 @@ def _tells_nothing(column: Tensor, airframe: Tensor) -> bool:
 
 def _enough(column: Tensor) -> bool:
     count = int(column.isfinite().sum())
-    return count >= MIN_FLIGHTS_SHOWING and count >= MIN_SHARE_SHOWING * len(column)
+    least = min(MIN_FLIGHTS_SHOWING, max(len(column) // 2, FEWEST_SHOWING))
+    return count >= max(least, MIN_SHARE_SHOWING * len(column))
 
 
 def _drawn_in(sides: Sequence[Tensor], extreme: float, least: float) -> list[Tensor]:

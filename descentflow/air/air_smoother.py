@@ -112,12 +112,21 @@ def _profiles(reports: AirReports, departure: float, altitude_m: Tensor) -> tupl
     return values, (own - known).clamp(min=0).sqrt(), (slope - explained).clamp(min=0).sqrt()
 
 
+def matern(first: Tensor, second: Tensor) -> Tensor:
+    """Correlation of departures at altitudes (A,) and (B,).
+
+    Example:
+        >>> matern(torch.tensor([0.0]), torch.tensor([0.0, LENGTH_M])).round(decimals=2)
+        tensor([[1.0000, 0.5200]])
+    """
+    away = math.sqrt(5.0) * (first[:, None] - second[None, :]).abs() / LENGTH_M
+    return (1 + away + away.square() / 3) * torch.exp(-away)
+
+
 def _kernel(first: Tensor, second: Tensor, departure: float) -> Tensor:
     """Covariance of the quantity at altitudes (A,) and (B,): level, trend and departure."""
-    away = math.sqrt(5.0) * (first[:, None] - second[None, :]).abs() / LENGTH_M
-    rough = departure**2 * (1 + away + away.square() / 3) * torch.exp(-away)
     line = (first[:, None] - MIDDLE_M) * (second[None, :] - MIDDLE_M) / TREND_M**2
-    return DIFFUSE**2 * (1 + line) + rough
+    return DIFFUSE**2 * (1 + line) + departure**2 * matern(first, second)
 
 
 def _rows(reports: AirReports, index: Tensor) -> AirReports:

@@ -9,6 +9,7 @@ import polars as pl
 from torch import Tensor
 
 from descentflow.core.errors import ConfigError, DescentflowWarning
+from descentflow.representation.airspeed_error import AirspeedErrors, without_airspeed_error
 from descentflow.representation.context import ContextEncoder
 from descentflow.representation.context_columns import contexts_of, flight_context, read_context_table, with_context
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
@@ -86,6 +87,8 @@ def encode_flights(
     table = context_of(descents, list(encoder.names), context_table)
     bottom, top = int(decoder.levels_fl[0]), int(decoder.levels_fl[-1])
     profiles = with_levels(profiles_from_frame(descents, decoder.aircraft, bottom, top), say)
+    if errors := AirspeedErrors.of(descents):
+        profiles = without_airspeed_error(profiles, decoder.aircraft, errors, range(len(profiles)), say)
     check_air_asked(representation, air)
     if representation.air is not None:
         airs = airs_as_kept(descents, decoder.levels_fl, representation.air, air)

@@ -4,13 +4,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import torch
-from jsonargparse.typing import OpenUnitInterval, PositiveFloat
+from jsonargparse.typing import NonNegativeFloat, OpenUnitInterval, PositiveFloat
 from torch import Tensor
 
 from descentflow.core.arguments import checked_settings
 from descentflow.core.errors import DataError
 from descentflow.core.units import FL_M
 from descentflow.physics.performance_model import PerformanceModel
+from descentflow.representation.airspeed_error import TEMPERATURE_K
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.drag_scale import DragScale, DragScaleName, fit_drag_scale
 from descentflow.representation.evidence import Gaps
@@ -54,6 +55,9 @@ class RepresentationSettings:
             in the paper. The components of ``iterative`` have no likelihood, so that theirs are known.
         grid_top: Where the grid ends: ``shown``, the highest level that 20 and 2 % of the training flights reach, or
             a quarter where these are fewer; or ``quarter``, as in the paper.
+        wind_error_mps: Standard error of the wind along the track by which airspeeds were derived, m/s: the spread that
+            it adds is taken off. If absent, as flights show that report airspeeds too, else 2.5.
+        temperature_error_k: That of the temperature, K.
 
     Example:
         >>> RepresentationSettings(explained_variance=0.9).cas_explained_variance
@@ -69,6 +73,8 @@ class RepresentationSettings:
     drag_scale: DragScaleName = "log"
     gaps: Gaps = "marginal"
     grid_top: Top = "shown"
+    wind_error_mps: NonNegativeFloat | None = None
+    temperature_error_k: NonNegativeFloat = TEMPERATURE_K
 
 
 def fit_representation(

@@ -22,6 +22,7 @@ from descentflow.core.row_runs import first_rows
 from descentflow.densities.checkpoint import load_model
 from descentflow.measurements.quantities import reference_state
 from descentflow.physics.performance_model import PerformanceModel
+from descentflow.representation.airspeed_error import AirspeedErrors, without_airspeed_error
 from descentflow.representation.context import ContextEncoder
 from descentflow.representation.context_columns import without_missing
 from descentflow.representation.encode_flights import (
@@ -244,6 +245,10 @@ class DescentDataModule(LightningDataModule):
         frame = frame.drop("typecode", "callsign", strict=False)
         source = Descents(frame, source.metadata)
         profiles, split = self._fresh(frame, source, own_type)
+        sizes = self.components.wind_error_mps, self.components.temperature_error_k
+        if errors := AirspeedErrors.of(frame, *sizes):
+            judges = places(profiles, split, "train")
+            profiles = without_airspeed_error(profiles, own_type, errors, judges, rank_zero_info, self.mass_kg)
         shown, air = frame.drop(source.computed, strict=False), None
         if self.air == STANDARD:
             profiles = self._on_the_grid(profiles, split)

@@ -46,6 +46,8 @@ CAUSES = (
 _POSSIBLE = [(name, *POSSIBLE[name]) for name in AIRSPEEDS]
 FEWEST_FLIGHTS, WIDEST_SLOPE = 30, 0.35
 """Flights from which groundspeed is compared with the wind along the track, and how far the slope may be from one."""
+CALM_KT = 15.0
+"""Spread of the wind along the tracks below which a field's own error, of up to 9 kt, makes the slope less than one."""
 STEP_FT = 5000.0
 """Bands of altitude over which flights are averaged for it."""
 
@@ -177,6 +179,8 @@ def _check_wind(rows: pl.DataFrame, air: RowAir, straight: Mask) -> None:
     if flights < FEWEST_FLIGHTS or len(means) < MIN_CHECKED_VALUES:
         return
     x, y = means["wind"].to_numpy(), means["speed"].to_numpy()
+    if x.std() < CALM_KT:
+        return
     slope = float(x @ y / max(float(x @ x), 1e-9))
     # Bands of a flight err together.
     error = float(np.sqrt(np.square(y - slope * x).mean() / (max(float(np.square(x).mean()), 1e-9) * flights)))

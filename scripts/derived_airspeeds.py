@@ -1,0 +1,142 @@
+"""Fit flights whose airspeeds are derived with a wind that errs, beside the same flights' reported airspeeds.
+
+A simulated fleet reports its airspeeds; the same rows lose them and get them back from groundspeed and a wind and a
+temperature that err, by flight, as normal numbers of a Matern correlation over 8,000 ft. Models are fitted to the
+reported airspeeds, to the derived ones as they are, and with the spread of the error taken off::
+
+    python scripts/derived_airspeeds.py --out derived_airspeeds.md
+
+``docs/records/derived_airspeeds.md`` is what it writes.
+"""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import torch
+
+import descentflow as df
+from descentflow.air.air_smoother import matern
+from descentflow.core.units import FT_M, KT_MPS
+from descentflow.generation.samples import Samples
+from descentflow.physics.atmosphere import isa_temperature_k
+from descentflow.simulation.world_config import WorldConfig
+from descentflow.surveillance.descents.prepared_descents import Descents
+
+HEIGHT_M = np.linspace(0.0, 14_000.0, 141)
+WEATHER = {"u_component_of_wind": 1, "v_component_of_wind": 1, "temperature": 0}
+LEVELS_FL = (160, 200, 240, 280, 320, 350)
+DRAWN = 4000
+
+
+def with_errors(rows: pl.DataFrame, wind_mps: float, temperature_k: float, seed: int) -> pl.DataFrame:
+    """Rows of still standard air with columns of a weather that errs.
+
+    Args:
+        rows: Of simulated flights.
+        wind_mps: Standard error of each component of the wind.
+        temperature_k: That of the temperature.
+        seed: Of the errors.
+
+    Example:
+        >>> rows = with_errors(pl.read_parquet("rows.parquet"), 2.5, 1.0, seed=0)
+        >>> 2.2 < rows["u_component_of_wind"].std() < 2.8
+        True
+    """
+    height = torch.from_numpy(HEIGHT_M)
+    root = torch.linalg.cholesky(matern(height, height) + 1e-9 * torch.eye(len(height))).numpy()
+    generator = np.random.default_rng(seed)
+    parts = []
+    for flight in rows.sort("flight_id", "timestamp").partition_by("flight_id"):
+        altitude_m = flight["altitude"].to_numpy() * FT_M
+        drawn = generator.standard_normal((len(WEATHER), len(HEIGHT_M))) @ root.T
+        values = [np.interp(altitude_m, HEIGHT_M, one) for one in drawn]
+        standard = isa_temperature_k(torch.from_numpy(altitude_m)).numpy()
+        sizes = (wind_mps if is_wind else temperature_k for is_wind in WEATHER.values())
+        named = zip(WEATHER, values, sizes, WEATHER.values(), strict=True)
+        parts.append(
+            flight.with_columns(
+                pl.Series(name, size * value + (0.0 if is_wind else standard)) for name, value, size, is_wind in named
+            )
+        )
+    return pl.concat(parts)
+
+
+def fitted(descents: Descents, seed: int, **options: Any) -> Samples:
+    """Samples of the one Gaussian fitted to descents."""
+    return df.sample(df.fit(descents, model="gaussian", **options), DRAWN, seed=seed)
+
+
+def summary(samples: Samples) -> dict[str, float]:
+    """Mean and deviation of the time, and at some levels the deviation of CAS and its correlation with drag.
+
+    Args:
+        samples: Of a model.
+    """
+    flown = samples.trajectories
+    found = {"time": float(flown.time_s[:, 0].mean()), "sd of time": float(flown.time_s[:, 0].std())}
+    for level in LEVELS_FL:
+        at = int((flown.levels_fl - level).abs().argmin())
+        seen = flown.mask[:, at]
+        cas, drag = flown.cas_mps[seen, at] / KT_MPS, flown.drag_n[seen, at]
+        found |= {f"sd of CAS, FL{level}": float(cas.std()), f"correlation, FL{level}": _correlation(cas, drag)}
+    return found
+
+
+def _correlation(one: torch.Tensor, other: torch.Tensor) -> float:
+    return float(torch.corrcoef(torch.stack([one.double(), other.double()]))[0, 1])
+
+
+def row_of(name: str, found: dict[str, float], true: dict[str, float]) -> str:
+    """A row of the record: times, and spread and correlation beside those of reported airspeeds."""
+    spread = np.array([found[key] / true[key] - 1 for key in true if key.startswith("sd of CAS")])
+    apart = np.array([found[key] - true[key] for key in true if key.startswith("correlation")])
+    return (
+        f"| {name} | {found['time']:.1f} +- {found['sd of time']:.1f} | {100 * spread.mean():+.1f} "
+        f"({100 * spread.min():+.1f} to {100 * spread.max():+.1f}) | {apart.mean():+.3f} ({apart.min():+.3f} to "
+        f"{apart.max():+.3f}) |"
+    )
+
+
+def main() -> None:
+    """Fly, derive, fit and write the record."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, required=True, help="the record, Markdown")
+    parser.add_argument("--flights", type=int, nargs="+", default=[300, 1000], help="of each fleet (default: 300 1000)")
+    parser.add_argument("--winds", type=float, nargs="+", default=[2.5, 4.5], help="errors, m/s (default: 2.5 4.5)")
+    parser.add_argument("--seed", type=int, default=0, help="of flights, errors and samples (default: 0)")
+    asked = parser.parse_args()
+    rows = df.simulate("A320", max(asked.flights), seed=asked.seed, scenario=WorldConfig()).rows
+    names = rows["flight_id"].unique().sort()
+    lines = [
+        "| airspeeds | time, s | spread of CAS, % | correlation of CAS and drag |",
+        "|---|---|---|---|",
+    ]
+    for flights in asked.flights:
+        some = rows.filter(pl.col("flight_id").is_in(names[:flights].implode()))
+        true = summary(fitted(df.prepare(some), asked.seed))
+        lines.append(row_of(f"{flights:,} flights, reported", true, true))
+        for wind in asked.winds:
+            wrong = with_errors(some.drop("IAS", "Mach", "TAS", "heading"), wind, 1.0, asked.seed)
+            derived = df.prepare(wrong, airspeeds_from="columns")
+            for words, size in (("as they are", 0.0), ("error taken off", wind)):
+                kelvins = 1.0 if size else 0.0
+                found = fitted(derived, asked.seed, wind_error_mps=size, temperature_error_k=kelvins)
+                lines.append(row_of(f"{flights:,} flights, {wind:g} m/s, {words}", summary(found), true))
+    asked.out.write_text(RECORD + "\n".join(lines) + "\n", encoding="utf-8")
+    print("\n".join(lines))
+
+
+RECORD = """# Airspeeds from groundspeed and a wind that errs
+
+`python scripts/derived_airspeeds.py --out derived_airspeeds.md` makes this table. The same simulated A320 report their
+airspeeds, or get them from groundspeed, and a wind and a temperature (1 K) that err by flight over 8,000 ft. Samples of
+one Gaussian, 4,000 of each fit. Spread and correlation stand beside those of reported airspeeds: the mean of six levels
+from FL160 to FL350, and the extremes.
+
+"""
+
+if __name__ == "__main__":
+    main()

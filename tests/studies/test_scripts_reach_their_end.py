@@ -27,6 +27,7 @@ RUNS: Mapping[str, Sequence[str]] = {
     "bluesky_descents": ["--like", "{descents}", "--times", "1", "--out", "{out}/rows.parquet"],
     "cleaning_truth": [],
     "compare_densities": ["{out}/s.csv", "--flights", "80", "--seeds", "0", "--models", "gaussian", "--draws", "5"],
+    "derived_airspeeds": ["--flights", "60", "--winds", "2.5", "--out", "{out}/record.md"],
     "energy_share_figure": ["{out}/figure.png"],
     "export_figures": ["cf", "{model}", "{out}/figure.png"],
     "fly_jsbsim": ["--model", "fokker100", "--flights", "1", "--out", "{out}/rows.parquet"],
@@ -53,6 +54,7 @@ RUNS: Mapping[str, Sequence[str]] = {
 }
 SMALL = {
     "cleaning_truth": {"FLIGHTS": 20},
+    "derived_airspeeds": {"DRAWN": 200},
     "fuel_scores": {"TRAINING": (60, 0), "OTHERS": (60, 1), "SAMPLES": 200},
     "level_flight_by_traffic": {"FLIGHTS": 5},
     "level_flight_truth": {"FLIGHTS": 4},

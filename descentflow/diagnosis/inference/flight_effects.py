@@ -17,6 +17,7 @@ import numpy as np
 import torch
 
 from descentflow.core.linear_gaussian import Array
+from descentflow.diagnosis.findings.costs_found import NINETY
 from descentflow.diagnosis.inference.candidates import FlightsEffect
 from descentflow.diagnosis.inference.flight_mixture import FlightWindows, MixtureFit, fit_mixture, flight_windows
 from descentflow.diagnosis.inference.flight_rates import FlightRates, Spread, flight_rates, spread_of
@@ -92,7 +93,11 @@ class FlightShapes:
             best = max(rest, key=lambda name: self._gain((*chosen, name)))
             larger = (*chosen, best)
             fit, effect, state = self.fit(self.real, larger), self.effects[best], self.real.windows[best].state
-            is_shared = fit.shares[best] - self.fit(self.simulated, larger).shares[best] > self.assumed.least_share
+            share = fit.shares[best]
+            beyond = share - self.fit(self.simulated, larger).shares[best]
+            # As many flights as chance may add are no procedure: the least share is surely passed, not by estimate.
+            chance = NINETY * math.sqrt(share * (1.0 - share) / len(self.real.index))
+            is_shared = beyond - chance > self.assumed.least_share
             # A law that the effect can have, and that is none of another effect.
             theta = fit.laws[best].theta
             possible = is_shared and effect.plausible(state, theta) and not effect.may_be(state, theta)

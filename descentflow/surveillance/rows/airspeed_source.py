@@ -1,4 +1,4 @@
-"""Source of wind and temperature for rows without airspeeds: a weather field, columns of the rows, or neighbours."""
+"""Source of wind and temperature for rows without airspeeds: a weather field, or columns of the rows."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Any
 
 from descentflow.core.errors import ConfigError, DataError
 
-COLUMNS_OF_ROWS, NEIGHBOURS, FIELD = "columns", "neighbours", "field"
+COLUMNS_OF_ROWS, FIELD = "columns", "field"
 """Words of the argument, and of the column `airspeed_source` beside `reported`."""
 REPORTED = "reported"
 WEATHER_COLUMNS = ("u_component_of_wind", "v_component_of_wind", "temperature")
@@ -20,7 +20,7 @@ class AirspeedSource:
     """Source of wind and temperature for rows without airspeeds.
 
     Attributes:
-        kind: One of `columns`, `neighbours` and `field`.
+        kind: `columns` or `field`.
         paths: Files and folders of the field; none of other kinds.
 
     Example:
@@ -36,20 +36,19 @@ class AirspeedSource:
         """The source that an argument names.
 
         Raises:
-            ConfigError: If it is neither a word nor a path, or several words.
+            ConfigError: If it is neither the word nor a path, or the word and a path.
             DataError: If there is no such file.
         """
         several = [given] if isinstance(given, str | Path) else given
         if not isinstance(several, Sequence) or not several or not all(isinstance(one, str | Path) for one in several):
             raise ConfigError(
                 f"airspeeds from {given!r}",
-                expected=f"files or a folder of a weather field, or {COLUMNS_OF_ROWS!r} or {NEIGHBOURS!r}",
+                expected=f"files or a folder of a weather field, or {COLUMNS_OF_ROWS!r}",
                 mend="pass one of these",
             )
-        words = [one for one in several if str(one) in (COLUMNS_OF_ROWS, NEIGHBOURS)]
-        if len(words) == len(several) == 1:
-            return cls(str(words[0]))
-        if words:
+        if list(map(str, several)) == [COLUMNS_OF_ROWS]:
+            return cls(COLUMNS_OF_ROWS)
+        if COLUMNS_OF_ROWS in map(str, several):
             raise ConfigError(
                 f"airspeeds from {' and '.join(map(str, several))}",
                 expected="one source",
@@ -77,7 +76,7 @@ class AirspeedSource:
         """The source in words, for messages and reports.
 
         Example:
-            >>> AirspeedSource.of("neighbours").words
-            'neighbours'
+            >>> AirspeedSource.of("columns").words
+            'columns'
         """
         return ", ".join(map(str, self.paths)) or self.kind

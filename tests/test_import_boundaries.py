@@ -156,6 +156,17 @@ def test_the_decoder_knows_nothing_of_effects_or_the_diagnosis() -> None:
     assert strays == []
 
 
+def test_the_report_of_a_diagnosis_reads_findings_and_only_the_front_door_reads_the_report() -> None:
+    arrows = [
+        (module.removeprefix("diagnosis."), name.removeprefix("diagnosis."))
+        for module, others in modules().items()
+        for name in others
+        if inside(module, "diagnosis") and inside(name, "diagnosis")
+    ]
+    assert {name.split(".")[0] for module, name in arrows if inside(module, "report")} == {"findings", "report"}
+    assert {module.split(".")[0] for module, name in arrows if inside(name, "report")} == {"diagnose", "report"}
+
+
 def heavy_modules(code: str) -> set[str]:
     """Heavy modules that a fresh process has loaded after running some code."""
     listing = "print(*(m for m in ('torch', 'lightning', 'pyro', 'matplotlib', 'polars') if m in sys.modules))"

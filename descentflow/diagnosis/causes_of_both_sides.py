@@ -13,9 +13,10 @@ import torch
 from descentflow.diagnosis.correction.corrected_simulator import corrected
 from descentflow.diagnosis.correction.effects_in_flights import AddedEffects
 from descentflow.diagnosis.diagnosis_steps import diagnose_compared
-from descentflow.diagnosis.gap.what_is_left import OWN_FLIGHTS, not_identifiable
-from descentflow.diagnosis.report.gap_report import GapReport
+from descentflow.diagnosis.findings.findings import Findings
+from descentflow.diagnosis.gap.what_is_left import not_identifiable
 from descentflow.diagnosis.sides.diagnosis_settings import Settings
+from descentflow.diagnosis.sides.measured_sides import OWN_FLIGHTS
 from descentflow.diagnosis.sides.simulator import Simulator
 from descentflow.diagnosis.sides.two_sides import Compared, compare
 from descentflow.measurements.quantities import Quantities
@@ -24,11 +25,11 @@ TAKEN_IN = ("rate", "cas")
 """Quantities that a model follows whatever made them."""
 
 
-def with_shared_effects(report: GapReport, real: Quantities, settings: Settings) -> GapReport:
-    """The report with causes that both sides have, where no other is named and there are such.
+def with_shared_effects(before: Findings, real: Quantities, settings: Settings) -> Findings:
+    """Findings with causes that both sides have, where no other is named and there are such.
 
     Args:
-        report: Against a model's own flights, which may hold a cause that it does not know.
+        before: Against a model's own flights, which may hold a cause that it does not know.
         real: Real flights.
         settings: What is diagnosed, and how.
 
@@ -48,19 +49,19 @@ def with_shared_effects(report: GapReport, real: Quantities, settings: Settings)
         ('none', 'temperature')
     """
     # A gap that is faint and of no shape leaves room for a cause that both sides have.
-    faint = report.verdict == "unknown" and not report.details.discrepancy.named
-    if not (faint or report.verdict == "none"):
-        return report
+    faint = before.verdict == "unknown" and not before.details.discrepancy.named
+    if not (faint or before.verdict == "none"):
+        return before
     settings.progress("looking for causes that the simulator's own flights have as well")
     able = {name: effect for name, effect in settings.catalogue.items() if effect.inherited_from is not None}
     compared = _kinematic(compare(None, real, settings.simulator.aircraft))
     if not able or not compared.entries:
-        return report
+        return before
     physical = replace(settings, simulator=Simulator(settings.simulator.aircraft), catalogue=able)
     found = diagnose_compared(compared, physical, "physics", {}, pl.DataFrame())
     if found.verdict != "effect" or not all(_is_large(cause.effect, found, settings) for cause in found.causes):
-        return report
-    return _refit_report(report, found, settings)
+        return before
+    return _refit(before, found, settings)
 
 
 def _kinematic(compared: Compared) -> Compared:
@@ -68,7 +69,7 @@ def _kinematic(compared: Compared) -> Compared:
     return compared.only(torch.tensor(kept, dtype=torch.long))
 
 
-def _is_large(name: str, found: GapReport, settings: Settings) -> bool:
+def _is_large(name: str, found: Findings, settings: Settings) -> bool:
     """Test for a cause of the size from which it shows against physics alone."""
     least = settings.catalogue[name].inherited_from
     cause = next(one for one in found.causes if one.effect == name)
@@ -76,17 +77,17 @@ def _is_large(name: str, found: GapReport, settings: Settings) -> bool:
     return least is not None and abs(size) >= least
 
 
-def _refit_report(report: GapReport, found: GapReport, settings: Settings) -> GapReport:
-    """The report of flights that are as the simulator's own were, and not as it assumes."""
+def _refit(before: Findings, found: Findings, settings: Settings) -> Findings:
+    """Findings of flights that are as the simulator's own were, and not as it assumes."""
     theta = {
         cause.effect: torch.tensor([one.estimate for one in cause.parameters.values()], dtype=torch.float64)
         for cause in found.causes
     }
-    mass_kg, cleaning = report.details.mass_kg, settings.simulator.cleaning
+    mass_kg, cleaning = before.details.mass_kg, settings.simulator.cleaning
     added = AddedEffects(settings.catalogue, theta, mass_kg, cleaning, settings.seed)
     made = corrected(settings.simulator, added, inherited=True)
     return replace(
-        report,
+        before,
         verdict=found.verdict,
         p_value=found.p_value,
         where=found.where,
@@ -94,8 +95,8 @@ def _refit_report(report: GapReport, found: GapReport, settings: Settings) -> Ga
         gap_before=found.gap_before,
         gap_after=found.gap_after,
         causes=[replace(cause, inherited=True) for cause in found.causes],
-        # The gap of this report is another one, of what both sides have: a model refitted to such flights has it too.
-        details=replace(report.details, regime="refit", curves=found.details.curves, measured_over=[], gap_error=None),
+        # The gap is now another one, of what both sides have: a model refitted to such flights has it too.
+        details=replace(before.details, regime="refit", curves=found.details.curves, measured_over=[], gap_error=None),
         corrections=made,
         corrected_file=next(iter(made), ""),
         recipe=found.recipe,

@@ -14,13 +14,13 @@ from descentflow.core.files import check_folder, check_separate
 from descentflow.core.threads import one_thread
 from descentflow.core.user_files import lines_named
 from descentflow.diagnosis.diagnosis_steps import diagnose_compared
-from descentflow.diagnosis.findings.findings import FEW
+from descentflow.diagnosis.findings.findings import FEW, Findings
 from descentflow.diagnosis.gap.earlier_report import check_no_other_report
-from descentflow.diagnosis.gap.what_is_left import OWN_FLIGHTS, left_out_channels
+from descentflow.diagnosis.gap.what_is_left import left_out_channels
 from descentflow.diagnosis.report.gap_report import FILES, GapReport
 from descentflow.diagnosis.sides.diagnosis_inputs import Inputs
 from descentflow.diagnosis.sides.diagnosis_settings import Settings
-from descentflow.diagnosis.sides.measured_sides import both_sides
+from descentflow.diagnosis.sides.measured_sides import OWN_FLIGHTS, both_sides
 from descentflow.diagnosis.sides.two_sides import compare
 from descentflow.effects import EFFECTS, Effect, checked_catalogue
 from descentflow.effects.user_catalogue import effects_of_file
@@ -142,7 +142,8 @@ def diagnose(
         before = previous_round(previous, made, opened.simulator.aircraft.typecode)
         settings = replace(settings, previous=before, previous_name=str(previous))
     with one_thread(), lines_named(catalogue if isinstance(catalogue, str | Path) else None):
-        report = replace(diagnose_prepared(opened.frame, settings, opened.dropped), provenance=made)
+        findings = replace(diagnose_prepared(opened.frame, settings, opened.dropped), provenance=made)
+        report = GapReport(**vars(findings))
         if out is not None:
             say("writing the report")
             report.write(out)
@@ -153,7 +154,7 @@ def diagnose(
 # Thousands of small steps: derivatives are not taken, and threads would wait for each other.
 @one_thread()
 @torch.inference_mode()
-def diagnose_prepared(frame: pl.DataFrame, settings: Settings, dropped: Mapping[str, int]) -> GapReport:
+def diagnose_prepared(frame: pl.DataFrame, settings: Settings, dropped: Mapping[str, int]) -> Findings:
     """Diagnose a simulator by prepared descents: against its own flights, then for causes that both sides have.
 
     Args:
@@ -186,20 +187,20 @@ def diagnose_prepared(frame: pl.DataFrame, settings: Settings, dropped: Mapping[
         **({FEW: compared.short_of_causes} if compared.short_of_causes else {}),
         **dropped,
     }
-    report = diagnose_compared(compared, settings, source, counts, frame)
-    report = replace(report, left_out_channels=left_out_channels(sides.lacked, settings.catalogue))
+    findings = diagnose_compared(compared, settings, source, counts, frame)
+    findings = replace(findings, left_out_channels=left_out_channels(sides.lacked, settings.catalogue))
     if source == OWN_FLIGHTS:
         # Here and not above: a comparison of flights with flights must not pay for models.
         from descentflow.diagnosis.causes_of_both_sides import with_shared_effects
 
-        report = with_shared_effects(report, real, settings)
+        findings = with_shared_effects(findings, real, settings)
     if settings.previous:
         from descentflow.diagnosis.gap.previous_round import held_against
 
         settings.progress("comparing with the round before")
         before = held_against(settings.previous, settings.previous_name, compared, settings.seed)
-        report = replace(report, previous=before)
-    return report
+        findings = replace(findings, previous=before)
+    return findings
 
 
 def _catalogue(

@@ -15,9 +15,9 @@ from torch import Tensor
 
 from descentflow.diagnosis.correction.corrected_descents import correction_made
 from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, corrected_entries
-from descentflow.diagnosis.findings.cause_found import ClosedShare
-from descentflow.diagnosis.findings.costs_found import Cost
-from descentflow.diagnosis.findings.findings import Details
+from descentflow.diagnosis.findings.cause_found import Cause, ClosedShare
+from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans
+from descentflow.diagnosis.findings.findings import Details, Findings
 from descentflow.diagnosis.gap.costs import costs_of, profile_of
 from descentflow.diagnosis.gap.measured_gap import MeasuredGap
 from descentflow.diagnosis.gap.practical_size import below_rounding
@@ -39,7 +39,6 @@ from descentflow.diagnosis.inference.described import (
 )
 from descentflow.diagnosis.inference.explain import Explanation, detection_limits, explain
 from descentflow.diagnosis.inference.verdict import verdict_of
-from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.diagnosis.sides.diagnosis_settings import Settings
 from descentflow.diagnosis.sides.two_sides import Compared
 
@@ -49,7 +48,7 @@ CERTAIN_ERRORS = 3.0
 
 def diagnose_compared(
     compared: Compared, settings: Settings, source: str, counts: Mapping[str, int], frame: pl.DataFrame
-) -> GapReport:
+) -> Findings:
     """Diagnose flights of both sides that are measured already.
 
     Args:
@@ -59,34 +58,29 @@ def diagnose_compared(
         counts: Of flights and rows.
         frame: Prepared descents, for the corrected simulator.
     """
-    seed, progress = settings.seed, settings.progress
-    found = explain(compared, settings.catalogue, progress)
-    progress("asking where the gap lies")
-    cells = where(compared, settings.transition_fl, seed)
+    found = explain(compared, settings.catalogue, settings.progress)
+    settings.progress("asking where the gap lies")
+    cells = where(compared, settings.transition_fl, settings.seed)
     p_value = min((cell.p_value for cell in cells), default=1.0)
+    profile, costs = profile_of(compared), costs_of(compared, None, settings.seed)
     is_gap = p_value <= compared.assumed.false_gap
-    profile, costs = profile_of(compared), costs_of(compared, None, seed)
     small = below_rounding(compared, cells, costs, profile) if is_gap else []
     is_gap = is_gap and not small
     theta = found.theta if is_gap else {}
-    progress("putting the causes into the simulator's flights")
-    mass_kg, cleaning = compared.state.mass_kg, settings.simulator.cleaning
-    added = AddedEffects(settings.catalogue, theta, mass_kg, cleaning, seed)
-    left, closed = _left(compared, added), ClosedShare(None, None, None)
-    closure = MeasuredGap(compared, _measured_over(found), seed)
-    if theta:
-        costs, closed = costs_of(compared, left, seed), closure.share(left)
+    settings.progress("putting the causes into the simulator's flights")
+    cleaning, seed = settings.simulator.cleaning, settings.seed
+    added = AddedEffects(settings.catalogue, theta, compared.state.mass_kg, cleaning, seed)
+    left, closure = _left(compared, added), MeasuredGap(compared, _measured_over(found), seed)
+    floor, after = closure.floor(left), closure.after(left)
+    costs = costs_of(compared, left, seed) if theta else costs
     verdict = verdict_of(found, is_gap=is_gap, costs=costs)
-    causes = [cause_of(found, name, closed, _takes_away(compared, added, name, costs)) for name in theta]
-    # The one that takes most of the time away first.
-    causes.sort(key=lambda cause: -abs(cause.takes_away.get("time", 0.0)))
+    causes = _causes(found, added, closure.share(left), costs) if theta else []
     # Effects are put in where they were found: at the coefficients that the simulator's own flights show.
     simulator = replace(settings.simulator, aircraft=compared.state.aircraft)
     made = correction_made(simulator, frame, added) if theta else {}
-    floor, after = closure.floor(left), closure.after(left)
     hidden = not_identifiable(settings, source)
     unexplained = verdict in ("unknown", "partial")
-    return GapReport(
+    return Findings(
         verdict=verdict,
         p_value=p_value,
         floor=floor,
@@ -97,34 +91,47 @@ def diagnose_compared(
         remaining=remaining_of(compared, left, after - floor, found.named.unknown),
         would_split=hidden if verdict == "none" else would_split(compared, settings.catalogue, causes),
         dropped=dict(counts),
-        details=Details(
-            simulator=settings.simulator.name,
-            # What is normal is what the simulator's flights, or physics, claim.
-            regime="anchored",
-            typecode=settings.simulator.aircraft.typecode,
-            normal_from=source,
-            seed=seed,
-            quantities=list(compared.quantities()),
-            transition_fl=settings.transition_fl,
-            mass_kg=mass_kg,
-            n_permutations=PERMUTATIONS,
-            discrepancy=discrepancy_of(found),
-            singles=singles_of(found),
-            curves=curves(compared, left),
-            labels={name: effect.text for name, effect in settings.catalogue.items()},
-            subsets=heaviest_sets(found),
-            detection_limits=detection_limits(found),
-            profile=profile,
-            measured_over=closure.entries(),
-            gap_error=closure.error,
-            lacks=list(found.nuisances),
-        ),
+        details=_details(found, settings, source, left, closure, profile),
         costs=costs,
         recipe=recipe_of(causes, settings.catalogue, levels_compared(compared)),
         corrections=made,
         corrected_file=next(iter(made), ""),
         flights_worth_a_look=flights_worth_a_look(compared, left, profile) if unexplained else [],
         below_rounding=small,
+    )
+
+
+def _causes(found: Explanation, added: AddedEffects, closed: ClosedShare, costs: Sequence[Cost]) -> list[Cause]:
+    """Named effects, the one that takes most of the time away first."""
+    causes = [cause_of(found, name, closed, _takes_away(found.compared, added, name, costs)) for name in added.theta]
+    return sorted(causes, key=lambda cause: -abs(cause.takes_away.get("time", 0.0)))
+
+
+def _details(
+    found: Explanation, settings: Settings, source: str, left: Tensor, closure: MeasuredGap, profile: list[LevelMeans]
+) -> Details:
+    """Settings, evidence of every effect, and what lies behind the figures."""
+    return Details(
+        simulator=settings.simulator.name,
+        # What is normal is what the simulator's flights, or physics, claim.
+        regime="anchored",
+        typecode=settings.simulator.aircraft.typecode,
+        normal_from=source,
+        seed=settings.seed,
+        quantities=list(found.compared.quantities()),
+        transition_fl=settings.transition_fl,
+        mass_kg=found.compared.state.mass_kg,
+        n_permutations=PERMUTATIONS,
+        discrepancy=discrepancy_of(found),
+        singles=singles_of(found),
+        curves=curves(found.compared, left),
+        labels={name: effect.text for name, effect in settings.catalogue.items()},
+        subsets=heaviest_sets(found),
+        detection_limits=detection_limits(found),
+        profile=profile,
+        measured_over=closure.entries(),
+        gap_error=closure.error,
+        lacks=list(found.nuisances),
     )
 
 

@@ -25,7 +25,7 @@ MANY = 1500
 
 def diagnosed(sides: Compared) -> GapReport:
     asked = Settings(Simulator(aircraft("A320")), {"temperature": EFFECTS["temperature"]}, [], 0, str)
-    return diagnose_compared(sides, asked, "training flights", {}, pl.DataFrame())
+    return GapReport(**vars(diagnose_compared(sides, asked, "training flights", {}, pl.DataFrame())))
 
 
 def small_gap(sides: Compared) -> list[str]:

@@ -27,7 +27,7 @@ def test_what_was_found_is_read_back_as_it_was(tmp_path: Path) -> None:
     # A field that the toys leave empty would be read back right by chance.
     for part in (found, found.details, found.causes[1], found.provenance, found.provenance.real, found.previous):
         empty = [one.name for one in fields(part) if getattr(part, one.name) in ([], {}, None, "")]
-        assert empty in ([], ["group", "alternatives"])
+        assert empty in ([], ["group", "alternatives"], ["corrections"])  # what writes files is not in one
     assert read_gap(written(tmp_path)) == found
 
 

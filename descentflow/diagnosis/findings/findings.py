@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from descentflow.diagnosis.findings.cause_found import Cause
-from descentflow.diagnosis.findings.correction_found import Previous, RecipeStep
+from descentflow.diagnosis.findings.correction_found import Corrections, Previous, RecipeStep
 from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans
 from descentflow.diagnosis.findings.gap_found import (
     BelowRounding,
@@ -15,6 +15,7 @@ from descentflow.diagnosis.findings.gap_found import (
     WouldSplit,
 )
 from descentflow.diagnosis.findings.inputs_found import FlightWorthALook, LeftOutChannel, Provenance
+from descentflow.diagnosis.findings.plain_values import NOT_WRITTEN
 
 SEEN = "flights_that_the_simulator_has_seen"
 """Among the counts: real flights that the simulator was trained or validated on, which are compared as the others are.
@@ -205,6 +206,7 @@ class Findings:
         previous: The round before, where one was given.
         provenance: What went in; without names where it is not known.
         corrected_file: Name of the corrected simulator beside `gap.json`; empty where there is none.
+        corrections: By file: writes the checkpoint with the causes in it, or prepared descents with them.
         below_rounding: Of a gap that is more than chance and yet less than the rounding of one report, the largest
             difference of each quantity; empty of any other.
 
@@ -235,6 +237,7 @@ class Findings:
     provenance: Provenance = field(default_factory=Provenance)
     corrected_file: str = ""
     below_rounding: list[BelowRounding] = field(default_factory=list)
+    corrections: Corrections = field(default_factory=dict, compare=False, metadata=NOT_WRITTEN)
 
     @property
     def is_few(self) -> bool:

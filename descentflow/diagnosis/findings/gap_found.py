@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 
+FALSE_GAP = 0.02
+"""p-value up to which a gap is called: 2 of 100 comparisons without one."""
+
 
 @dataclass(frozen=True)
 class GapCell:

@@ -14,6 +14,7 @@ from descentflow.diagnosis.findings.inputs_found import FlightWorthALook, LeftOu
 from descentflow.diagnosis.inference.moments import moments
 from descentflow.diagnosis.inference.naming import free_in_every_set
 from descentflow.diagnosis.sides.diagnosis_settings import Settings
+from descentflow.diagnosis.sides.measured_sides import OWN_FLIGHTS
 from descentflow.diagnosis.sides.two_sides import Compared
 from descentflow.effects import UNKNOWN, Effect
 from descentflow.measurements.quantity_registry import SHOWN_BY
@@ -22,9 +23,6 @@ MOST_FLIGHTS = 10
 """Flights that are named."""
 NEIGHBOURS = 0.5
 """Bands beside the one with the largest difference belong to it while theirs, of the same sign, is so large a share."""
-OWN_FLIGHTS = "training flights"
-"""Source that holds a model's own flights, whose causes its inferred drag holds as well; flights of any simulator are
-what it flies, and what both sides have alike is no gap."""
 
 
 def remaining_of(compared: Compared, left: Tensor, gap: float, share_unexplained: float) -> Remaining:
@@ -114,11 +112,7 @@ def _largest(compared: Compared, mean: Tensor) -> list[int]:
     return sorted(found)
 
 
-def would_split(
-    compared: Compared,
-    catalogue: Mapping[str, Effect],
-    causes: Sequence[Cause],
-) -> list[WouldSplit]:
+def would_split(compared: Compared, catalogue: Mapping[str, Effect], causes: Sequence[Cause]) -> list[WouldSplit]:
     """Channels that are not there and would separate a cause from its group, or help an unknown one to a name.
 
     Args:

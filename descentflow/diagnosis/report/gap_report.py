@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from descentflow.core.files import whole_file
 from descentflow.core.threads import one_thread
-from descentflow.diagnosis.findings.correction_found import CHECKPOINT, FLIGHTS, Corrections
+from descentflow.diagnosis.findings.correction_found import CHECKPOINT, FLIGHTS
 from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.findings.plain_values import NOT_WRITTEN, primitives
 from descentflow.diagnosis.findings.read_gap import SCHEMA_VERSION
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 FILES = ("gap.json", "gap.html", FLIGHTS, CHECKPOINT)
 """Files that may be written."""
-KEYS = ("schema_version", *(one.name for one in fields(Findings) if one.name != "details"))
+KEYS = ("schema_version", *(one.name for one in fields(Findings) if one.name not in ("details", "corrections")))
 """Keys of `gap.json` that readers may rely on; `details` holds the rest."""
 
 
@@ -29,7 +29,6 @@ class GapReport(Findings, InNotebook):
     """Report of a diagnosis, see :class:`~descentflow.diagnosis.findings.findings.Findings` for its parts.
 
     Attributes:
-        corrections: By file: writes the checkpoint with the causes in it, or prepared descents with them.
         folder: Where the diagnosis wrote it; empty where it wrote nothing.
 
     Example:
@@ -44,8 +43,6 @@ class GapReport(Findings, InNotebook):
         >>> sorted(path.name for path in Path("nominal-gap").iterdir())
         ['gap.html', 'gap.json']
     """
-
-    corrections: Corrections = field(default_factory=dict, compare=False, metadata=NOT_WRITTEN)
 
     folder: str = field(default="", compare=False, metadata=NOT_WRITTEN)
 

@@ -5,16 +5,11 @@ from pathlib import Path
 from shlex import quote
 from typing import Any
 
-from descentflow.diagnosis.findings.aviation_units import (
-    at_level,
-    aviation_value,
-    between,
-    level_range,
-    with_unit,
-)
+from descentflow.diagnosis.findings.aviation_units import at_level, aviation_value, between, level_range, with_unit
 from descentflow.diagnosis.findings.cause_found import Cause
 from descentflow.diagnosis.findings.costs_found import Measured
 from descentflow.diagnosis.findings.findings import SEEN, Curve, DetectionLimit, Findings
+from descentflow.diagnosis.findings.gap_found import FALSE_GAP
 from descentflow.diagnosis.findings.inputs_found import InputUsed, Provenance
 from descentflow.diagnosis.findings.plain_values import percent
 from descentflow.diagnosis.findings.sizes import reported_text
@@ -26,7 +21,6 @@ from descentflow.diagnosis.report.page_tables import (
     specialist_tables,
     whole_costs,
 )
-from descentflow.diagnosis.sides.assumptions import ASSUMED
 from descentflow.effects import EFFECTS, UNKNOWN
 from descentflow.effects.effect import NONE
 from descentflow.measurements.quantity_registry import label_of
@@ -227,7 +221,7 @@ def _shared(found: Findings) -> dict[str, Any]:
         "flights": f"{'' if counted is None else f'{counted:,} '}real {types} flights",
         "whole_range": f"FL{whole[0].high_fl:.0f} down to FL{whole[0].low_fl:.0f}" if whole else "",
         "p": f"{found.p_value:.2g}",
-        "significant": ASSUMED.false_gap,
+        "significant": FALSE_GAP,
         "same": bool(made.real.fingerprint) and made.real.fingerprint == made.simulator.fingerprint,
         "remains": _remaining(found),
         "known_flights": found.dropped.get(SEEN, 0),

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
+from descentflow.diagnosis.findings.gap_found import FALSE_GAP
 from descentflow.measurements.quantity_registry import QUANTITIES
 
 ROUNDING = {"rate": 0.01, "lag": 0.005, "cas": 0.3, "mismatch": 0.5, "tas": 0.002, "wind": 0.4}
@@ -108,7 +109,7 @@ class Assumptions:
     short: float = 1.0 / 3.0
     noise_matters: float = 0.3
     usual_level_offs: float = 15.0
-    false_gap: float = 0.02
+    false_gap: float = FALSE_GAP
     false_cells: float = 0.05
 
     def negligible_shift(self, quantity: str) -> float:

@@ -12,6 +12,9 @@ from descentflow.diagnosis.sides.two_sides import FEWEST_FOR_CAUSES
 from descentflow.measurements.quantities import Quantities, grid_of, measured, of_some_aircraft
 from descentflow.measurements.quantity_registry import SHOWN_BY
 
+OWN_FLIGHTS = "training flights"
+"""Source that holds a model's own flights, whose causes its inferred drag holds as well; flights of any simulator are
+what it flies, and what both sides have alike is no gap."""
 MIN_FLIGHTS_A_SIDE = 5
 """Least flights of either side: of so few only what is measured without coefficients may be named."""
 MIN_SHARE_REPORTING = 0.1
@@ -90,7 +93,7 @@ def both_sides(simulator: Simulator, frame: pl.DataFrame, channels: Sequence[str
     check_count(own, len(own), low, high, whose="training flights of the checkpoint")
     shown = {c: SHOWN_BY[c] for c in channels if c in SHOWN_BY}
     lacked = {c: REAL for c, q in shown.items() if q in own.values and q not in real.values}
-    return MeasuredSides(kept_channels(own, real), real, "training flights", lacked)
+    return MeasuredSides(kept_channels(own, real), real, OWN_FLIGHTS, lacked)
 
 
 def _of_flights(

@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import torch
 
-from descentflow.diagnosis.sides.two_sides import Compared, Entry
+from descentflow.diagnosis.sides.two_sides import Compared
+from descentflow.diagnosis.sides.vectors import Entry
 from descentflow.effects import Effect
 from descentflow.effects.example_flights import example_flights
 from descentflow.measurements.quantity_registry import QUANTITIES
@@ -43,7 +44,7 @@ def example_sides(effect: Effect | None = None, theta: Sequence[float] = (), n: 
     y = scale * (ALIKE * whole + (1 - ALIKE**2) ** 0.5 * noise)
     each = torch.arange(2 * n)
     real = each >= n
-    compared = Compared(entries, y, real, scale, each, each, state, 20.0)
+    compared = Compared(entries, y, real, scale, each, each, state.altitude_m, 20.0, state)
     if effect is None:
         return compared
     shift = compared.vector(effect.shift(state, torch.tensor(theta, dtype=torch.float64)))

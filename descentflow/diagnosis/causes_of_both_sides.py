@@ -13,6 +13,7 @@ import torch
 from descentflow.diagnosis.correction.corrected_simulator import corrected
 from descentflow.diagnosis.correction.effects_in_flights import AddedEffects
 from descentflow.diagnosis.diagnosis_steps import diagnose_compared
+from descentflow.diagnosis.findings.cause_found import Cause
 from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.gap.what_is_left import not_identifiable
 from descentflow.diagnosis.sides.diagnosis_settings import Settings
@@ -59,7 +60,7 @@ def with_shared_effects(before: Findings, real: Quantities, settings: Settings) 
         return before
     physical = replace(settings, simulator=Simulator(settings.simulator.aircraft), catalogue=able)
     found = diagnose_compared(compared, physical, "physics", {}, pl.DataFrame())
-    if found.verdict != "effect" or not all(_is_large(cause.effect, found, settings) for cause in found.causes):
+    if found.verdict != "effect" or not all(_is_large(cause, settings) for cause in found.causes):
         return before
     return _refit(before, found, settings)
 
@@ -69,10 +70,9 @@ def _kinematic(compared: Compared) -> Compared:
     return compared.only(torch.tensor(kept, dtype=torch.long))
 
 
-def _is_large(name: str, found: Findings, settings: Settings) -> bool:
+def _is_large(cause: Cause, settings: Settings) -> bool:
     """Test for a cause of the size from which it shows against physics alone."""
-    least = settings.catalogue[name].inherited_from
-    cause = next(one for one in found.causes if one.effect == name)
+    least = settings.catalogue[cause.effect].inherited_from
     size = next(iter(cause.parameters.values())).estimate
     return least is not None and abs(size) >= least
 

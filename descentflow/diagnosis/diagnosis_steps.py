@@ -29,14 +29,7 @@ from descentflow.diagnosis.gap.what_is_left import (
     would_split,
 )
 from descentflow.diagnosis.gap.where import PERMUTATIONS, where
-from descentflow.diagnosis.inference.described import (
-    cause_of,
-    discrepancy_of,
-    heaviest_sets,
-    levels_compared,
-    recipe_of,
-    singles_of,
-)
+from descentflow.diagnosis.inference.described import cause_of, discrepancy_of, heaviest_sets, recipe_of, singles_of
 from descentflow.diagnosis.inference.explain import Explanation, detection_limits, explain
 from descentflow.diagnosis.inference.verdict import verdict_of
 from descentflow.diagnosis.sides.diagnosis_settings import Settings
@@ -93,7 +86,7 @@ def diagnose_compared(
         dropped=dict(counts),
         details=_details(found, settings, source, left, closure, profile),
         costs=costs,
-        recipe=recipe_of(causes, settings.catalogue, levels_compared(compared)),
+        recipe=recipe_of(causes, settings.catalogue, compared.levels()),
         corrections=made,
         corrected_file=next(iter(made), ""),
         flights_worth_a_look=flights_worth_a_look(compared, left, profile) if unexplained else [],

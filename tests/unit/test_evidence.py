@@ -30,7 +30,8 @@ from descentflow.diagnosis.inference.verdict import verdict_of
 from descentflow.diagnosis.sides.assumptions import Assumptions
 from descentflow.diagnosis.sides.diagnosis_settings import Settings
 from descentflow.diagnosis.sides.simulator import Simulator
-from descentflow.diagnosis.sides.two_sides import Compared, Entry
+from descentflow.diagnosis.sides.two_sides import Compared
+from descentflow.diagnosis.sides.vectors import Entry
 from descentflow.effects import EFFECTS
 from descentflow.effects.example_flights import example_flights
 from descentflow.surveillance.cleaning.thresholds import Cleaning

@@ -1,7 +1,6 @@
 """The corrected simulator of a diagnosis: its own flights with the causes in them, or its checkpoint and samples."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -128,17 +127,10 @@ def correction_made(simulator: Simulator, frame: pl.DataFrame, added: AddedEffec
     """
     flights = simulator.flights
     if flights is not None:
-
-        def write(path: Path) -> None:
-            write_descents(corrected_descents(flights, simulator.aircraft, added), path)
-
-        return {FLIGHTS: write}
+        return {FLIGHTS: lambda path: write_descents(corrected_descents(flights, simulator.aircraft, added), path)}
     # Here and not above: a comparison of flights with flights must not pay for models.
     from descentflow.diagnosis.correction.corrected_simulator import corrected, samples_with
 
     checkpoint = corrected(simulator, added)
-
-    def write_samples(path: Path) -> None:
-        write_descents(samples_with(simulator, frame, added), path)
-
-    return {**checkpoint, FLIGHTS: write_samples} if checkpoint else {}
+    samples: Corrections = {FLIGHTS: lambda path: write_descents(samples_with(simulator, frame, added), path)}
+    return {**checkpoint, **samples} if checkpoint else {}

@@ -78,10 +78,9 @@ def with_effects(grid: LevelGrid, aircraft: PerformanceModel, added: AddedEffect
     flown, reported = added.changes(state)
     moved = _flown(grid, state, flown)
     moved = with_gaps(moved, flown, DrawNumbers(added.seed), added.cleaning)
-    moved = _reported(moved, reported)
-    slow = moved.values["vertical_rate"] > -added.cleaning.slowest_fpm
-    gone = slow & grid.mask
-    values = {name: torch.where(gone, torch.nan, value) for name, value in moved.values.items()}
+    values = _moved(moved, {**reported, "tas": reported["tas"].exp()})
+    gone = (values["vertical_rate"] > -added.cleaning.slowest_fpm) & grid.mask
+    values = {name: torch.where(gone, torch.nan, value) for name, value in values.items()}
     return replace(moved, time_s=torch.where(gone, torch.nan, moved.time_s), values=values)
 
 
@@ -137,30 +136,23 @@ def filled(values: Tensor) -> Tensor:
 
 def _flown(grid: LevelGrid, state: FlightState, change: dict[str, Tensor]) -> LevelGrid:
     """The flights flown otherwise; reports follow what is flown."""
-    factor = change["rate"].exp()
-    values = dict(grid.values)
-    values["vertical_rate"] = values["vertical_rate"] * factor
-    values["IAS"] = values["IAS"] + change["cas"]
     before, after = (cas_to_mach(state.cas_mps + x * KT_MPS, grid.altitude_m) for x in (0.0, change["cas"]))
+    ratio = mach_to_tas_mps(after, grid.altitude_m) / mach_to_tas_mps(before, grid.altitude_m) * change["tas"].exp()
+    values = _moved(grid, {**change, "tas": ratio})
     # Differences, so that what the simulator itself adds to its reports stays.
     if "Mach" in values:
         values["Mach"] = values["Mach"] + after - before
-    ratio = mach_to_tas_mps(after, grid.altitude_m) / mach_to_tas_mps(before, grid.altitude_m) * change["tas"].exp()
     if "groundspeed" in values:
         tas_kt = mach_to_tas_mps(before, grid.altitude_m) / KT_MPS
         if "TAS" in values:
-            reported_kt = filled(values["TAS"])
+            reported_kt = filled(grid.values["TAS"])
             # Receivers lack the TAS of flights that never sent it.
             tas_kt = torch.where(reported_kt.isfinite(), reported_kt, tas_kt)
         before_kt = level_part_kt({**grid.values, "TAS": tas_kt})
         gained_kt = level_part_kt({**values, "TAS": tas_kt * ratio}) - before_kt
         wind_kt = change["wind"] / KT_MPS
         values["groundspeed"] = values["groundspeed"] + gained_kt * drift_cosine({**values, "TAS": tas_kt}) + wind_kt
-    if "TAS" in values:
-        values["TAS"] = values["TAS"] * ratio
-    if "geoaltitude" in values:
-        values["geoaltitude"] = values["geoaltitude"] + change["height"] / FT_M
-    return replace(grid, values=values, time_s=_times(grid, factor))
+    return replace(grid, values=values, time_s=_times(grid, change["rate"].exp()))
 
 
 def _times(grid: LevelGrid, factor: Tensor) -> Tensor:
@@ -183,16 +175,16 @@ def _times(grid: LevelGrid, factor: Tensor) -> Tensor:
     return torch.where(mask, grid.time_s.gather(1, top) + fallen, torch.nan)
 
 
-def _reported(grid: LevelGrid, change: dict[str, Tensor]) -> LevelGrid:
-    """Reports of the flights by their sensors."""
+def _moved(grid: LevelGrid, change: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Values with a change of rate and CAS, and of TAS (a factor) and height where there are such."""
     values = dict(grid.values)
     values["vertical_rate"] = values["vertical_rate"] * change["rate"].exp()
     values["IAS"] = values["IAS"] + change["cas"]
     if "TAS" in values:
-        values["TAS"] = values["TAS"] * change["tas"].exp()
+        values["TAS"] = values["TAS"] * change["tas"]
     if "geoaltitude" in values:
         values["geoaltitude"] = values["geoaltitude"] + change["height"] / FT_M
-    return replace(grid, values=values)
+    return values
 
 
 def _tailwind_mps(grid: LevelGrid) -> Tensor:

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.sides.two_sides import Compared
+from descentflow.diagnosis.sides.vectors import Vectors
 
 AT_ONCE = 250
 """Labellings that are multiplied at a time: their numbers in double precision take 2 kB an aircraft."""
@@ -73,7 +73,7 @@ def labellings(airframe: Tensor, real: Tensor, count: int, seed: int) -> Labelli
     return Labellings(torch.stack([owner, *dealt]), index, True)
 
 
-def labellings_of(compared: Compared, count: int, seed: int) -> Labellings:
+def labellings_of(compared: Vectors, count: int, seed: int) -> Labellings:
     """Labellings of compared flights."""
     return labellings(compared.airframe, compared.real, count, seed)
 
@@ -141,7 +141,7 @@ def noise_floor(y: Tensor, real: Tensor, dealt: Iterable[Tensor], scale: Tensor,
     return torch.stack(found).mean(0) if found else torch.zeros_like(scale)
 
 
-def mean_over_quantities(compared: Compared, values: Tensor, chosen: Tensor) -> Tensor:
+def mean_over_quantities(compared: Vectors, values: Tensor, chosen: Tensor) -> Tensor:
     """Mean of the chosen entries' values (..., p) over quantities, each of which counts once."""
     parts = []
     for quantity in compared.quantities():

@@ -19,7 +19,7 @@ from descentflow.diagnosis.findings.cause_found import ClosedShare
 from descentflow.diagnosis.findings.costs_found import NINETY
 from descentflow.diagnosis.findings.gap_found import MeasuredEntry
 from descentflow.diagnosis.gap.labellings import distances, labellings_of, mean_over_quantities, noise_floor
-from descentflow.diagnosis.sides.two_sides import Compared
+from descentflow.diagnosis.sides.vectors import Vectors
 
 FLOOR_LABELLINGS = 30
 """Labellings behind a noise floor."""
@@ -34,7 +34,7 @@ SAME_EDGE_FL = 0.5
 class MeasuredGap:
     """Difference of the means of both sides over some entries, before and after a correction."""
 
-    def __init__(self, compared: Compared, entries: Tensor, seed: int, spreads: Tensor | None = None) -> None:
+    def __init__(self, compared: Vectors, entries: Tensor, seed: int, spreads: Tensor | None = None) -> None:
         """Measure the gap.
 
         Args:
@@ -120,7 +120,7 @@ def closed_share(before: float, floor_before: float, after: float, floor_after: 
     return None if none else 1.0 - (after - floor_after) / (before - floor_before)
 
 
-def measured_again(compared: Compared, before: Sequence[MeasuredEntry]) -> tuple[Tensor, Tensor, list[MeasuredEntry]]:
+def measured_again(compared: Vectors, before: Sequence[MeasuredEntry]) -> tuple[Tensor, Tensor, list[MeasuredEntry]]:
     """Entries (p,) of an earlier gap that are compared now, the spreads (p,) that they had, and what they were.
 
     Args:

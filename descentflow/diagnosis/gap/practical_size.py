@@ -20,7 +20,8 @@ from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
 from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans
 from descentflow.diagnosis.findings.gap_found import BelowRounding, GapCell
 from descentflow.diagnosis.gap.where import ALL
-from descentflow.diagnosis.sides.two_sides import Compared, Entry
+from descentflow.diagnosis.sides.two_sides import Compared
+from descentflow.diagnosis.sides.vectors import Entry, Vectors
 from descentflow.measurements.quantity_registry import NOISE_CHANNELS, QUANTITIES
 from descentflow.physics.airspeed import mach_to_cas_mps
 
@@ -72,7 +73,7 @@ def _of_band(compared: Compared, e: Entry, here: LevelMeans) -> float:
     }[e.quantity]
 
 
-def _of_noise(compared: Compared, at: int, e: Entry) -> float:
+def _of_noise(compared: Vectors, at: int, e: Entry) -> float:
     """By how much the logarithm of a noise grows by the rounding of its channel."""
     channel = NOISE_CHANNELS[e.quantity]
     size = UNCERTAINTY[channel] * (FT_M if channel == "altitude" else 1.0)
@@ -114,7 +115,7 @@ def below_rounding(
     return list(rows.values())
 
 
-def _entries_of(compared: Compared, cell: GapCell) -> Tensor:
+def _entries_of(compared: Vectors, cell: GapCell) -> Tensor:
     """Positions of the entries of a cell."""
     ranges = [compared.level_range(e) for e in compared.entries]
     return torch.tensor(

@@ -13,7 +13,7 @@ from descentflow.diagnosis.findings.gap_found import MeasuredEntry
 from descentflow.diagnosis.findings.inputs_found import Provenance
 from descentflow.diagnosis.findings.read_gap import read_gap
 from descentflow.diagnosis.gap.measured_gap import MeasuredGap, closed_share, measured_again
-from descentflow.diagnosis.sides.two_sides import Compared
+from descentflow.diagnosis.sides.vectors import Vectors
 
 MIN_SHARE_AGAIN = 0.5
 """Share of the earlier round's entries that must be measured again: of fewer, the two gaps are not of the same."""
@@ -76,7 +76,7 @@ def _same(path: str | Path, what: str, then: object, now: object, kind: str, nam
         )
 
 
-def held_against(previous: Findings, name: str, compared: Compared, seed: int) -> Previous:
+def held_against(previous: Findings, name: str, compared: Vectors, seed: int) -> Previous:
     """Predicted and achieved closure.
 
     Achieved is the closed share of the gap then, over the entries that it was measured over and in its spreads; its

@@ -16,6 +16,7 @@ from descentflow.diagnosis.inference.naming import free_in_every_set
 from descentflow.diagnosis.sides.diagnosis_settings import Settings
 from descentflow.diagnosis.sides.measured_sides import OWN_FLIGHTS
 from descentflow.diagnosis.sides.two_sides import Compared
+from descentflow.diagnosis.sides.vectors import Vectors
 from descentflow.effects import UNKNOWN, Effect
 from descentflow.measurements.quantity_registry import SHOWN_BY
 
@@ -25,7 +26,7 @@ NEIGHBOURS = 0.5
 """Bands beside the one with the largest difference belong to it while theirs, of the same sign, is so large a share."""
 
 
-def remaining_of(compared: Compared, left: Tensor, gap: float, share_unexplained: float) -> Remaining:
+def remaining_of(compared: Vectors, left: Tensor, gap: float, share_unexplained: float) -> Remaining:
     """Gap that is left once the causes are in the simulator, and its largest part.
 
     Args:
@@ -64,7 +65,7 @@ def curves(compared: Compared, left: Tensor) -> dict[str, Curve]:
     return found
 
 
-def flights_worth_a_look(compared: Compared, left: Tensor, profile: list[LevelMeans]) -> list[FlightWorthALook]:
+def flights_worth_a_look(compared: Vectors, left: Tensor, profile: list[LevelMeans]) -> list[FlightWorthALook]:
     """Real flights that are furthest from the simulator's mean where most is left, in the direction of what is left.
 
     Args:
@@ -84,18 +85,16 @@ def flights_worth_a_look(compared: Compared, left: Tensor, profile: list[LevelMe
         return []
     inside = rest[:, at].nanmean(1)
     towards = float(mean[at].sum())
-    entries = [compared.entries[i] for i in at]
-    low = min(compared.level_range(entry)[0] for entry in entries)
-    high = max(compared.level_range(entry)[1] for entry in entries)
-    order = (inside * towards).nan_to_num(-1e30).argsort(descending=True).tolist()
+    quantity, levels = compared.entries[at[0]].quantity, compared.only(torch.tensor(at)).levels()
+    showing = [i for i, seen in enumerate(inside.isfinite().tolist()) if seen]
     found = []
-    for i in [i for i in order if bool(inside[i].isfinite())][:MOST_FLIGHTS]:
-        excess, unit = aviation_value(entries[0].quantity, float(inside[i]), low, high, profile)
-        found.append(FlightWorthALook(compared.names[i], excess, unit, entries[0].quantity, low, high))
+    for i in sorted(showing, key=lambda i: -float(inside[i]) * towards)[:MOST_FLIGHTS]:
+        excess, unit = aviation_value(quantity, float(inside[i]), *levels, profile)
+        found.append(FlightWorthALook(compared.names[i], excess, unit, quantity, *levels))
     return found
 
 
-def _largest(compared: Compared, mean: Tensor) -> list[int]:
+def _largest(compared: Vectors, mean: Tensor) -> list[int]:
     """Entries of the quantity by level in which most is left, in neighbouring bands."""
     banded = [i for i, entry in enumerate(compared.entries) if entry.band >= 0]
     if not banded:
@@ -112,7 +111,7 @@ def _largest(compared: Compared, mean: Tensor) -> list[int]:
     return sorted(found)
 
 
-def would_split(compared: Compared, catalogue: Mapping[str, Effect], causes: Sequence[Cause]) -> list[WouldSplit]:
+def would_split(compared: Vectors, catalogue: Mapping[str, Effect], causes: Sequence[Cause]) -> list[WouldSplit]:
     """Channels that are not there and would separate a cause from its group, or help an unknown one to a name.
 
     Args:

@@ -10,6 +10,7 @@ from torch import Tensor
 from descentflow.diagnosis.findings.gap_found import GapCell
 from descentflow.diagnosis.gap.labellings import Labellings, distances, labellings_of, noise_floor, step_down
 from descentflow.diagnosis.sides.two_sides import Compared
+from descentflow.diagnosis.sides.vectors import Vectors
 from descentflow.measurements.quantity_registry import QUANTITIES
 
 PERMUTATIONS = 1999
@@ -45,7 +46,7 @@ class Cell:
     regime: str
 
 
-def cells(compared: Compared, transition_fl: float) -> list[Cell]:
+def cells(compared: Vectors, transition_fl: float) -> list[Cell]:
     """Cut the entries into cells."""
     found: list[Cell] = []
     for quantity in compared.quantities():
@@ -58,7 +59,7 @@ def cells(compared: Compared, transition_fl: float) -> list[Cell]:
     return found
 
 
-def _regime(compared: Compared, i: int, transition_fl: float) -> str:
+def _regime(compared: Vectors, i: int, transition_fl: float) -> str:
     if compared.entries[i].band < 0:
         return "all"
     low, high = compared.level_range(compared.entries[i])

@@ -143,12 +143,6 @@ def recipe_of(
     return [_step(cause, catalogue[cause.effect], levels_fl) for cause in causes]
 
 
-def levels_compared(compared: Compared) -> tuple[float, float]:
-    """Lowest and highest flight level that are compared."""
-    ranges = [compared.level_range(entry) for entry in compared.entries]
-    return min(low for low, _ in ranges), max(high for _, high in ranges)
-
-
 def _step(cause: Cause, effect: Effect, levels_fl: tuple[float, float]) -> RecipeStep:
     ends = {size.parameter: size.value.estimate for size in cause.sizes if size.parameter in WINDOW}
     low, high = (ends.get(name, level) for name, level in zip(WINDOW, levels_fl, strict=True))

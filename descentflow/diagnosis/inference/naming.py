@@ -18,6 +18,7 @@ from descentflow.diagnosis.inference.moments import Moments, moments
 from descentflow.diagnosis.inference.sets import Names, SetFit, SetFits
 from descentflow.diagnosis.sides.assumptions import Assumptions
 from descentflow.diagnosis.sides.two_sides import Compared
+from descentflow.diagnosis.sides.vectors import Vectors
 from descentflow.measurements.quantity_registry import QUANTITIES
 
 
@@ -125,7 +126,7 @@ RAISED_BY_CAUSES = ("noise_rate", "noise_altitude", "noise_groundspeed")
 """Noise that edges of windows, paths, turns and late reports change as well."""
 
 
-def free_in_every_set(compared: Compared) -> Tensor:
+def free_in_every_set(compared: Vectors) -> Tensor:
     """Entries (p,) that are free in every set of effects."""
     own = compared.y[~compared.real].numpy()
     alike = np.nanstd(own, 0) == 0.0 if compared.has_simulated else np.zeros(len(compared.entries), dtype=bool)

@@ -1,4 +1,4 @@
-"""Quantities as one vector a flight: which entries are compared, and what the simulator claims of each."""
+"""Comparison of both sides: entries that can be compared, and what the simulator claims of each."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -7,7 +7,6 @@ import torch
 from torch import Tensor
 
 from descentflow.core.errors import DataError
-from descentflow.core.units import FL_M
 from descentflow.diagnosis.sides.assumptions import ASSUMED, Assumptions
 from descentflow.diagnosis.sides.compared_state import (
     KNOWN_SHARE,
@@ -18,9 +17,10 @@ from descentflow.diagnosis.sides.compared_state import (
     turned_more,
 )
 from descentflow.diagnosis.sides.simulator_coefficients import SimulatorCoefficients, simulator_coefficients
+from descentflow.diagnosis.sides.vectors import Entry, Vectors
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.measurements.quantities import Quantities
-from descentflow.measurements.quantity_registry import BY_BAND, OF_FLIGHT, QUANTITIES
+from descentflow.measurements.quantity_registry import BY_BAND, OF_FLIGHT
 from descentflow.physics.performance_model import PerformanceModel
 
 CLAIMED_ZERO = ("rate", "lag", "mismatch", "tas", "wind", "height")
@@ -37,41 +37,22 @@ compared. All of m are on one side by chance in one of 2^(m - 1), and 2 % is ask
 
 
 @dataclass(frozen=True)
-class Entry:
-    """One number of the vector: a quantity, and its band (-1 for a quantity of the whole flight).
+class Compared(Vectors):
+    """Flights of both sides as vectors, and the state of each flight that effects look at.
 
     Example:
-        >>> Entry("rate", 3) == Entry("rate", 3)
-        True
+        >>> from descentflow.aircraft_types.registry import aircraft
+        >>> from descentflow.measurements.quantities import CHANNELS, quantities_of
+        >>> from descentflow.surveillance.descents.prepared_descents import read_descents
+        >>> flights = quantities_of(read_descents("descents.parquet").frame, 150, 340, CHANNELS)
+        >>> nominal = compare(None, flights, aircraft("A320"))
+        >>> nominal.has_simulated, len(nominal.state.cas_mps)
+        (False, 120)
     """
 
-    quantity: str
-    band: int
-
-
-@dataclass(frozen=True)
-class Compared:
-    """Flights of both sides as vectors.
-
-    Shapes: ``y`` (n, p) with NaN where not seen, simulator's flights first; ``real`` (n,) bool; ``scale`` (p,) spread
-    between flights; ``airframe`` (n,).
-    """
-
-    entries: tuple[Entry, ...]
-    y: Tensor
-    real: Tensor
-    scale: Tensor
-    airframe: Tensor
-    day: Tensor
-    """(n,) number of the day on which each began; its own for each aircraft where days are not known."""
     state: FlightState
-    band_fl: float
     coefficients: SimulatorCoefficients = field(default_factory=SimulatorCoefficients.unknown)
     """Of the aircraft that the simulator flies, as far as known; ``state`` is taken with them."""
-    names: tuple[str, ...] = ()
-    """Identifiers of the real flights, in their order; empty where they are not known."""
-    assumed: Assumptions = ASSUMED
-    """Constants of the diagnosis."""
     own_air: Tensor | float = 0.0
     """(n, K) change of ln rate by the air that each flight measured, NaN where it did not; zero where too few did."""
     measures_air: bool = False
@@ -82,27 +63,6 @@ class Compared:
         """Number of flights that a side lacks for causes that rest on coefficients, or on single flights."""
         sides = [self.real, ~self.real] if self.has_simulated else [self.real]
         return max(FEWEST_FOR_CAUSES - min(int(side.sum()) for side in sides), 0)
-
-    @property
-    def has_simulated(self) -> bool:
-        """True if the simulator has flights of its own; else physics claims what is normal."""
-        return not bool(self.real.all())
-
-    def counts(self) -> Tensor:
-        """Entries (p,) that are counts and lost times, zero for most flights."""
-        return torch.tensor([QUANTITIES[e.quantity].is_count for e in self.entries])
-
-    def negligible(self) -> Tensor:
-        """Negligible shift (p,) of each entry."""
-        return torch.tensor([self.assumed.negligible_shift(e.quantity) for e in self.entries], dtype=torch.float64)
-
-    def of_flight(self) -> Tensor:
-        """Entries (p,) that are one number of a whole flight: noise, and gaps."""
-        return torch.tensor([e.band < 0 for e in self.entries])
-
-    def of(self, quantity: str) -> Tensor:
-        """Entries (p,) of a quantity."""
-        return torch.tensor([e.quantity == quantity for e in self.entries])
 
     def in_own_air(self) -> "Compared":
         """The same flights, their rates without what the air does that each met; bands that too few then show go."""
@@ -115,50 +75,6 @@ class Compared:
             if not is_rate or all(_enough(side) for side in sides):
                 shown.append(i)
         return replace(self, y=y, scale=_spread(y, self.real)).only(torch.tensor(shown, dtype=torch.long))
-
-    def columns(self, quantity: str) -> Tensor:
-        """Positions (k,) of a quantity's entries."""
-        return torch.nonzero(self.of(quantity))[:, 0]
-
-    def only(self, entries: Tensor) -> "Compared":
-        """The same flights with some entries (k,) alone."""
-        kept = tuple(self.entries[i] for i in entries.tolist())
-        return replace(self, entries=kept, y=self.y[:, entries], scale=self.scale[entries])
-
-    def table(self, quantity: str, y: Tensor) -> Tensor:
-        """Entries (n, K) of a quantity of bands, from vectors (n, p); NaN in bands that are not compared."""
-        found = torch.full((len(y), len(self.state.altitude_m)), torch.nan, dtype=torch.float64)
-        at = self.columns(quantity)
-        found[:, [self.entries[i].band for i in at.tolist()]] = y[:, at]
-        return found
-
-    def difference(self, y: Tensor) -> Tensor:
-        """Mean (p,) of the real flights minus that of the simulator's, or minus zero where physics claims so."""
-        mean = y[self.real].nanmean(0)
-        return mean - y[~self.real].nanmean(0).nan_to_num(0.0) if self.has_simulated else mean
-
-    def quantities(self) -> tuple[str, ...]:
-        """Quantities that are compared, each once, in order."""
-        return tuple(dict.fromkeys(e.quantity for e in self.entries))
-
-    def vector(self, shift: Mapping[str, Tensor]) -> Tensor:
-        """A shift of quantities, (n, K) or (n,), as vectors (n, p); zero where it has none."""
-        found = torch.zeros(len(next(iter(shift.values()))), len(self.entries), dtype=torch.float64)
-        for i, e in enumerate(self.entries):
-            if e.quantity in shift:
-                found[:, i] = shift[e.quantity][:, e.band] if e.band >= 0 else shift[e.quantity]
-        return found
-
-    def middles_fl(self) -> list[float]:
-        """Flight levels in the middle of each band."""
-        return [float(x) / FL_M for x in self.state.altitude_m]
-
-    def level_range(self, e: Entry) -> tuple[float, float]:
-        """Flight levels that an entry covers."""
-        levels = self.state.altitude_m / FL_M
-        if e.band < 0:
-            return float(levels[0] - self.band_fl / 2), float(levels[-1] + self.band_fl / 2)
-        return float(levels[e.band] - self.band_fl / 2), float(levels[e.band] + self.band_fl / 2)
 
 
 def compare(
@@ -211,13 +127,14 @@ def compare(
         _spread(y, is_real),
         both.airframe,
         both.known_day,
-        _with_usual(state, values, is_real),
+        state.altitude_m,
         real.band_fl,
+        _with_usual(state, values, is_real),
         coefficients,
-        real.names,
-        assumed,
         own_air,
         measures_air,
+        names=real.names,
+        assumed=assumed,
     )
 
 

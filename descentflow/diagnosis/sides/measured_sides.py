@@ -150,9 +150,9 @@ def check_count(found: Quantities, given: int, low: float, high: float, whose: s
     Example:
         >>> from descentflow.measurements.quantities import CHANNELS, quantities_of
         >>> frame = pl.read_parquet("descents.parquet")
-        >>> check_count(quantities_of(frame, 150, 340, CHANNELS).rows(torch.arange(5)), 120, 150, 340)
+        >>> check_count(quantities_of(frame, 150, 340, CHANNELS).rows(torch.arange(4)), 120, 150, 340)
         Traceback (most recent call last):
-        descentflow.core.errors.DataError: 5 real flights with levels between FL150 and FL340 (of 120 given); ...
+        descentflow.core.errors.DataError: 4 real flights with levels between FL150 and FL340 (of 120 given); ...
     """
     if len(found) < MIN_FLIGHTS_A_SIDE:
         raise DataError(

@@ -108,6 +108,8 @@ class AirspeedErrors:
 
 def _measured_wind_mps(frame: pl.DataFrame, temperature_k: float) -> float | None:
     """Error of the wind by which derived CAS differs from reported IAS, where enough flights have both."""
+    if "derived_IAS" not in frame.columns:
+        return None
     both = frame.filter(pl.col("airspeed_source") == REPORTED).drop_nulls(["IAS", "derived_IAS"])
     if both["flight_id"].n_unique() < FEWEST:
         return None

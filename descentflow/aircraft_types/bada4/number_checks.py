@@ -25,7 +25,7 @@ HEATING_J_KG = (40e6, 47e6)
 OF_CEILING = (0.25, 0.5, 0.8)
 OF_SPEED_LIMIT = 0.8
 """States at which forces and fuel are judged: these shares of the ceiling, and of V_MO (within M_MO and M_max)."""
-PRINTED = ("level", "TAS", "CAS", "mass", "thrust", "drag", "fuel")
+PRINTED = ("level", "TAS", "CAS", "mass_kg", "thrust", "drag", "fuel")
 _PLACES = (0, 5, 6, 8, 9, 10, 11)
 _CONFIGURATION = 15
 AGREED = 0.002
@@ -174,7 +174,7 @@ def contradicted(found: Bada4Aircraft, table: Path) -> str | None:
     """
     for rows in printed_rows(table):
         printed = rows.columns
-        level, mass, thrust = printed["level"], printed["mass"], printed["thrust"]
+        level, mass, thrust = printed["level"], printed["mass_kg"], printed["thrust"]
         altitude, tas = level * FL_M, printed["TAS"] * KT_MPS
         ours = {"drag": found.drag_n(tas, altitude, 0.0, mass)}
         if rows.phase == "DESCENT":

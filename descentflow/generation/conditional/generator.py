@@ -90,7 +90,7 @@ class Generator:
     Example:
         >>> generator = Generator("best.ckpt", seed=0)
         >>> generator
-        Generator of A320 descents, FL353 to FL150: seed 0, next 0
+        Generator of A320 descents, FL354 to FL150: seed 0, next 0
         >>> one = generator.next(entry_fl=330, cas_kt={200: 280}, time_s=(400, 600), level=160)
         >>> row = one.to_polars().filter(level_fl=200)
         >>> round(row["CAS"][0], 3), len(generator.next_batch(10, entry_fl=330))

@@ -4,7 +4,6 @@ python scripts/withheld_effects.py generate FOLDER --own 300 --foreign 200  # se
 python scripts/withheld_effects.py diagnose FOLDER   # resumable; seals every diagnosis
 python scripts/withheld_effects.py score FOLDER [FOLDER ...]  # checks the seals, writes score.json and score.md
 python scripts/withheld_effects.py all FOLDER        # the three in order
-python scripts/withheld_effects.py publish FOLDER --sets OUT --most 60  # of an open study, for benchmark.py rivals
 
 Foreign sets are flown by JSBSim (the extra jsbsim). Several folders are studies of keys of their own, scored as one.
 Every step prints how long each set takes and what is left.
@@ -22,7 +21,6 @@ from descentflow.core.files import whole_file
 from studies.blind_diagnosis.blind_draw import draw_plan
 from studies.blind_diagnosis.blind_plan import Plan
 from studies.blind_diagnosis.blind_run import diagnose_all, generate, how_long, measure_closures
-from studies.blind_diagnosis.known_sets import write_known_sets
 from studies.blind_diagnosis.outcome import Outcome, outcomes
 from studies.blind_diagnosis.seal import KEY, MANIFEST, open_key, read_json, write_json
 from studies.blind_diagnosis.study_score import score, table
@@ -72,15 +70,9 @@ def do_score(args: argparse.Namespace) -> None:
     say(table(scored))
 
 
-def do_publish(args: argparse.Namespace) -> None:
-    (folder,) = args.folders
-    out = args.sets or folder / "known_sets"
-    say(f"{write_known_sets(folder, out, args.most, say)} sets in {out}")
-
-
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("step", choices=["generate", "diagnose", "score", "all", "publish"])
+    parser.add_argument("step", choices=["generate", "diagnose", "score", "all"])
     parser.add_argument("folders", type=Path, nargs="+", help="of a study; what is there already is not done again")
     parser.add_argument("--own", type=int, default=300, help="blind sets of our own world (default: 300)")
     parser.add_argument("--foreign", type=int, default=200, help="blind sets of JSBSim's aircraft (default: 200)")
@@ -89,16 +81,11 @@ def main() -> int:
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--minutes", type=float, help="begin no diagnosis after this time")
     parser.add_argument("--first", nargs="*", default=[], help="jobs whose names begin so come first")
-    parser.add_argument("--sets", type=Path, help="of publish: folder for the sets (default: known_sets in FOLDER)")
-    parser.add_argument("--most", type=int, default=60, help="of publish: sets at the most, drawn at random")
     args = parser.parse_args()
     steps = {"generate": do_generate, "diagnose": do_diagnose, "score": do_score}
     if args.step != "score" and len(args.folders) > 1:
         parser.error(f"{args.step} takes one folder")
     try:
-        if args.step == "publish":
-            do_publish(args)
-            return 0
         for step in steps if args.step == "all" else [args.step]:
             steps[step](args)
     except DescentflowError as error:

@@ -1,7 +1,6 @@
 """Every program of scripts/ runs to its end on a small input; what another test file runs is named with it."""
 
 import importlib
-import json
 import runpy
 import sys
 import tarfile
@@ -21,29 +20,20 @@ ELSEWHERE = {
 }
 """Scripts -> the test that runs them."""
 RUNS: Mapping[str, Sequence[str]] = {
-    "air_constants": ["--flights", "12"],
-    "air_skill": ["--flights", "60"],
     "benchmark": ["real"],
     "bluesky_descents": ["--like", "{descents}", "--times", "1", "--out", "{out}/rows.parquet"],
     "cleaning_truth": [],
-    "compare_densities": ["{out}/s.csv", "--flights", "80", "--seeds", "0", "--models", "gaussian", "--draws", "5"],
     "derived_airspeeds": ["--flights", "60", "--winds", "2.5", "--out", "{out}/record.md"],
     "energy_share_figure": ["{out}/figure.png"],
     "export_figures": ["cf", "{model}", "{out}/figure.png"],
     "fly_jsbsim": ["--model", "fokker100", "--flights", "1", "--out", "{out}/rows.parquet"],
     "fuel_scores": ["{shared}/real/acropole_a320_recorder.csv"],
-    "gappy_comparison": ["{descents}", "{out}/figure.png"],
     "kill": ["{out}", "--times", "1", "--commands", "sample", "--signals", "KILL"],
-    "level_flight_by_traffic": ["--traffic", "{phases}"],
-    "level_flight_truth": [],
     "open_aircraft_page": ["{out}/page.html", "A320"],
     "open_types_by_flights": ["--types", "AT76"],
     "package_contents": ["{p.whl}", "{p.tar}"],
     "paper_study": ["{out}/study", "--types", "A320", "--share", "0.005", "--models", "gaussian", "--samples", "200"],
     "positions_figure": ["{model}", "{out}/figure.png"],
-    "rate_table_descents": ["--like", "{descents}", "--times", "1", "--profile", "{rates}", "--out", "{out}/r.parquet"],
-    "real_channel_withheld": ["{out}"],
-    "real_halves": ["--halves", "1", "--biased", "0"],
     "recorder_fuel": ["{shared}/real/acropole_a320_recorder.csv"],
     "recorder_thrust": ["{shared}/real/rj85_recorder_2001.parquet"],
     "sample_descents": ["{model}", "10"],
@@ -56,8 +46,6 @@ SMALL = {
     "cleaning_truth": {"FLIGHTS": 20},
     "derived_airspeeds": {"DRAWN": 200},
     "fuel_scores": {"TRAINING": (60, 0), "OTHERS": (60, 1), "SAMPLES": 200},
-    "level_flight_by_traffic": {"FLIGHTS": 5},
-    "level_flight_truth": {"FLIGHTS": 4},
     "study_repair": {"JUDGES": 40},
 }
 """Constants of scripts that have no option for their size."""
@@ -70,30 +58,17 @@ pytestmark = pytest.mark.filterwarnings("default")
 def places(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Path]:
     """Files that the scripts read; all write into one folder."""
     folder = tmp_path_factory.mktemp("scripts")
-    made = {
-        name: folder / name for name in ("descents.parquet", "model.ckpt", "rates.json", "p.whl", "p.tar", "phases")
-    }
+    made = {name: folder / name for name in ("descents.parquet", "model.ckpt", "p.whl", "p.tar")}
     descents = df.prepare(df.simulate("A320", 60, seed=2))
     write_descents(descents, made["descents.parquet"])
     df.fit(descents, model="gaussian", out=made["model.ckpt"])
-    rates = {"flight_level": [0, 400], "cas_des": [280, 280], "mach_des": [0.77, 0.77], "rocd_des": 2000}
-    made["rates.json"].write_text(json.dumps({"aircraft": {"A320": rates}}))
     package = [path for path in (SCRIPTS.parent / "descentflow").rglob("*") if path.is_file()]
     with zipfile.ZipFile(made["p.whl"], "w") as wheel, tarfile.open(made["p.tar"], "w") as sdist:
         for path in package:
             name = path.relative_to(SCRIPTS.parent).as_posix()
             wheel.write(path, name)
             sdist.add(path, f"descentflow-1/{name}")
-    # In place of an environment with traffic: every row is level.
-    made["phases"].write_text(
-        f"#!{sys.executable}\nimport sys\nimport polars as pl\nrows = pl.read_parquet(sys.argv[-2])\n"
-        "columns = ['flight_id', 'timestamp', pl.lit('LEVEL').alias('phase')]\n"
-        "rows.select(columns).write_parquet(sys.argv[-1])\n"
-    )
-    made["phases"].chmod(0o755)
-    return {
-        name.removesuffix(".parquet").removesuffix(".ckpt").removesuffix(".json"): path for name, path in made.items()
-    } | {"out": folder}
+    return {name.removesuffix(".parquet").removesuffix(".ckpt"): path for name, path in made.items()} | {"out": folder}
 
 
 def test_every_script_has_a_run() -> None:

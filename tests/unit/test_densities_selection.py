@@ -1,4 +1,4 @@
-"""The best epoch is kept, the Gaussian among them; numbers of components beyond the cap; scores by flight."""
+"""The best epoch is kept, the Gaussian among them; numbers of components beyond the cap."""
 
 from math import inf
 from pathlib import Path
@@ -10,13 +10,10 @@ import toys
 import yaml
 from toys import normal
 
-from descentflow.core.errors import ConfigError
 from descentflow.densities.component_search import select_mixture
 from descentflow.densities.em import fit_mixture
 from descentflow.densities.em_steps import Steps
-from descentflow.evaluation.metrics.noise_floor import level_distances
 from descentflow.training.models import Gaussian, GaussianMixture, MaskedAffineFlow
-from studies.forecast_scores import crps_each, energy_score_each, skill
 
 CONFIGS = Path(__file__).resolve().parents[2] / "descentflow" / "configs" / "model"
 D = 4
@@ -106,24 +103,3 @@ def test_the_model_says_that_its_cap_decides(capsys: pytest.CaptureFixture[str])
     weights = normal(400, D) * torch.where(normal(400, 1, seed=3) > 0, 3.0, 0.2) + 4 * normal(400, 1, seed=4).sign()
     toys.fit(GaussianMixture(extend=False, n_restarts=2), toys.WeightsModule(weights, weights[:50]), 1)
     assert "the cap of 15 flights per parameter decides" in capsys.readouterr().out
-
-
-def test_scores_of_each_flight_average_to_those_of_one_forecast() -> None:
-    samples, real = normal(30, D), normal(20, D, seed=1)
-    each = samples.expand(20, -1, -1)
-    mask = torch.ones(30, D, dtype=torch.bool)
-    torch.testing.assert_close(crps_each(each, real).mean(0), level_distances(samples, mask, real, mask[:20])["crps"])
-    across, among = torch.cdist(samples, real).mean(), torch.cdist(samples, samples).sum() / (30 * 29)
-    torch.testing.assert_close(energy_score_each(each, real).mean(), across - among / 2)
-    with pytest.raises(ConfigError, match="1 sample"):
-        crps_each(each[:, :1], real)
-
-
-def test_skill_covers_the_true_difference() -> None:
-    """90 % intervals hold the true difference in 90 % of 200 cases, give or take three standard errors."""
-    held = 0
-    for seed in range(200):
-        noise = normal(200, seed=seed)
-        found = skill(noise - 0.1, torch.zeros(200), seed=seed, n_resamples=400)
-        held += found.low <= -0.1 <= found.high
-    assert 0.9 - 3 * 0.0212 <= held / 200 <= 0.9 + 3 * 0.0212

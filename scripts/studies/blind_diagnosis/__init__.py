@@ -5,9 +5,6 @@ Reading order: :mod:`~studies.blind_diagnosis.blind_plan` (the key: what is plan
 it is drawn), :mod:`~studies.blind_diagnosis.blind_flights` and
 :mod:`~studies.blind_diagnosis.seal` (flights and hashes),
 :mod:`~studies.blind_diagnosis.blind_run` (generate, diagnose),
-:mod:`~studies.blind_diagnosis.outcome`, :mod:`~studies.blind_diagnosis.true_sizes`,
-:mod:`~studies.blind_diagnosis.score_tables`, :mod:`~studies.blind_diagnosis.blind_score`,
-:mod:`~studies.blind_diagnosis.goals` and :mod:`~studies.blind_diagnosis.blind_page` (what was
-found), :mod:`~studies.blind_diagnosis.study_evidence` (what is kept of a study, and several as one).
-:mod:`~studies.blind_diagnosis.real_flights` withholds a channel from real flights instead.
+:mod:`~studies.blind_diagnosis.outcome`, :mod:`~studies.blind_diagnosis.true_sizes` and
+:mod:`~studies.blind_diagnosis.study_score` (goals, misses and intervals).
 """

@@ -1,8 +1,10 @@
 """Print how large the package, scripts and tests are: code lines, files, branches on None.
 
-Code lines hold a token that is no comment; docstrings and blank lines do not count.
+Code lines hold a token that is no comment; docstrings and blank lines do not count. ``--most N`` ends with status 1
+where the package has more.
 """
 
+import argparse
 import ast
 import tokenize
 from pathlib import Path
@@ -55,13 +57,19 @@ def none_branches(path: Path) -> int:
 
 
 def main() -> None:
-    """Print a row for each folder."""
+    """Print a row for each folder, and refuse a package over its budget."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--most", type=int, help="code lines that the package may have")
+    most = parser.parse_args().most
+    size = {}
     print(f"{'folder':<12}{'files':>8}{'code lines':>12}{'None branches per 1,000':>26}")
     for name in ("descentflow", "scripts", "tests"):
         paths = sorted((ROOT / name).rglob("*.py"))
-        lines = sum(map(code_lines, paths))
+        lines = size[name] = sum(map(code_lines, paths))
         branches = 1000 * sum(map(none_branches, paths)) / lines
         print(f"{name:<12}{len(paths):>8,}{lines:>12,}{branches:>26.1f}")
+    if most is not None and size["descentflow"] > most:
+        raise SystemExit(f"the package has {size['descentflow']:,} code lines; {most:,} are allowed: take as many away")
 
 
 if __name__ == "__main__":

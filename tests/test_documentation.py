@@ -1,5 +1,6 @@
 """Documents agree with the tree: links, the map, the new names of modules, and their length."""
 
+import json
 import re
 import shlex
 from contextlib import suppress
@@ -9,6 +10,7 @@ import pytest
 
 from descentflow.cli import trainer_commands
 from descentflow.cli.entry import main
+from descentflow.core.version import __version__
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs").glob("*/*.md"))]
@@ -44,6 +46,20 @@ def test_tables_end_before_the_text_below_them(path: Path) -> None:
 
 def test_the_readme_is_short() -> None:
     assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= 620
+
+
+def test_the_paper_cites_what_is_in_its_bibliography_in_a_thousand_words() -> None:
+    text = (ROOT / "paper" / "paper.md").read_text(encoding="utf-8").split("---\n", 2)[2]
+    entries = re.findall(r"^@\w+\{(\w+),", (ROOT / "paper" / "paper.bib").read_text(encoding="utf-8"), re.MULTILINE)
+    assert sorted({*re.findall(r"@(\w+)", text)}) == sorted(entries)
+    assert len(text.split()) <= 1000
+
+
+def test_descriptions_for_catalogues_have_the_version_of_the_package() -> None:
+    cited = re.search(r"^version: (.*)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)
+    described = json.loads((ROOT / "codemeta.json").read_text(encoding="utf-8"))["version"]
+    assert cited is not None
+    assert cited[1] == described == __version__
 
 
 def test_nobody_is_sent_to_an_index_that_has_no_descentflow() -> None:

@@ -39,8 +39,9 @@ def model_of_file(path: str | Path) -> type[LatentModel[Any]]:
     try:
         return _only_model(path)
     except ConfigError:
-        Density.kinds.clear()
-        Density.kinds.update(before)
+        for name in Density.kinds.keys() - before.keys():
+            del Density.kinds[name]
+        Density.kinds.update(before)  # a name of the package that the file took is the package's again
         raise
 
 

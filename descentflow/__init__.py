@@ -10,7 +10,8 @@ path of a file that holds it, and nothing heavy is imported before it is used:
 - :func:`sample` draws descents, :class:`Generator` those that a running simulator asks for, :func:`predict` continues
   observed ones, :func:`evaluate` scores a model,
   :func:`export` writes for other programs;
-- :func:`diagnose` finds where a simulator and real flights disagree, and why; :func:`repair` mends coefficients.
+- :func:`diagnose` finds where a simulator and real flights disagree, and why; :func:`repair` mends coefficients;
+  :func:`qualify` judges a simulator by limits.
 
 Import it before torch: how torch's threads wait is settled when torch is loaded, and by default they take the processor
 from others meanwhile. Where torch came first (and OMP_WAIT_POLICY and OMP_NUM_THREADS are not set), sampling, scoring
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from descentflow.generation.conditional.generator import Generator
     from descentflow.generation.prediction.predict import predict
     from descentflow.generation.sample import sample
+    from descentflow.qualification.qualify import qualify
     from descentflow.repairs.repair import repair
     from descentflow.simulation.world import simulate
     from descentflow.surveillance.descents.prepared_descents import read_descents
@@ -72,6 +74,7 @@ __all__ = [
     "load",
     "predict",
     "prepare",
+    "qualify",
     "read_descents",
     "repair",
     "sample",
@@ -89,6 +92,7 @@ _PLACES = {
     "load": ("densities.checkpoint", "load_model"),
     "predict": ("generation.prediction.predict", "predict"),
     "prepare": ("surveillance.prepare", "prepare"),
+    "qualify": ("qualification.qualify", "qualify"),
     "read_descents": ("surveillance.descents.prepared_descents", "read_descents"),
     "repair": ("repairs.repair", "repair"),
     "sample": ("generation.sample", "sample"),

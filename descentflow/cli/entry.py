@@ -28,6 +28,7 @@ COMMANDS = {
     "export": "samples, or the model, in the format of another program",
     "evaluate": "scores of a checkpoint against the descents of any prepared file",
     "diagnose": "where a simulator and real descents differ, and which unmodelled effect causes it",
+    "qualify": "whether a simulator descends as real flights do within limits: a record to sign",
     "repair": "coefficients of a type that agree with real descents, as TOML, BADA 3 and other files",
 }
 OUTPUTS = ("out", "report", "figures", "figure", "truth", "continuations")

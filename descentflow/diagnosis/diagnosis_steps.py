@@ -63,7 +63,7 @@ def diagnose_compared(
     settings.progress("putting the causes into the simulator's flights")
     cleaning, seed = settings.simulator.cleaning, settings.seed
     added = AddedEffects(settings.catalogue, theta, compared.state.mass_kg, cleaning, seed)
-    left, closure = _left(compared, added), MeasuredGap(compared, _measured_over(found), seed)
+    left, closure = left_with(compared, added), MeasuredGap(compared, _measured_over(found), seed)
     floor, after = closure.floor(left), closure.after(left)
     costs = costs_of(compared, left, seed) if theta else costs
     verdict = verdict_of(found, is_gap=is_gap, costs=costs)
@@ -128,8 +128,8 @@ def _details(
     )
 
 
-def _left(compared: Compared, added: AddedEffects) -> Tensor:
-    """Entries (n, p) once the simulator has the causes."""
+def left_with(compared: Compared, added: AddedEffects) -> Tensor:
+    """Entries (n, p) of all flights once the simulator has the causes."""
     if compared.has_simulated:
         return corrected_entries(compared, added)
     # Nominal descents have no flights of their own: the causes are taken off the real ones.
@@ -151,7 +151,7 @@ def _measured_over(found: Explanation) -> Tensor:
 def _takes_away(compared: Compared, added: AddedEffects, name: str, costs: Sequence[Cost]) -> dict[str, float]:
     """By cost over all levels: how much more of the difference is left without one of the causes."""
     others = {other: value for other, value in added.theta.items() if other != name}
-    left = _left(compared, replace(added, theta=others))
+    left = left_with(compared, replace(added, theta=others))
     pairs = zip(costs_of(compared, left, added.seed), costs, strict=True)
     return {
         without.name: without.after.estimate - cost.after.estimate

@@ -54,13 +54,16 @@ class MeasuredSides:
     lacked: Mapping[str, str] = field(default_factory=dict)
 
 
-def both_sides(simulator: Simulator, frame: pl.DataFrame, channels: Sequence[str]) -> MeasuredSides:
+def both_sides(
+    simulator: Simulator, frame: pl.DataFrame, channels: Sequence[str], band_fl: float | None = None
+) -> MeasuredSides:
     """Measure both sides on the simulator's grid.
 
     Args:
         simulator: What is diagnosed.
         frame: Prepared real descents.
         channels: Channels to use.
+        band_fl: Height of a band; about a fifteenth of the grid's if absent, and a model's training flights have it.
 
     Raises:
         DataError: If either side has too few flights on the grid, they have no level or no needed channel in common, or
@@ -68,9 +71,9 @@ def both_sides(simulator: Simulator, frame: pl.DataFrame, channels: Sequence[str
     """
     low, high = simulator.levels(frame)
     if simulator.flights is not None:
-        return _of_flights(simulator.flights.frame, frame, channels, low, high)
+        return _of_flights(simulator.flights.frame, frame, channels, (low, high), band_fl)
     grid = grid_of(frame, low, high, channels)
-    real = measured(grid)
+    real = measured(grid, band_fl)
     check_count(real, frame["flight_id"].n_unique(), low, high)
     parts = simulator.representation
     if parts is None:
@@ -97,9 +100,14 @@ def both_sides(simulator: Simulator, frame: pl.DataFrame, channels: Sequence[str
 
 
 def _of_flights(
-    flights: pl.DataFrame, frame: pl.DataFrame, channels: Sequence[str], low: float, high: float
+    flights: pl.DataFrame,
+    frame: pl.DataFrame,
+    channels: Sequence[str],
+    levels: tuple[float, float],
+    band_fl: float | None,
 ) -> MeasuredSides:
     """Both sides measured in the channels that both have."""
+    low, high = levels
     given = flights["flight_id"].n_unique()
     flights = of_some_aircraft(flights)
     shown = [_channels_shown(side, low, high, channels) for side in (frame, flights)]
@@ -112,7 +120,7 @@ def _of_flights(
             expected=f"{' and '.join(NEEDED_CHANNELS)} on both sides",
             mend="prepare rows that have them (a rate is differenced from the altitude where rows have none)",
         )
-    real, own = (measured(grid_of(side, low, high, common)) for side in (frame, flights))
+    real, own = (measured(grid_of(side, low, high, common), band_fl) for side in (frame, flights))
     check_count(real, frame["flight_id"].n_unique(), low, high)
     check_count(own, given, low, high, whose="simulated flights")
     for side, whose in ((real, "real flights"), (own, "simulated flights")):

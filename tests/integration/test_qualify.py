@@ -1,0 +1,150 @@
+"""Qualification of simulators that differ from real flights by known amounts: deviations, verdicts, record and page."""
+
+import json
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+
+import gap_toys
+import numpy as np
+import polars as pl
+import pytest
+
+from descentflow.cli.entry import main
+from descentflow.core.errors import ConfigError
+from descentflow.diagnosis.gap.costs import flown
+from descentflow.diagnosis.sides.diagnosis_inputs import Inputs
+from descentflow.diagnosis.sides.measured_sides import both_sides
+from descentflow.diagnosis.sides.two_sides import Compared, compare
+from descentflow.effects import EFFECTS
+from descentflow.measurements.quantity_registry import CHANNELS
+from descentflow.qualification.deviations import BAND_FL, Numbers, by_level, of_predictions
+from descentflow.qualification.qualify import qualify
+from descentflow.qualification.record import Qualification
+from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
+
+module = import_module("descentflow.qualification.qualify")
+pytestmark = pytest.mark.usefixtures("components_once", "worlds_once")
+
+FASTER = 1.2
+"""Rate of the simulator over that of the very same real flights."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_effects() -> Iterator[None]:
+    """Causes that are sought quickly: their search has tests of its own."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "EFFECTS", {name: EFFECTS[name] for name in ("drag_polar", "temperature")})
+        yield
+
+
+@pytest.fixture(scope="module")
+def real(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return gap_toys.flights(tmp_path_factory.mktemp("qualify"), 120, 1)
+
+
+@pytest.fixture(scope="module")
+def faster(real: Path) -> Descents:
+    """The same flights, a fifth faster down at the same airspeeds."""
+    descents = read_descents(real)
+    frame = descents.frame.with_columns(
+        pl.col("time_s") / FASTER, pl.col("vertical_rate") * FASTER, pl.format("sim {}", "flight_id").alias("flight_id")
+    )
+    return Descents(frame, descents.metadata)
+
+
+@pytest.fixture(scope="module")
+def compared(real: Path, faster: Descents) -> Compared:
+    opened = Inputs(real, faster).open()
+    sides = both_sides(opened.simulator, opened.frame, CHANNELS, BAND_FL)
+    return compare(sides.simulated, sides.real, opened.simulator.aircraft)
+
+
+@pytest.fixture(scope="module")
+def record(real: Path, faster: Descents, tmp_path_factory: pytest.TempPathFactory) -> tuple[Qualification, Path]:
+    folder = tmp_path_factory.mktemp("record")
+    return qualify(real, faster, out=folder), folder
+
+
+def apart(compared: Compared, deviations: Numbers) -> float:
+    """Mean of the real flights minus that of the simulator's."""
+    real = compared.real.numpy()
+    return float(np.nanmean(deviations[real]) - np.nanmean(deviations[~real]))
+
+
+def test_rates_deviate_by_the_known_share_and_airspeeds_by_nothing(compared: Compared) -> None:
+    """What one factor made: half a percent is left to single flights whose extremes are drawn in."""
+    rows = by_level(compared, compared.y)
+    for row in rows:
+        if row.quantity == "airspeed":
+            assert apart(compared, row.of_flights) == pytest.approx(0.0, abs=1e-9)
+        elif row is not rows[-1]:
+            assert apart(compared, row.of_flights) / row.simulator == pytest.approx(1 / FASTER - 1, abs=0.005)
+
+
+def test_predictions_err_by_the_known_share_of_the_time(compared: Compared) -> None:
+    """Every flight needs a fifth more time than the simulator predicts, on average, and as much more distance."""
+    rows = {(row.quantity, row.minutes): row for row in of_predictions(compared, compared.y, [5.0, 60.0])}
+    assert apart(compared, rows[("time_ahead", 5.0)].of_flights) == pytest.approx((FASTER - 1) * 300.0, rel=0.03)
+    assert apart(compared, rows[("altitude_ahead", 5.0)].of_flights) > 0
+    assert np.isnan(rows[("time_ahead", 60.0)].of_flights).all()
+    further = rows[("top_of_descent", None)].of_flights
+    flown_nm = flown(compared, compared.y)["ground_distance"][~compared.real]
+    whole = np.isfinite(further[~compared.real.numpy()])
+    assert apart(compared, further) == pytest.approx((FASTER - 1) * float(flown_nm[whole].nansum(1).mean()), rel=0.05)
+
+
+def test_the_record_is_outside_by_the_rate_and_names_the_limit(record: tuple[Qualification, Path]) -> None:
+    found, _ = record
+    outside = {row.quantity for row in found.rows if row.verdict == "outside"}
+    assert found.verdict == "outside"
+    assert outside == {"rate"}
+    assert "1.d.4" in found.source
+    assert str(found).startswith("The simulator is outside the limits of part60, by 120 real A320 flights.")
+    assert found.to_polars()["share_inside"].is_between(0.0, 1.0).all()
+
+
+def test_a_corrected_simulator_would_be_nearer(record: tuple[Qualification, Path]) -> None:
+    found, _ = record
+    (whole,) = [row for row in found.rows if row.quantity == "rate"][-1:]
+    assert found.gap.causes
+    assert whole.difference is not None
+    assert whole.corrected is not None
+    assert abs(whole.corrected.estimate) < 0.5 * abs(whole.difference.estimate)
+
+
+def test_the_files_hold_the_record(record: tuple[Qualification, Path]) -> None:
+    found, folder = record
+    content = json.loads((folder / "qualification.json").read_text())
+    assert content["verdict"] == found.verdict
+    assert len(content["rows"]) == len(found.rows)
+    assert content["pedigree"]["real"]["fingerprint"]
+    page = (folder / "qualification.html").read_text()
+    for said in ("It replaces no flight test", "NASA-STD-7009", "Signature", "14 CFR Part 60"):
+        assert said in page
+
+
+def test_flights_of_the_same_world_are_not_outside(real: Path, tmp_path: Path) -> None:
+    other = gap_toys.flights(tmp_path, 150, 5)
+    assert qualify(real, other).verdict in ("inside", "not enough flights")
+
+
+def test_a_checkpoint_is_judged_by_its_samples(real: Path, tmp_path: Path) -> None:
+    model = gap_toys.simulator(tmp_path, gap_toys.flights(tmp_path, 150, 6))
+    found = qualify(real, model, samples=300)
+    assert {row.quantity for row in found.rows} == {"airspeed", "rate"}
+    assert found.independence.startswith("The checkpoint names")
+
+
+def test_the_command_judges_a_type_by_limits_of_ones_own(
+    real: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "ours.yaml").write_text("source: test 7\nlimits:\n- {quantity: rate, absolute: 5000}\n")
+    words = ["qualify", "--real", str(real), "--typecode", "A320", "--limits", str(tmp_path / "ours.yaml")]
+    assert main([*words, "--out", str(tmp_path / "record")]) == 0
+    assert "Nominal BADA of the A320 is inside the limits of ours" in capsys.readouterr().out
+
+
+def test_no_simulator_is_refused(real: Path) -> None:
+    with pytest.raises(ConfigError, match="neither a simulator nor a type"):
+        qualify(real)

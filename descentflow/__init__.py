@@ -11,7 +11,7 @@ path of a file that holds it, and nothing heavy is imported before it is used:
   observed ones, :func:`evaluate` scores a model,
   :func:`export` writes for other programs;
 - :func:`diagnose` finds where a simulator and real flights disagree, and why; :func:`repair` mends coefficients;
-  :func:`qualify` judges a simulator by limits.
+  :func:`qualify` judges a simulator by limits, :func:`watch` a simulator day by day.
 
 Import it before torch: how torch's threads wait is settled when torch is loaded, and by default they take the processor
 from others meanwhile. Where torch came first (and OMP_WAIT_POLICY and OMP_NUM_THREADS are not set), sampling, scoring
@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from descentflow.training.models.flow_model import MaskedAffineFlow
     from descentflow.training.models.gaussian_model import Gaussian
     from descentflow.training.models.mixture_model import GaussianMixture
+    from descentflow.watching.watch import watch
 
 __all__ = [
     "DescentDataModule",
@@ -79,6 +80,7 @@ __all__ = [
     "repair",
     "sample",
     "simulate",
+    "watch",
 ]
 
 _PLACES = {
@@ -97,6 +99,7 @@ _PLACES = {
     "repair": ("repairs.repair", "repair"),
     "sample": ("generation.sample", "sample"),
     "simulate": ("simulation.world", "simulate"),
+    "watch": ("watching.watch", "watch"),
     **{kind.model: (f"training.models.{kind.trained_in}", kind.model) for kind in KINDS},
 }
 """Name -> the module that has it, and its name there."""

@@ -29,6 +29,7 @@ COMMANDS = {
     "evaluate": "scores of a checkpoint against the descents of any prepared file",
     "diagnose": "where a simulator and real descents differ, and which unmodelled effect causes it",
     "qualify": "whether a simulator descends as real flights do within limits: a record to sign",
+    "watch": "whether that difference changes as days of real flights come in",
     "repair": "coefficients of a type that agree with real descents, as TOML, BADA 3 and other files",
 }
 OUTPUTS = ("out", "report", "figures", "figure", "truth", "continuations")
@@ -126,11 +127,11 @@ def _run(name: str, rest: list[str]) -> int:
         options_of.class_in(own)
     del options["quiet"]
     remote = import_module("descentflow.core.remote_files")
-    remote.with_local_files(lambda given: module.run(**given), options, OUTPUTS)
+    status = remote.with_local_files(lambda given: module.run(**given), options, OUTPUTS)
     for name in OUTPUTS:
         if (url := remote.address(options.get(name))) is not None:
             print(f"sent to {url}")
-    return 0
+    return status or 0
 
 
 if __name__ == "__main__":

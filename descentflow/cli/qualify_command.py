@@ -44,8 +44,8 @@ def run(
         seed: the same seed gives the same answer
     """
     from descentflow.core.progress import stage
+    from descentflow.qualification.qualification_report import FILES
     from descentflow.qualification.qualify import qualify
-    from descentflow.qualification.record import FILES
 
     with stage("opening") as shown:
         record = qualify(

@@ -40,6 +40,8 @@ def run(
     truth: Path | None = None,
     bada_dir: Path | None = None,
     plant: list[str] | None = None,
+    days: int | None = None,
+    change: list[str] | None = None,
 ) -> None:
     """Fly descents of one aircraft type by the full equation of motion.
 
@@ -60,7 +62,15 @@ def run(
         bada_dir: folder of BADA 3 or 4 with the type's coefficients (default: the open aircraft)
         plant (EFFECT): effect to plant in the flights, with its values as EFFECT:VALUE=NUMBER,..., again for each one:
             temperature:deviation_k=10,spread_k=4 (see below)
+        days: spread the flights over so many days; OUT is then a folder with a file of rows for each
+        change (DATE EFFECT): with --days: effect that flights have from a date on, in place of --plant, as
+            "2024-03-24 drag_polar:factor=1.05"; may be given again
     """
+    if days is not None:
+        _fly_days(out, typecode, flights, days, seed, scenario, bada_dir, plant or [], change or [])
+        return
+    if change:
+        raise ConfigError("--change without --days", expected="both", mend="say over how many days flights are spread")
     from descentflow.core.progress import stage
     from descentflow.simulation.world import simulate, world_files
 
@@ -79,6 +89,41 @@ def run(
     print(world)
     rows, beside, flown_truth = world_files(out, truth)
     print(f"wrote {rows}, {flown_truth}, {beside}")
+
+
+def _fly_days(
+    out: Path,
+    typecode: str,
+    flights: int,
+    days: int,
+    seed: int,
+    scenario: str,
+    bada_dir: Path | None,
+    plant: Sequence[str],
+    change: Sequence[str],
+) -> None:
+    """Write a file of rows for each day."""
+    from descentflow.core.progress import stage
+    from descentflow.simulation.days import simulate_days
+
+    changes: dict[str, dict[str, dict[str, float]]] = {}
+    for word in change:
+        day, _, effects = word.strip().partition(" ")
+        changes[day] = planted(effects.split())
+    with stage("flying", flights * (1 + len(changes)), "flights") as flown:
+        written = simulate_days(
+            typecode,
+            flights,
+            days,
+            out,
+            seed=seed,
+            scenario=scenario,
+            bada_dir=bada_dir,
+            plant=planted(plant),
+            changes=changes,
+            progress=flown.advance,
+        )
+    print(f"wrote {len(written)} days to {out}")
 
 
 def planted(words: Sequence[str]) -> dict[str, dict[str, float]]:

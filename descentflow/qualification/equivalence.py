@@ -101,7 +101,7 @@ class Judgement:
         'inside'
         >>> few = judge(MeanOfFlights(1.0, 1.0, 50, 100), MeanOfFlights(0.0, 0.0, 0, 0), 2.0)
         >>> few.verdict, few.more_flights
-        ('not enough flights', 181)
+        ('not enough flights', 176)
     """
 
     difference: Measured

@@ -29,7 +29,8 @@ from descentflow.qualification.assurance import budget_of, domain_of, factors_of
 from descentflow.qualification.deviations import BAND_FL, Deviation, by_level, of_predictions
 from descentflow.qualification.equivalence import MeanOfFlights, Verdict, judge, mean_of
 from descentflow.qualification.limits import UNITS, Limit, Limits, read_limits
-from descentflow.qualification.record import FILES, Qualification, Row
+from descentflow.qualification.qualification_report import FILES, Qualification
+from descentflow.qualification.record import Row
 from descentflow.surveillance.descents.prepared_descents import Descents
 
 SAMPLES = 1000
@@ -87,7 +88,7 @@ def qualify(
 
     Example:
         >>> print(qualify("descents.parquet", "A320"))
-        Nominal BADA of the A320 is outside the limits of part60, by 120 real A320 flights.
+        Nominal BADA of the A320 is inside the limits of part60, by 120 real A320 flights.
         ...
         >>> qualify("descents.parquet", "best.ckpt").rows[0].quantity
         'airspeed'

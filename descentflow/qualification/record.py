@@ -1,25 +1,11 @@
-"""Record of a qualification: rows of judgements, and what assurance asks for beside them."""
+"""Rows of judgements, and the record of them."""
 
-import json
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
-from descentflow.core.files import whole_file
-from descentflow.core.threads import one_thread
 from descentflow.diagnosis.findings.costs_found import Measured
-from descentflow.diagnosis.findings.plain_values import NOT_WRITTEN, primitives
+from descentflow.diagnosis.findings.plain_values import NOT_WRITTEN
 from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.qualification.equivalence import Verdict
-from descentflow.reporting.in_notebook import InNotebook
-
-if TYPE_CHECKING:
-    import polars as pl
-    from matplotlib.figure import Figure
-
-SCHEMA_VERSION = 1
-FILES = ("qualification.json", "qualification.html")
-"""Files that are written."""
 
 
 @dataclass(frozen=True)
@@ -72,9 +58,9 @@ class Row:
         return None if not self.limit or self.difference is None else self.difference.estimate / self.limit
 
 
-@dataclass(frozen=True, repr=False)
-class Qualification(InNotebook):
-    """Qualification of a simulator, see :func:`descentflow.qualification.qualify.qualify`: printed, JSON, and a page.
+@dataclass(frozen=True)
+class Record:
+    """Judgements of a simulator, and what assurance asks for beside them.
 
     Attributes:
         verdict: ``inside`` if every row is; ``outside`` if one surely is; else ``not enough flights``; ``not judged``
@@ -90,12 +76,8 @@ class Qualification(InNotebook):
 
     Example:
         >>> from descentflow.qualification.qualify import qualify
-        >>> found = qualify("descents.parquet", "A320")
-        >>> found.verdict
-        'outside'
-        >>> found.write("qualified")
-        >>> sorted(path.name for path in Path("qualified").iterdir())
-        ['qualification.html', 'qualification.json']
+        >>> isinstance(qualify("descents.parquet", "A320"), Record)
+        True
     """
 
     verdict: Verdict
@@ -107,56 +89,3 @@ class Qualification(InNotebook):
     budget: dict[str, str]
     factors: dict[str, str]
     gap: GapReport = field(metadata=NOT_WRITTEN)
-
-    def notebook_figure(self) -> "Figure | None":
-        """Differences in units of their limits; None where nothing is judged."""
-        from descentflow.qualification.page import limits_figure
-
-        return limits_figure(self)
-
-    def __str__(self) -> str:
-        """The answer in a few lines."""
-        from descentflow.qualification.page import summary
-
-        return summary(self)
-
-    __repr__ = __str__
-
-    def to_polars(self) -> "pl.DataFrame":
-        """Table with a line for each row."""
-        import polars as pl
-
-        flat = []
-        for row in self.rows:
-            values = primitives(row)
-            for name in ("difference", "share_inside", "corrected"):
-                ends = values.pop(name) or {}
-                values |= {name: ends.get("estimate"), f"{name}_low": ends.get("low"), f"{name}_high": ends.get("high")}
-            flat.append(values)
-        return pl.DataFrame(flat, infer_schema_length=None)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Primitives for `qualification.json`, whose form is `qualification.schema.json` beside this module."""
-        made = {"gap": {"verdict": self.gap.verdict, "causes": [cause.effect for cause in self.gap.causes]}}
-        pedigree = primitives(self.gap.provenance)
-        return {
-            "schema_version": SCHEMA_VERSION,
-            **primitives(self),
-            **made,
-            "pedigree": {**pedigree, "left_out": dict(self.gap.dropped)},
-        }
-
-    def write(self, folder: str | Path) -> None:
-        """Write `qualification.json` and `qualification.html`.
-
-        Args:
-            folder: Made if absent.
-        """
-        from descentflow.qualification.page import page
-
-        target = Path(folder)
-        target.mkdir(parents=True, exist_ok=True)
-        with whole_file(target / FILES[0]) as temporary:
-            temporary.write_text(json.dumps(self.as_dict(), indent=1, allow_nan=False))
-        with whole_file(target / FILES[1]) as temporary, one_thread():
-            temporary.write_text(page(self), encoding="utf-8")

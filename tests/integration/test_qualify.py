@@ -19,8 +19,8 @@ from descentflow.diagnosis.sides.two_sides import Compared, compare
 from descentflow.effects import EFFECTS
 from descentflow.measurements.quantity_registry import CHANNELS
 from descentflow.qualification.deviations import BAND_FL, Numbers, by_level, of_predictions
+from descentflow.qualification.qualification_report import Qualification
 from descentflow.qualification.qualify import qualify
-from descentflow.qualification.record import Qualification
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
 
 module = import_module("descentflow.qualification.qualify")
@@ -73,7 +73,7 @@ def apart(compared: Compared, deviations: Numbers) -> float:
 
 
 def test_rates_deviate_by_the_known_share_and_airspeeds_by_nothing(compared: Compared) -> None:
-    """What one factor made: half a percent is left to single flights whose extremes are drawn in."""
+    """Exact but for half a percent of single flights whose extremes are drawn in."""
     rows = by_level(compared, compared.y)
     for row in rows:
         if row.quantity == "airspeed":

@@ -9,7 +9,7 @@ from descentflow.diagnosis.findings.plain_values import percent
 from descentflow.diagnosis.report.page import listed, simulator_name
 from descentflow.diagnosis.report.page_tables import cost_table, inputs_table
 from descentflow.qualification.limits import UNITS
-from descentflow.qualification.record import Qualification, Row
+from descentflow.qualification.record import Record, Row
 from descentflow.reporting.pages import drawing, rendered
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ SHOWN = 4.0
 """Limits to either side that a figure shows; what is beyond is drawn at its edge."""
 
 
-def page(found: Qualification) -> str:
+def page(found: Record) -> str:
     """The whole page: it prints on four sheets of A4.
 
     Args:
@@ -29,7 +29,7 @@ def page(found: Qualification) -> str:
     Example:
         >>> from descentflow.qualification.qualify import qualify
         >>> page(qualify("descents.parquet", "A320")).count("<h2")  # sections
-        9
+        8
     """
     picture = limits_figure(found)
     corrected = any(row.corrected is not None for row in found.rows)
@@ -54,7 +54,7 @@ def page(found: Qualification) -> str:
     )
 
 
-def summary(found: Qualification) -> str:
+def summary(found: Record) -> str:
     """The answer for a terminal.
 
     Args:
@@ -63,7 +63,7 @@ def summary(found: Qualification) -> str:
     Example:
         >>> from descentflow.qualification.qualify import qualify
         >>> print(summary(qualify("descents.parquet", "A320")).splitlines()[0])
-        Nominal BADA of the A320 is outside the limits of part60, by 120 real A320 flights.
+        Nominal BADA of the A320 is inside the limits of part60, by 120 real A320 flights.
     """
     rows = [_head(corrected=False), *(_cells(row, corrected=False) for row in _whole(found.rows))]
     wide = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
@@ -71,13 +71,13 @@ def summary(found: Qualification) -> str:
     return "\n".join([headline(found), *_reasons(found), *table])
 
 
-def headline(found: Qualification) -> str:
+def headline(found: Record) -> str:
     """The verdict in a sentence.
 
     Example:
         >>> from descentflow.qualification.qualify import qualify
         >>> headline(qualify("descents.parquet", "A320"))
-        'Nominal BADA of the A320 is outside the limits of part60, by 120 real A320 flights.'
+        'Nominal BADA of the A320 is inside the limits of part60, by 120 real A320 flights.'
     """
     name = simulator_name(found.gap)
     name = name[:1].upper() + name[1:]
@@ -91,8 +91,8 @@ def headline(found: Qualification) -> str:
     return f"{name} {said}, by {flights}."
 
 
-def _reasons(found: Qualification) -> list[str]:
-    """What is outside, what cannot be decided, and with how many flights it could."""
+def _reasons(found: Record) -> list[str]:
+    """Sentences on rows that are outside or not decided, and what would decide."""
     lines = []
     for verdict, text in (("outside", "Outside"), ("not enough flights", "Not decided")):
         rows = [row for row in found.rows if row.verdict == verdict]
@@ -107,7 +107,7 @@ def _reasons(found: Qualification) -> list[str]:
     return lines
 
 
-def _place(found: Qualification, rows: Sequence[Row]) -> str:
+def _place(found: Record, rows: Sequence[Row]) -> str:
     """Quantity, and in how many of its bands, or after what time."""
     label = UNITS[rows[0].quantity][0].partition(" at the flight")[0]
     if rows[0].minutes is not None or rows[0].quantity == "top_of_descent":
@@ -123,7 +123,7 @@ def _where(row: Row) -> str:
 
 
 def _tables(rows: Sequence[Row], *, corrected: bool) -> list[tuple[str, list[str], list[list[str]]]]:
-    """Caption, head and rows for each quantity; a column that says nothing of it is left out."""
+    """Caption, head and rows for each quantity; an empty column is left out."""
     tables = []
     for quantity in dict.fromkeys(row.quantity for row in rows):
         own = [row for row in rows if row.quantity == quantity]
@@ -186,7 +186,7 @@ def _share(row: Row) -> str:
     return percent(row.share_inside.estimate) + (f" ({percent(ends[0])} to {percent(ends[1])})" if ends else "")
 
 
-def limits_figure(found: Qualification) -> "Figure | None":
+def limits_figure(found: Record) -> "Figure | None":
     """Mean differences with 90 % intervals against altitude, in units of the limit, a panel for each quantity.
 
     Example:

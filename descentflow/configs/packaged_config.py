@@ -15,7 +15,7 @@ def packaged_configs() -> dict[str, Path]:
 
     Example:
         >>> " ".join(sorted(packaged_configs()))
-        'default flow flow_paper gaussian gaussian_paper gmm gmm_paper gmm_svi look_ahead paper part60 quickstart'
+        'default flow flow_paper gaussian gaussian_paper gmm gmm_paper gmm_svi paper quickstart'
     """
     return {path.stem: path for path in sorted(FOLDER.rglob("*.yaml"))}
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
-from descentflow.configs.packaged_config import config_file
 from descentflow.core.arguments import Within, checked_arguments
 from descentflow.core.errors import ConfigError, DescentflowError
 from descentflow.core.user_files import read_settings
@@ -100,7 +99,7 @@ def read_limits(name: str | Path) -> Limits:
         >>> read_limits("ours.yaml").limits[0].levels
         (100.0, 240.0)
     """
-    path = config_file(name)
+    path = _file_of(name)
     content = read_settings(path)
     if not isinstance(content.get("limits"), list) or not content["limits"]:
         raise ConfigError(
@@ -113,6 +112,17 @@ def read_limits(name: str | Path) -> Limits:
         )
     source = str(content.get("source", "")) or path.name
     return Limits(path.stem, source, tuple(_limit(path.name, row, source) for row in content["limits"]))
+
+
+def _file_of(name: str | Path) -> Path:
+    """A file of the user's own, or one of those that come along."""
+    published = {path.stem: path for path in sorted((Path(__file__).parent / "published").glob("*.yaml"))}
+    path = Path(name)
+    if path.is_file():
+        return path
+    if str(name) in published:
+        return published[str(name)]
+    raise ConfigError(f"no limits {name}", expected=f"{', '.join(published)}, or a YAML file", mend="check the name")
 
 
 def _limit(file: str, row: Any, source: str) -> Limit:

@@ -119,6 +119,11 @@ def test_limits_that_cannot_be_read_are_refused_by_name(tmp_path: Path, text: st
         read_limits(path)
 
 
+def test_limits_of_no_such_name_are_refused_with_those_that_there_are() -> None:
+    with pytest.raises(ConfigError, match="look_ahead, part60"):
+        read_limits("part61")
+
+
 def test_a_limit_holds_in_its_own_levels() -> None:
     limit = Limit("rate", 200.0, levels=(100.0, 240.0))
     assert limit.holds_at(100.0, 110.0)

@@ -5,6 +5,7 @@ import functools
 import importlib
 import pkgutil
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,6 @@ import torch
 import descentflow
 import studies
 from descentflow.cli import main
-from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.effects import EFFECTS
 
 pytestmark = pytest.mark.usefixtures("components_once", "worlds_once")
@@ -54,33 +54,49 @@ def example_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+USUAL: dict[str, tuple[tuple[object, ...], dict[str, object]]] = {
+    "descentflow.diagnosis.diagnose": (("descents.parquet", "A320"), {"catalogue": {"mass": EFFECTS["mass"]}}),
+    "descentflow.repairs.repair": (("descents.parquet",), {"aircraft": "A320"}),
+    "descentflow.qualification.qualify": (("descents.parquet", "A320"), {}),
+}
+"""Module -> arguments of the call of its function of the same name whose result many examples show a part of."""
+
+
 @pytest.fixture(scope="session")
-def lighter(example_folder: Path) -> GapReport:
-    """Report of which some thirty examples show a part: flights against nominal ones, which only mass can explain."""
-    module = importlib.import_module("descentflow.diagnosis.diagnose")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(example_folder)
-        return module.diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]})
+def results() -> dict[str, object]:
+    """Module -> what its usual call gave."""
+    return {}
 
 
 @pytest.fixture
-def diagnosed_once(name: str, lighter: GapReport, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The examples' usual diagnosis is run once for all modules but its own; every other one runs as it stands."""
-    module = importlib.import_module("descentflow.diagnosis.diagnose")
-    if name == module.__name__:
-        return
-    real, usual = module.diagnose, {"catalogue": {"mass": EFFECTS["mass"]}}
+def usual_once(name: str, results: dict[str, object], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Usual calls are made once for all modules but their own; every other call runs as it stands."""
+    for place, usual in USUAL.items():
+        if name != place:
+            module, function = importlib.import_module(place), place.rpartition(".")[2]
+            made = functools.partial(once, getattr(module, function), usual, results, place)
+            monkeypatch.setattr(module, function, functools.wraps(getattr(module, function))(made))
 
-    @functools.wraps(real)
-    def diagnose(*words: object, **options: object) -> GapReport:
-        return lighter if (words, options) == (("descents.parquet", "A320"), usual) else real(*words, **options)
 
-    monkeypatch.setattr(module, "diagnose", diagnose)
+def once(
+    function: Callable[..., object],
+    usual: tuple[tuple[object, ...], dict[str, object]],
+    results: dict[str, object],
+    place: str,
+    *words: object,
+    **options: object,
+) -> object:
+    """Result of a call, kept if it is the usual one."""
+    if (words, options) != usual:
+        return function(*words, **options)
+    if place not in results:
+        results[place] = function(*words, **options)
+    return results[place]
 
 
 # The examples' flights are those that their checkpoint was trained on.
 @pytest.mark.filterwarnings("ignore:.*and are no test of it:descentflow.core.errors.DescentflowWarning")
-@pytest.mark.usefixtures("diagnosed_once")
+@pytest.mark.usefixtures("usual_once")
 @pytest.mark.parametrize(
     "name",
     [

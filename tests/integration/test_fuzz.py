@@ -21,7 +21,8 @@ from descentflow.surveillance.descents.store import KEY
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "fuzz.py"
 
 
-@pytest.mark.parametrize("cases", [40, pytest.param(400, marks=pytest.mark.slow)])
+@pytest.mark.slow  # it makes models and files of every kind first
+@pytest.mark.parametrize("cases", [40, 400])
 def test_no_command_breaks_on_damaged_inputs(cases: int, tmp_path: Path) -> None:
     """Every case is accepted with its rows accounted for, or refused in a message; a new folder makes its own files."""
     words = [sys.executable, str(SCRIPT), str(tmp_path), "--cases", str(cases), "--seed", "0", "--processes", "1"]

@@ -16,6 +16,7 @@ for name in ("fork", "geteuid", "killpg", "setsid", "sched_getaffinity", "syscon
 warnings.filterwarnings("ignore", "only soft file lock", UserWarning)  # Windows has locks of its own
 
 import descentflow as df
+import descentflow.effects
 from descentflow.cli import main
 
 def run(*words):
@@ -27,8 +28,8 @@ short = ["--trainer.max_epochs=1", "--scores.n_samples=200"]
 run("fit", "--model", "Gaussian", "--data.descents", "descents.parquet", *short)
 best = "runs/Gaussian/version_0/checkpoints/best.ckpt"
 run("sample", best, "-n", "20", "--out", "samples.parquet")
-model = df.fit(df.prepare("rows.parquet", typecode="A320"), model="gaussian")
-df.diagnose("rows.parquet", "A320", out="gap")
+model = df.load(best)
+df.diagnose("rows.parquet", "A320", catalogue={{"mass": df.effects.EFFECTS["mass"]}}, out="gap")
 df.evaluate(model, "descents.parquet", n=200, n_splits=2)
 next(iter(df.Generator(model).next().trajectories.time_s))
 print(len(df.sample(model, n=20, seed=0)))

@@ -28,7 +28,7 @@ OF_RUST = re.compile(r"\(os error (\d+)\)")
 
 
 class Claim:
-    """A name that one run has at a time: the lock of a file beside, which goes when it is let go."""
+    """A name that one run has at a time: the lock of another file, which goes when it is let go."""
 
     def __init__(self, path: Path) -> None:
         self._lock = FileLock(path, is_singleton=False)
@@ -51,7 +51,7 @@ class Claim:
 
 @contextmanager
 def whole_file(path: str | Path) -> Iterator[Path]:
-    """Give a temporary name beside ``path`` to write to; rename it when the block ends well, else remove it.
+    """Give a temporary name in the folder of ``path`` to write to; rename it when the block ends well, else remove it.
 
     The temporary file is claimed while it is written. A run that is killed leaves it behind, and the next one that
     writes ``path`` removes it; runs that write ``path`` at the same time have one each, and the last one to end is
@@ -97,7 +97,7 @@ def remove_left(folder: Path, pattern: str = "**/*") -> None:
 
 
 class _Temporary:
-    """A claimed file beside the target, known step by step: an interruption may fall between any two."""
+    """A claimed file in the folder of the target, known step by step: an interruption may fall between any two."""
 
     def __init__(self, target: Path) -> None:
         self.target = target

@@ -39,15 +39,15 @@ def posterior(x: Array, noise: Array, jacobian: Array, prior_mean: Array, prior_
     """Evidence and posterior of a linear Gaussian model.
 
     Args:
-        x: (p,) what is seen.
+        x: (p,) observed values.
         noise: (p, p) its covariance at given sizes.
-        jacobian: (p, k) of what is seen by the sizes; k may be zero.
+        jacobian: (p, k) of the observed values by the sizes; k may be zero.
         prior_mean: (k,).
         prior_sd: (k,).
 
     Example:
         >>> found = posterior(np.array([2.0]), np.eye(1), np.eye(1), np.zeros(1), np.ones(1))
-        >>> found.mean, found.covariance  # half way between the prior and what is seen, which are known as well
+        >>> found.mean, found.covariance  # half way between prior and observation, which are known as well
         (array([1.]), array([[0.5]]))
     """
     factor = cholesky(noise, lower=True, check_finite=False)
@@ -66,7 +66,7 @@ def posterior(x: Array, noise: Array, jacobian: Array, prior_mean: Array, prior_
 
 
 class Precisions:
-    """Precision matrices of a normal law in flights that miss some entries, one a pattern of what is seen.
+    """Precision matrices of a normal law in flights that miss some entries, one for each pattern of observed entries.
 
     Example:
         >>> found = Precisions(np.diag([1.0, 4.0]), np.array([[True, True], [False, True]]))
@@ -96,8 +96,8 @@ class Precisions:
 
     def log_density(self, values: Array) -> Array:
         """(n,) of values (n, m) that are zero where not seen, without the constant."""
-        found: Array = self.half_log - 0.5 * (self.times(values) * values).sum(1)
-        return found
+        log_density: Array = self.half_log - 0.5 * (self.times(values) * values).sum(1)
+        return log_density
 
 
 LEAST_VARIANCE = 1e-30
@@ -126,5 +126,5 @@ def shrunk(rows: Array, toward: Array | float = 0.0) -> Array:
     apart = ~np.eye(len(total), dtype=bool)
     size = max(float((correlation[apart] ** 2).sum()), LEAST_VARIANCE)
     weight = float(np.clip(variance[apart].sum() / size, 0.0, 1.0))
-    found: Array = np.where(apart, (1.0 - weight) * correlation + weight * toward, 1.0) * np.outer(spread, spread)
-    return found
+    shrunk: Array = np.where(apart, (1.0 - weight) * correlation + weight * toward, 1.0) * np.outer(spread, spread)
+    return shrunk

@@ -94,12 +94,12 @@ class _Thrift:
             return _signed(self._varint())
         if kind in (LIST, SET):
             head = self._byte()
-            found = []
+            values = []
             for _ in range(head >> 4 if head >> 4 < 15 else self._varint()):
                 if self.place >= len(self.content):
                     raise IndexError
-                found.append(self.value(head & 15, depth + 1))
-            return found
+                values.append(self.value(head & 15, depth + 1))
+            return values
         if kind == STRUCT:
             fields: Fields = {}
             number = 0

@@ -13,7 +13,7 @@ from threading import Event, Lock, Thread
 from time import monotonic
 
 AFTER_S = 2.0
-"""Seconds before anything is shown: what is done by then needs no line."""
+"""Seconds before anything is shown: shorter work needs no line."""
 REDRAWN_S = 0.25
 """Seconds between two states of the line on a terminal: the least that reads as a clock that runs."""
 LINE_S = 10.0
@@ -29,7 +29,7 @@ class Stage:
     Attributes:
         text: In a few words.
         total: How much there is to do, in units; None if that is not known.
-        unit: What is counted, in the plural.
+        unit: The things counted, in the plural.
         done: How much has been done.
     """
 
@@ -48,7 +48,7 @@ class Stage:
         self.total = total
 
     def say(self, text: str) -> None:
-        """Go on to what is done next, a step further."""
+        """Go on to the next work, a step further."""
         self.text, self.unit = text, self.unit or "steps"
         self.done += 1
 
@@ -167,7 +167,7 @@ def display(name: str, *, quiet: bool = False, after_s: float = AFTER_S) -> Iter
 
 @contextmanager
 def stage(text: str, total: int | None = None, unit: str = "") -> Iterator[Stage]:
-    """Say what is being done inside the block; shown by the display around it, or by one of its own."""
+    """Name the work inside the block; shown by the display around it, or by one of its own."""
     with nullcontext() if _shown else display("descentflow"):
         current, whole = Stage(text, total, unit), _shown[0]
         whole.stages.append(current)

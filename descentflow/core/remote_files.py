@@ -27,17 +27,17 @@ def address(value: object) -> str | None:
         ('s3://flights/rows.parquet', None, None)
     """
     text = str(value) if isinstance(value, str | Path) else ""
-    found = ADDRESS.match(text)
-    if found is None:
+    match = ADDRESS.match(text)
+    if match is None:
         return None
     from fsspec import available_protocols
 
-    return f"{found[1]}://{text[found.end() :]}" if found[1] in available_protocols() else None
+    return f"{match[1]}://{text[match.end() :]}" if match[1] in available_protocols() else None
 
 
 def has_address(arguments: Mapping[str, Any]) -> bool:
     """True if an argument is an address, or a list with one."""
-    return any(address(one) for value in arguments.values() for one in _each(value))
+    return any(address(part) for value in arguments.values() for part in _each(value))
 
 
 def with_local_files(
@@ -51,7 +51,7 @@ def with_local_files(
     Args:
         function: Takes the arguments by name.
         arguments: Some of them addresses, or lists with addresses.
-        outputs: Names of those that are written to; what is written beside them is sent, too.
+        outputs: Names of those that are written to; other files written there are sent, too.
 
     Raises:
         ConfigError: If a library for the protocol is missing.
@@ -76,7 +76,7 @@ def with_local_files(
 
             def local(name: str, value: Any) -> Any:
                 if isinstance(value, list | tuple):
-                    return [local(name, one) for one in value]
+                    return [local(name, part) for part in value]
                 url = address(value)
                 if url is None:
                     return value
@@ -128,11 +128,11 @@ def _fetch(url: str, place: Path, *, needed: bool) -> None:
 def _send(folder: Path, url: str) -> None:
     """Copy all files of a folder, those that describe others (`_descentflow.json`) last."""
     with _opened(url) as (files, path):
-        for one in sorted(folder.rglob("*"), key=lambda one: (one.name.startswith("_"), one)):
-            if one.is_file():
-                target = f"{path.rstrip('/')}/{one.relative_to(folder).as_posix()}"
+        for file in sorted(folder.rglob("*"), key=lambda file: (file.name.startswith("_"), file)):
+            if file.is_file():
+                target = f"{path.rstrip('/')}/{file.relative_to(folder).as_posix()}"
                 files.makedirs(target.rpartition("/")[0], exist_ok=True)
-                files.put_file(str(one), target)
+                files.put_file(str(file), target)
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""Tables of millions of rows in which those of a flight stand together: what is asked flight by flight, without copies.
+"""Tables of millions of rows in which those of a flight stand together: questions flight by flight, without copies.
 
 A hash of every row's text takes gigabytes for forty thousand flights. Runs of equal texts are found by one pass over
 the rows, and only their beginnings are looked at more closely; a flight that has several runs is met in all of them.

@@ -22,16 +22,16 @@ def as_tensors(*values: Number) -> list[Tensor]:
                 break
             like = value if like is None else like
     dtype, device = (torch.float64, None) if like is None else (like.dtype, like.device)
-    found = []
+    tensors = []
     for value in values:
         if not isinstance(value, Tensor):
-            found.append(torch.full((), value, dtype=dtype, device=device))
+            tensors.append(torch.full((), value, dtype=dtype, device=device))
         elif value.dtype is not dtype and (value.dim() == 0 or not value.is_floating_point()):
             # Without dimensions it is a scalar like any float: on its own it must not raise the precision of a batch.
-            found.append(value.to(dtype))
+            tensors.append(value.to(dtype))
         else:
-            found.append(value)
-    return found
+            tensors.append(value)
+    return tensors
 
 
 def safe_sqrt(value: Tensor) -> Tensor:

@@ -74,19 +74,19 @@ def read_settings(path: Path) -> dict[str, Any]:
     loader: Any = type("Loader", (yaml.SafeLoader,), {})
     loader.add_implicit_resolver("tag:yaml.org,2002:float", EXPONENT, list("-+0123456789"))
     try:
-        found = yaml.load(path.read_text(encoding="utf-8"), loader)
+        settings = yaml.load(path.read_text(encoding="utf-8"), loader)
     except (OSError, ValueError, yaml.YAMLError, RecursionError) as error:
         reason = " ".join(str(error).split())
         raise ConfigError(
             f"{path}: {reason}", expected="a YAML file of settings", mend="correct what is named"
         ) from error
-    if not isinstance(found, dict | None):
+    if not isinstance(settings, dict | None):
         raise ConfigError(
-            f"{path} holds a {type(found).__name__}",
+            f"{path} holds a {type(settings).__name__}",
             expected="lines of `name: value`",
             mend="begin from a file that comes along, for instance configs/model/gaussian.yaml",
         )
-    return found or {}
+    return settings or {}
 
 
 def settings_text(settings: dict[str, Any]) -> str:

@@ -65,7 +65,7 @@ class Engine:
         """Yield once per finished task; the first error ends the run, and tasks that have not begun.
 
         Args:
-            function: Called with each task and what is common to all; what it returns is not fetched.
+            function: Called with each task and the arguments common to all; its results are not fetched.
             tasks: Each alone is what a worker does.
             common: Same for all tasks.
             progress: Called where workers of a cluster are waited for.
@@ -77,7 +77,7 @@ class Engine:
         call = partial(_called, function, common)
         with ExitStack() as stack:
             if self.backend == "dask":
-                found = self._by_dask(call, tasks, progress, stack)
+                results = self._by_dask(call, tasks, progress, stack)
             else:
                 parallel = Parallel(
                     self.workers,
@@ -87,9 +87,9 @@ class Engine:
                     return_as="generator_unordered",
                     **self.options,
                 )
-                found = results_of(parallel, (delayed(call)(task) for task in tasks))
+                results = results_of(parallel, (delayed(call)(task) for task in tasks))
             try:
-                for _ in found:
+                for _ in results:
                     yield
             except BrokenExecutor as error:
                 raise DataError(
@@ -159,14 +159,14 @@ def results_of(parallel: Parallel, calls: Iterable[Any]) -> Iterator[Any]:
         >>> list(results_of(parallel, [delayed(abs)(-1), delayed(abs)(2)]))
         [1, 2]
     """
-    found = parallel(calls)
+    results = parallel(calls)
     try:
-        for one in found:  # noqa: UP028 - it would be closed, and warn, before the filter below
-            yield one
+        for result in results:  # noqa: UP028 - it would be closed, and warn, before the filter below
+            yield result
     finally:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)
-            found.close()
+            results.close()
 
 
 def engine_of(engine: Any = None, workers: int | None = None) -> Engine:
@@ -208,10 +208,10 @@ def _called(function: Callable[[Task, Any], object], common: object, task: Task)
 def _check_versions(client: Any) -> None:
     """Refuse workers with other versions; one that dies meanwhile has none."""
     answers = client.run(version, on_error="return").values()
-    found = {str(one) for one in answers if not isinstance(one, OSError)} | {version()}
-    if found != {version()}:
+    versions = {str(answer) for answer in answers if not isinstance(answer, OSError)} | {version()}
+    if versions != {version()}:
         raise DataError(
-            f"workers with {', '.join(sorted(found - {version()}))}",
+            f"workers with {', '.join(sorted(versions - {version()}))}",
             expected=f"{version()} everywhere",
             mend="install the same versions on all workers",
         )

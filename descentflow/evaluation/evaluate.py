@@ -14,7 +14,7 @@ from descentflow.densities.checkpoint import as_density
 from descentflow.densities.density import Density
 from descentflow.densities.mixture_parameters import NO_CONTEXT
 from descentflow.evaluation.evaluation_report import Evaluation
-from descentflow.evaluation.level_flight_beside import sampled_level_flight
+from descentflow.evaluation.level_flight_of_samples import sampled_level_flight
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.scores import score
 from descentflow.generation.rejection import sample_descents
@@ -52,7 +52,7 @@ def evaluate(
         model: A checkpoint's path, a density, or a fitted model.
         real: Path of rows or of prepared descents, or descents in memory. Flights that the model was trained or
             validated on are left out and counted; they are recognised by aircraft and time under other names, too.
-        simulator: Rows or prepared descents of a simulator, whose level flight stands beside the others'.
+        simulator: Rows or prepared descents of a simulator, whose level flight is compared with the others'.
         n: Number of samples.
         seed: Of sampling, and of the splits behind the noise floors.
         context_table: Table, or path of one, with ``flight_id`` and the context, for a conditional model, or the
@@ -93,7 +93,7 @@ def evaluate(
     frame = flights.frame
     tell_other_types(frame, representation)
     parts = encode_flights(frame, representation, context_table, air=air, say=notes.append)
-    found = evaluate_profiles(
+    evaluation = evaluate_profiles(
         density,
         representation,
         parts["test"].profiles,
@@ -106,12 +106,12 @@ def evaluate(
         progress=progress,
         score_progress=score_progress,
     )
-    sides = {"flights": flights.report.notes, "samples": sampled_level_flight(found.samples)}
+    sides = {"flights": flights.report.notes, "samples": sampled_level_flight(evaluation.samples)}
     if simulator is not None:
         sides["simulator"] = FlightSource(simulator).for_model(representation.cleaning, lowest_fl).report.notes
     level = side_by_side(sides if sides["flights"].get(FLIGHTS) else {})
     n_seen = len(parts["train"]) + len(parts["validation"])
-    return replace(found, n_seen=n_seen, notes=tuple(notes), level_flight=level)
+    return replace(evaluation, n_seen=n_seen, notes=tuple(notes), level_flight=level)
 
 
 def evaluate_profiles(

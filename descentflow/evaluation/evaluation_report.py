@@ -1,29 +1,27 @@
-"""Result of an evaluation: scores beside their noise floor, rejections, and figures."""
+"""Result of an evaluation: scores with their noise floor, rejections, and figures."""
 
 import json
 from dataclasses import dataclass, field
 from functools import cached_property
-from io import BytesIO
 from math import isnan
-from typing import Any
 
 import polars as pl
 from matplotlib.figure import Figure
 
 from descentflow.core.arguments import Output, checked_arguments
 from descentflow.core.files import check_folder, whole_file
-from descentflow.core.tabular import to_pandas
 from descentflow.evaluation.figures.components import components_figure
 from descentflow.evaluation.figures.level_cuts import cuts_figure
 from descentflow.evaluation.figures.profile_bands import profiles_figure
 from descentflow.evaluation.figures.score_figures import acceptance_figure, classifier_figure, level_scores_figure
-from descentflow.evaluation.level_flight_beside import in_words
+from descentflow.evaluation.level_flight_of_samples import in_words
 from descentflow.evaluation.metrics.classifier import MIN_PAIRS, Detection, detect
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.score_registry import FUEL, level_parts
 from descentflow.evaluation.metrics.score_table import ScoreTable
 from descentflow.generation.samples import RejectionReport
-from descentflow.reporting.in_notebook import InNotebook
+from descentflow.reporting.figure_file import image
+from descentflow.reporting.in_notebook import WithTable
 from descentflow.representation.representation import Representation
 from descentflow.surveillance.cleaning.level_flight import side_by_side
 from descentflow.surveillance.figure_pages import level_flight_figure
@@ -37,15 +35,15 @@ DPI = 110
 
 
 @dataclass(frozen=True, repr=False)
-class Evaluation(InNotebook):
-    """Samples beside held-out flights: their scores, and what was rejected on the way.
+class Evaluation(WithTable):
+    """Samples compared with held-out flights: their scores, and the draws that were rejected.
 
     Attributes:
         name: The model's name in figures.
         samples: Sampled descents.
         real: Held-out flights.
         nominal: The one nominal BADA descent.
-        scores: Every statistic of every quantity, beside its noise floor.
+        scores: Every statistic of every quantity, with its noise floor.
         rejections: What became of every draw.
         representation: The model's.
         n_seen: Flights that were left out because the model was trained or validated on them; None if not known.
@@ -108,12 +106,7 @@ class Evaluation(InNotebook):
     @cached_property
     def pictures(self) -> dict[str, bytes]:
         """The figures as PNG, by name: drawn once, for the files and for TensorBoard."""
-        found = {}
-        for name, figure in self.figures().items():
-            buffer = BytesIO()
-            figure.savefig(buffer, format="png", dpi=DPI)
-            found[name] = buffer.getvalue()
-        return found
+        return {name: image(figure, dpi=DPI) for name, figure in self.figures().items()}
 
     def _cut_fl(self) -> float:
         """The transition, as in the paper's figures 8 and 9; the middle of the grid where the grid has none."""
@@ -124,14 +117,6 @@ class Evaluation(InNotebook):
     def to_polars(self) -> pl.DataFrame:
         """The scores: a row for each quantity and statistic, see :class:`~.metrics.score_table.Score`."""
         return self.scores.frame()
-
-    def to_pandas(self) -> Any:
-        """The scores as a `pandas.DataFrame`.
-
-        Raises:
-            ConfigError: If pandas is not installed.
-        """
-        return to_pandas(self.scores.frame())
 
     @checked_arguments
     def write(self, folder: Output, *, figures: bool = True) -> None:
@@ -165,10 +150,6 @@ class Evaluation(InNotebook):
     def in_words(self) -> str:
         """Verdict in words, with the reasons."""
         return f"In words: {verdict(self.scores, self.classifier)}."
-
-    def __repr__(self) -> str:
-        """As printed."""
-        return str(self)
 
 
 _IMPORTANCE = {"quantity": pl.String, "low_fl": pl.Float64, "high_fl": pl.Float64, "loss": pl.Float64}

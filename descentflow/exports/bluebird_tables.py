@@ -105,15 +105,15 @@ def _speeds(samples: pl.DataFrame, levels: Array) -> tuple[Array, Array, pl.Data
     # Flights of low levels have no part at constant Mach number: that of their highest level never limits them.
     of_sample = samples.sort("level_fl").group_by("sample_id")
     ends = of_sample.agg(mach=pl.col("Mach").last(), cas_kt=pl.col("CAS").first())
-    found = []
+    speeds = []
     for name, column, most in (("cas", "cas_kt", by_level["share"] < 0.5), ("mach", "mach", by_level["share"] >= 0.5)):
         known = by_level.filter(most & by_level[name].is_not_null())
         if known.is_empty():
             phases = phases.drop(column).join(ends.select("sample_id", column), on="sample_id")
-            found.append(np.full(len(levels), phases[column].mean()))
+            speeds.append(np.full(len(levels), phases[column].mean()))
         else:
-            found.append(np.interp(levels, known["level_fl"].to_numpy(), known[name].to_numpy()))
-    return found[0], found[1], phases
+            speeds.append(np.interp(levels, known["level_fl"].to_numpy(), known[name].to_numpy()))
+    return speeds[0], speeds[1], phases
 
 
 def _offset(mean: float, sigma: float) -> dict[str, float]:
@@ -138,18 +138,18 @@ def constant_speeds(table: pl.DataFrame) -> pl.DataFrame:
         >>> bool(parts["cas_kt"].is_between(230, 340).all())
         True
     """
-    rows = []
-    for one in table.partition_by("sample_id", maintain_order=True):
-        mach, cas, level = (one[name].to_numpy() for name in ("Mach", "CAS", "level_fl"))
+    speeds = []
+    for sample in table.partition_by("sample_id", maintain_order=True):
+        mach, cas, level = (sample[name].to_numpy() for name in ("Mach", "CAS", "level_fl"))
         split = _split(mach, cas)
-        row = {"sample_id": one["sample_id"][0]}
+        row = {"sample_id": sample["sample_id"][0]}
         if split >= FEWEST_LEVELS:
             row |= {"crossover_fl": float(level[split - 1]), "mach": float(mach[:split].mean())}
         if len(level) - split >= FEWEST_LEVELS:
             row["cas_kt"] = float(cas[split:].mean())
-        rows.append(row)
+        speeds.append(row)
     return pl.DataFrame(
-        rows, schema={"sample_id": pl.Int32, "crossover_fl": pl.Float64, "mach": pl.Float64, "cas_kt": pl.Float64}
+        speeds, schema={"sample_id": pl.Int32, "crossover_fl": pl.Float64, "mach": pl.Float64, "cas_kt": pl.Float64}
     )
 
 

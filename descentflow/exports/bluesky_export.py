@@ -68,24 +68,24 @@ def scenario(request: ExportRequest, *others: ExportRequest) -> list[str]:
     timed, flown = [], []
     for each in (request, *others):
         table = each.samples.to_polars().partition_by("sample_id", maintain_order=True)
-        for i, (number, one) in enumerate(zip(each.numbers, table, strict=True)):
-            start = each.every_s * number - one["time_s"][-1]
+        for i, (number, rows) in enumerate(zip(each.numbers, table, strict=True)):
+            start = each.every_s * number - rows["time_s"][-1]
             typecode = each.types[i % len(each.types)]
-            timed += [(start + after, line) for after, line in _flight(each.callsign(number), typecode, request, one)]
+            timed += [(start + after, line) for after, line in _flight(each.callsign(number), typecode, request, rows)]
         flown.append(f"{each.n} sampled descents of {each.typecode}, seed {each.seed}")
     begin = min(time for time, _ in timed)
     lines = [(0.0, line) for line in _wind(request)] + [(time - begin, line) for time, line in timed]
     return [f"# {'; '.join(flown)}", *map(_line, sorted(lines, key=lambda line: line[0]))]
 
 
-def _flight(name: str, typecode: str, request: ExportRequest, one: pl.DataFrame) -> list[tuple[float, str]]:
+def _flight(name: str, typecode: str, request: ExportRequest, rows: pl.DataFrame) -> list[tuple[float, str]]:
     """Commands of one flight, each with its seconds after the sample's beginning."""
-    time_s, altitude_ft, cas_kt = (one[column].to_numpy() for column in ("time_s", "altitude_ft", "CAS"))
+    time_s, altitude_ft, cas_kt = (rows[column].to_numpy() for column in ("time_s", "altitude_ft", "CAS"))
     rate = first_rate(time_s, altitude_ft)
     before_s, above_ft = run_up(rate)
     path = request.plan.path
     assert path is not None, "checked by the caller"
-    first = one.row(0, named=True)
+    first = rows.row(0, named=True)
     to_go_m = first["distance_to_go_nm"] * NM_M + first["groundspeed"] * KT_MPS * before_s
     latitude, longitude, track = (float(value[0]) for value in path.at(np.array([to_go_m])))
     place = f"{latitude:.6f} {longitude:.6f} {track:.2f}"

@@ -173,8 +173,8 @@ class SamplerGraph(nn.Module):
         """
         with ExactConstants():
             weights = self.draw(noise, uniform, context)
-        found: dict[str, Tensor] = self.descents(weights, entry_fl, neighbour)
-        return {**found, "weights": weights.to(self.descents.dtype)}
+        outputs: dict[str, Tensor] = self.descents(weights, entry_fl, neighbour)
+        return {**outputs, "weights": weights.to(self.descents.dtype)}
 
     def example_inputs(self, n: int) -> dict[str, Tensor]:
         """Inputs of :meth:`forward` for n descents that start as the training flights did (contexts are zero)."""

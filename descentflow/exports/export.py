@@ -47,7 +47,7 @@ def export(
         model: A checkpoint's path, a density, or a fitted model; of different types several, where the target takes
             them.
         to: A target of :data:`descentflow.exports.targets.TARGETS`.
-        path: The output; some targets write further files beside it.
+        path: The output; some targets write further files in its folder.
         n: Number of samples of each model.
         seed: The same seed gives the same files.
         context: For a conditional model, as in :func:`descentflow.generation.sample.sample`.
@@ -81,7 +81,7 @@ def export(
         raise ConfigError(
             f"callsigns that begin {prefix!r}", expected="capital letters, then digits or none", mend="pass KLM"
         )
-    densities = [as_density(one) for one in (model if isinstance(model, list | tuple) else [model])]
+    densities = [as_density(part) for part in (model if isinstance(model, list | tuple) else [model])]
     if not densities:
         raise ConfigError("no model", expected="one or several", mend="pass a checkpoint's path")
     said = [fly_as] if isinstance(fly_as, str) else list(fly_as)
@@ -101,10 +101,10 @@ def export(
         fly_as=tuple(said),
         models=len(densities),
     )
-    requests = [replace(first, density=one, first=i) for i, one in enumerate(densities)]
+    requests = [replace(first, density=density, first=i) for i, density in enumerate(densities)]
     target.check(to, first)
-    types = flown_types(said, [one.typecode for one in requests])
-    return target.writer(to)(*(replace(one, fly_as=own) for one, own in zip(requests, types, strict=True)))
+    types = flown_types(said, [request.typecode for request in requests])
+    return target.writer(to)(*(replace(request, fly_as=own) for request, own in zip(requests, types, strict=True)))
 
 
 def flown_types(said: Sequence[str], typecodes: Sequence[str]) -> list[tuple[str, ...]]:
@@ -131,8 +131,8 @@ def flown_types(said: Sequence[str], typecodes: Sequence[str]) -> list[tuple[str
             expected="types with commas between them, and one such list for each model",
             mend="write for two models for instance --as A319,A320,A321 B738",
         )
-    found = [tuple(word.strip().upper() for word in text.split(",")) for text in texts]
-    every = [word for types in found for word in types]
+    types_of = [tuple(word.strip().upper() for word in text.split(",")) for text in texts]
+    every = [word for types in types_of for word in types]
     for word in every:
         if not TYPE.fullmatch(word):
             raise ConfigError(f"type {word!r}", expected="letters and digits", mend="write for instance A320")
@@ -142,4 +142,4 @@ def flown_types(said: Sequence[str], typecodes: Sequence[str]) -> list[tuple[str
                 expected="each type once, of one model",
                 mend="leave one out, or say by --as which types each model flies",
             )
-    return found
+    return types_of

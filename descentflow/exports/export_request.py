@@ -24,7 +24,7 @@ FIRST_ADDRESS, ADDRESSES = 0xF00000, 0xFFFFF
 
 @dataclass(frozen=True)
 class ExportRequest:
-    """A model, and what is to be made of it.
+    """A model, and the wanted export of it.
 
     Attributes:
         density: The model.
@@ -80,7 +80,7 @@ class ExportRequest:
         return replace(drawn, plan=self.plan)
 
     def beside(self, suffix: str, content: bytes) -> Path:
-        """Path of a file that is written beside the output, under its name.
+        """Path of a further file in the output's folder, under its name.
 
         Args:
             suffix: Of the file.
@@ -93,7 +93,7 @@ class ExportRequest:
         if path.exists() and not self.path.exists() and not (path.is_file() and path.read_bytes() == content):
             raise ConfigError(
                 f"{path}, which belongs to something else",
-                expected=f"a name that is free, for the file that is written beside {self.path.name}",
+                expected=f"a name that is free, for the file that goes with {self.path.name}",
                 mend=f"choose another output than {self.path}, or move {path} away",
             )
         return path
@@ -152,12 +152,12 @@ class ExportRequest:
             icao24=pl.Series([f"{FIRST_ADDRESS + (first + number) % ADDRESSES:06x}" for number in self.numbers]),
             typecode=pl.lit(self.typecode),
         )
-        found = table.join(names, on="sample_id", how="left", maintain_order="left")
-        if "timestamp" in found.columns:
+        rows = table.join(names, on="sample_id", how="left", maintain_order="left")
+        if "timestamp" in rows.columns:
             later = pl.duration(microseconds=(1e6 * self.every_s * number).cast(pl.Int64))
-            found = found.with_columns(pl.col("timestamp") + later)
-        found = found.select("sample_id", *names.columns[1:], pl.exclude("sample_id", *names.columns[1:]))
-        return found if self.step_s is None else rows_by_time(found, self.step_s)
+            rows = rows.with_columns(pl.col("timestamp") + later)
+        rows = rows.select("sample_id", *names.columns[1:], pl.exclude("sample_id", *names.columns[1:]))
+        return rows if self.step_s is None else rows_by_time(rows, self.step_s)
 
 
 def _number_of(text: str) -> int:
@@ -194,11 +194,11 @@ def rows_by_time(table: pl.DataFrame, step_s: float) -> pl.DataFrame:
     """
     if not step_s > 0:
         raise ConfigError(f"rows every {step_s:g} s", expected="above 0 s", mend="pass for instance --step-s 1")
-    found = []
+    parts = []
     # Microseconds of UTC are whole numbers: rows fall on the step itself.
     name, step = ("timestamp", 1e6 * step_s) if "timestamp" in table.columns else ("time_s", step_s)
-    for one in table.partition_by("sample_id", maintain_order=True):
-        clock = one[name].to_physical().to_numpy().astype(float)
+    for rows in table.partition_by("sample_id", maintain_order=True):
+        clock = rows[name].to_physical().to_numpy().astype(float)
         times = step * np.arange(np.ceil(clock[0] / step), np.floor(clock[-1] / step) + 1)
         if len(times) < FEWEST:
             raise ConfigError(
@@ -206,33 +206,33 @@ def rows_by_time(table: pl.DataFrame, step_s: float) -> pl.DataFrame:
                 expected=f"{FEWEST} rows or more of each descent",
                 mend="pass for instance --step-s 1",
             )
-        found.append(rows_at(one, clock, times))
-    return pl.concat(found)
+        parts.append(rows_at(rows, clock, times))
+    return pl.concat(parts)
 
 
-def rows_at(one: pl.DataFrame, clock: Array, times: Array) -> pl.DataFrame:
+def rows_at(flight: pl.DataFrame, clock: Array, times: Array) -> pl.DataFrame:
     """Rows of one flight at other times.
 
     Args:
-        one: The flight, a row for each level.
+        flight: A row for each level.
         clock: (k,) time of each row, ascending.
         times: (m,) times of the new rows, on the same clock.
 
     Returns:
-        m rows of the same columns; what is no number is that of the first row.
+        m rows of the same columns; other columns are those of the first row.
 
     Example:
         >>> from descentflow.generation.sample import sample
-        >>> one = sample("best.ckpt", 1).to_polars()
-        >>> rows_at(one, one["time_s"].to_numpy(), np.array([10.0, 20.0]))["time_s"].to_list()
+        >>> flight = sample("best.ckpt", 1).to_polars()
+        >>> rows_at(flight, flight["time_s"].to_numpy(), np.array([10.0, 20.0]))["time_s"].to_list()
         [10.0, 20.0]
     """
     columns: dict[str, pl.Series] = {}
-    for name, kind in one.schema.items():
+    for name, kind in flight.schema.items():
         if name == "sample_id" or not (kind.is_numeric() or kind.is_temporal()):
-            columns[name] = one[name].head(1).new_from_index(0, len(times))
+            columns[name] = flight[name].head(1).new_from_index(0, len(times))
             continue
-        values = one[name].to_physical().to_numpy().astype(float)
+        values = flight[name].to_physical().to_numpy().astype(float)
         if name in TURNS:
             turned = np.interp(times, clock, np.unwrap(values, period=360))
             values = (turned - TURNS[name]) % 360 + TURNS[name]

@@ -33,7 +33,7 @@ def describe(density: Density, sampler: SamplerGraph, precision: Precision) -> d
 
     Args:
         density: The model.
-        sampler: What is exported of it.
+        sampler: Its exported modules.
         precision: Of inputs and outputs.
 
     Example:

@@ -1,4 +1,4 @@
-"""Plugins of other programs: a Python file of ours that the program loads, and beside it the samples that it flies."""
+"""Plugins of other programs: a Python file of ours that the program loads, and with it the samples that it flies."""
 
 from importlib import resources
 from pathlib import Path
@@ -18,7 +18,7 @@ NAME = "DESCENTFLOW"
 
 
 def write_plugin(template: str, request: ExportRequest, *others: ExportRequest) -> list[Path]:
-    """Write the plugin, and its samples beside it as JSON.
+    """Write the plugin, and its samples in the same folder as JSON.
 
     Args:
         template: A file of ``templates``.
@@ -29,7 +29,7 @@ def write_plugin(template: str, request: ExportRequest, *others: ExportRequest) 
         Both files, the plugin first.
 
     Raises:
-        ConfigError: If Python could not import a file of that name, or what lies beside it is not its own.
+        ConfigError: If Python could not import a file of that name, or a file of that name is not its own.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model

@@ -92,8 +92,8 @@ class ExportTarget:
 
     def writer(self, name: str) -> Writer:
         """The function that writes."""
-        found: Writer = import_module(f"descentflow.exports.{name}_export").write
-        return found
+        write: Writer = import_module(f"descentflow.exports.{name}_export").write
+        return write
 
 
 DEFAULTS = {"models": 1, "precision": "float64", "step_s": None, "prefix": "", "fly_as": ()}

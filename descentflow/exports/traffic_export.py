@@ -39,8 +39,8 @@ def flights(request: ExportRequest) -> pl.DataFrame:
         >>> flights(ExportRequest(load_model("best.ckpt"), Path("t.parquet"), n=2, plan=plan)).columns[:4]
         ['timestamp', 'flight_id', 'callsign', 'icao24']
     """
-    found = request.flights().rename(NAMES)
-    return found.select(name for name in KEPT if name in found.columns)
+    flights = request.flights().rename(NAMES)
+    return flights.select(name for name in KEPT if name in flights.columns)
 
 
 def write(request: ExportRequest) -> list[Path]:
@@ -134,9 +134,11 @@ class TrafficGeneration:
         """
         drawn = sample(self.density, n_samples, seed=self.seed)
         self.seed += 1
-        found = []
-        for one in replace(drawn, plan=self.plan).to_polars().partition_by("sample_id", maintain_order=True):
-            clock = one["time_s"].to_numpy()
-            rows = rows_at(one, clock, np.linspace(0.0, clock[-1], self.n_obs)).rename(NAMES | {"time_s": "timedelta"})
-            found.append(rows.select(self.features).to_numpy().ravel())
-        return np.stack(found), np.zeros(n_samples)
+        vectors = []
+        for descent in replace(drawn, plan=self.plan).to_polars().partition_by("sample_id", maintain_order=True):
+            clock = descent["time_s"].to_numpy()
+            rows = rows_at(descent, clock, np.linspace(0.0, clock[-1], self.n_obs)).rename(
+                NAMES | {"time_s": "timedelta"}
+            )
+            vectors.append(rows.select(self.features).to_numpy().ravel())
+        return np.stack(vectors), np.zeros(n_samples)

@@ -15,13 +15,12 @@ from torch import Tensor
 from descentflow.air.level_air import LevelAir
 from descentflow.core.arguments import Output, checked_arguments
 from descentflow.core.errors import ConfigError
-from descentflow.core.tabular import to_pandas
 from descentflow.core.version import __version__
 from descentflow.densities.density import Density
 from descentflow.generation.sample_tables import to_dataset, to_frame, write_samples
 from descentflow.positions.ground_plan import NOWHERE, Ground, GroundPlan, ground_plan
 from descentflow.positions.placing import Positions
-from descentflow.reporting.in_notebook import InNotebook
+from descentflow.reporting.in_notebook import WithTable
 from descentflow.representation.decoder.trajectories import Trajectories
 
 if TYPE_CHECKING:
@@ -69,7 +68,7 @@ def _counted(number: int, word: str) -> str:
 
 
 @dataclass(frozen=True, repr=False)
-class Samples(InNotebook):
+class Samples(WithTable):
     """n plausible descents, and the account of every draw behind them.
 
     Attributes:
@@ -146,14 +145,6 @@ class Samples(InNotebook):
         """The long table: one row for each sample and level, see :func:`~.sample_tables.to_frame`."""
         return to_frame(self.trajectories, self.context, self.positions, self.air)
 
-    def to_pandas(self) -> Any:
-        """The long table as a `pandas.DataFrame`.
-
-        Raises:
-            ConfigError: If pandas is not installed.
-        """
-        return to_pandas(self.to_polars())
-
     def to_xarray(self) -> Any:
         """An `xarray.Dataset` with dimensions sample and level, NaN above a sample's entry level.
 
@@ -207,10 +198,6 @@ class Samples(InNotebook):
             f"{fitted}"
         )
 
-    def __repr__(self) -> str:
-        """As printed."""
-        return str(self)
-
 
 _ENDS = torch.tensor([0.05, 0.5, 0.95], dtype=torch.float64)
 
@@ -249,10 +236,6 @@ class GeneratedSamples(Samples):
                 * (self.proposals > 16)
             )
         return "\n".join(lines)
-
-    def __repr__(self) -> str:
-        """As printed."""
-        return str(self)
 
 
 def origin_of(density: Density, seed: int) -> dict[str, str]:

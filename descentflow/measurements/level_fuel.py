@@ -85,8 +85,7 @@ def write_level_flight(descents: Descents, folder: Path, bada_dir: str | Path | 
         >>> write_level_flight(df.prepare("rows.parquet"), Path("level"))
         'level flight of 120 descents: ... kg each, idle would burn ... in that time'
     """
-    from descentflow.core.files import whole_file
-    from descentflow.reporting.pages import png
+    from descentflow.reporting.figure_file import write_figure
     from descentflow.surveillance.cleaning.level_flight import side_by_side
     from descentflow.surveillance.figure_pages import level_flight_figure
 
@@ -101,8 +100,7 @@ def write_level_flight(descents: Descents, folder: Path, bada_dir: str | Path | 
     check_folder(folder, *FILES).mkdir(exist_ok=True)
     for table, name in ((flights, FILES[0]), (found, FILES[1])):
         write_table(table.with_columns(pl.col(pl.Float64).round(3)), folder / name)
-    with whole_file(folder / FILES[2]) as temporary:
-        temporary.write_bytes(png(level_flight_figure(side_by_side({"flights": descents.report.notes})), 110))
+    write_figure(level_flight_figure(side_by_side({"flights": descents.report.notes})), folder / FILES[2], 110)
     seconds, level = float(flights["level_s"].sum()) / max(len(flights), 1), flights.filter(pl.col("segments") > 0)
     known = level.drop_nulls("fuel_kg")
     line = f"level flight of {len(flights)} descents: {seconds:.0f} s a flight"

@@ -1,7 +1,8 @@
-"""A figure as a file of its own: PNG, or SVG where the name ends in that."""
+"""A figure as PNG or SVG: as bytes, and as a file of its own."""
 
+import io
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_output, whole_file
@@ -12,6 +13,22 @@ if TYPE_CHECKING:
 ENDINGS = (".png", ".svg")
 DPI = 130
 """Of PNG: text of 9 points is 16 pixels high, as on a page."""
+
+
+def image(figure: "Figure", kind: Literal["png", "svg"] = "png", dpi: float = DPI) -> bytes:
+    """A figure as PNG or SVG; the same figure is the same bytes, and letters of an SVG are shapes.
+
+    Example:
+        >>> from matplotlib.figure import Figure
+        >>> image(Figure(), dpi=50)[1:4], image(Figure(), "svg")[:5]
+        (b'PNG', b'<?xml')
+    """
+    import matplotlib as mpl
+
+    buffer = io.BytesIO()
+    with mpl.rc_context({"svg.fonttype": "path", "svg.hashsalt": "descentflow"}):
+        figure.savefig(buffer, format=kind, dpi=dpi, metadata={"svg": {"Date": None}, "png": {"Software": None}}[kind])
+    return buffer.getvalue()
 
 
 def check_figure_file(path: str | Path) -> None:
@@ -33,7 +50,7 @@ def check_figure_file(path: str | Path) -> None:
     check_output(path)
 
 
-def write_figure(figure: "Figure", path: str | Path) -> None:
+def write_figure(figure: "Figure", path: str | Path, dpi: float = DPI) -> None:
     """Write a figure, whole or not at all; the same figure gives the same file.
 
     Raises:
@@ -46,10 +63,6 @@ def write_figure(figure: "Figure", path: str | Path) -> None:
         >>> Path("empty.svg").read_text()[:5]
         '<?xml'
     """
-    import matplotlib as mpl
-
     check_figure_file(path)
-    kind = Path(path).suffix.lower()[1:]
-    metadata = {"Date": None} if kind == "svg" else {"Software": None}
-    with whole_file(path) as temporary, mpl.rc_context({"svg.fonttype": "path", "svg.hashsalt": "descentflow"}):
-        figure.savefig(temporary, format=kind, dpi=DPI, metadata=metadata)
+    with whole_file(path) as temporary:
+        temporary.write_bytes(image(figure, "svg" if Path(path).suffix.lower() == ".svg" else "png", dpi))

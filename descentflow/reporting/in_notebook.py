@@ -1,13 +1,15 @@
-"""Show a result: in a notebook a figure, then the lines that it prints; by ``plot`` the axes of the figure."""
+"""Bases of results: what a notebook and a prompt show of them, the axes of their figure, and their table."""
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from markupsafe import escape
 
 from descentflow.core.errors import DataError
+from descentflow.core.tabular import to_pandas
 
 if TYPE_CHECKING:
+    import polars as pl
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -64,3 +66,29 @@ class InNotebook(ABC):
         picture = self.notebook_figure()
         drawn = "" if picture is None else figure(picture, f"Figure of the {type(self).__name__}", dpi=DPI)
         return f"{drawn}<pre>{escape(str(self))}</pre>"
+
+    def __repr__(self) -> str:
+        """As printed."""
+        return str(self)
+
+
+class WithTable(InNotebook):
+    """A result that is a table as well.
+
+    Example:
+        >>> import descentflow as df
+        >>> len(df.sample("best.ckpt", 2, seed=0).to_pandas()["sample"].unique())
+        2
+    """
+
+    @abstractmethod
+    def to_polars(self) -> "pl.DataFrame":
+        """The table."""
+
+    def to_pandas(self) -> Any:
+        """The table as a `pandas.DataFrame`.
+
+        Raises:
+            ConfigError: If pandas is not installed.
+        """
+        return to_pandas(self.to_polars())

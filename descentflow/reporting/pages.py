@@ -1,17 +1,18 @@
 """HTML pages by jinja2 templates, and figures inside them.
 
-A page extends `page.html.j2` and takes its tables and figures from `elements.html.j2`, both beside this file.
+A page extends `page.html.j2` and takes its tables and figures from `elements.html.j2`, both in this folder.
 A template `x.html.j2` escapes whatever it is given, so that the name of a flight never becomes markup.
 """
 
 import base64
-import io
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
+
+from descentflow.reporting.figure_file import image
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -63,22 +64,9 @@ def figure(picture: "Figure | Path", alt: str, caption: str = "", *, dpi: float 
         >>> figure(Figure(figsize=(2, 1)), "An empty figure")[:50]
         Markup('<figure><img alt="An empty figure" src="data:image')
     """
-    data = picture.read_bytes() if isinstance(picture, Path) else png(picture, dpi)
+    data = picture.read_bytes() if isinstance(picture, Path) else image(picture, dpi=dpi)
     made = cast("Any", environment().get_template("reporting/elements.html.j2").module)
     return Markup(made.figure(_uri("png", data), alt, caption))
-
-
-def png(picture: "Figure", dpi: float) -> bytes:
-    """A figure as PNG; the same figure is the same bytes.
-
-    Example:
-        >>> from matplotlib.figure import Figure
-        >>> png(Figure(), 50)[1:4]
-        b'PNG'
-    """
-    buffer = io.BytesIO()
-    picture.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
-    return buffer.getvalue()
 
 
 def drawing(picture: "Figure") -> str:
@@ -89,12 +77,7 @@ def drawing(picture: "Figure") -> str:
         >>> drawing(Figure())[:26], drawing(Figure()) == drawing(Figure())
         ('data:image/svg+xml;base64,', True)
     """
-    import matplotlib as mpl
-
-    buffer = io.BytesIO()
-    with mpl.rc_context({"svg.fonttype": "path", "svg.hashsalt": "descentflow"}):
-        picture.savefig(buffer, format="svg", metadata={"Date": None})
-    return _uri("svg+xml", buffer.getvalue())
+    return _uri("svg+xml", image(picture, "svg"))
 
 
 def _uri(kind: str, data: bytes) -> str:

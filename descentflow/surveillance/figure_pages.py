@@ -10,8 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from descentflow.core.files import whole_file
+from descentflow.reporting.figure_file import write_figure
 from descentflow.reporting.figure_style import BLUE, MODELS, legend_below, say_why_empty, tidy
-from descentflow.reporting.pages import png, rendered
+from descentflow.reporting.pages import rendered
 from descentflow.surveillance.cleaning.level_flight import BAND_FT
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt
@@ -97,8 +98,7 @@ def write_page(folder: Path, dropped_rows: pl.DataFrame, report: DropReport, slo
     shown = []
     for number, some in enumerate(groups, 1):
         picture = folder / f"flights-{number:02d}.png"
-        with whole_file(picture) as temporary:
-            temporary.write_bytes(png(cleaning_figure(some, slowest_fpm), DPI))
+        write_figure(cleaning_figure(some, slowest_fpm), picture, DPI)
         shown.append((picture.name, [[str(flight["flight_id"][0]), _counts(flight)] for flight in some]))
     with whole_file(folder / "index.html") as temporary:
         text = rendered("surveillance/cleaning_page.html.j2", flights=shown, report=str(report))

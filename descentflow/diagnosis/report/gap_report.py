@@ -12,7 +12,7 @@ from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.findings.plain_values import NOT_WRITTEN, primitives
 from descentflow.diagnosis.findings.read_gap import SCHEMA_VERSION
 from descentflow.diagnosis.report.page import next_command, page, summary
-from descentflow.reporting.in_notebook import InNotebook
+from descentflow.reporting.in_notebook import WithTable
 
 if TYPE_CHECKING:
     import polars as pl
@@ -25,7 +25,7 @@ KEYS = ("schema_version", *(one.name for one in fields(Findings) if one.name not
 
 
 @dataclass(frozen=True, repr=False)
-class GapReport(Findings, InNotebook):
+class GapReport(Findings, WithTable):
     """Report of a diagnosis, see :class:`~descentflow.diagnosis.findings.findings.Findings` for its parts.
 
     Attributes:

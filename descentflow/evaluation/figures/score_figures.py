@@ -97,14 +97,14 @@ def level_scores_figure(table: ScoreTable, transition_fl: float) -> Figure:
         >>> len(level_scores_figure(found.scores, transition_fl=290.0).axes)
         4
     """
-    found = {(level.quantity, level.statistic): level for level in table.levels}
-    drawn = [one for one in statistics_of(LevelStatistic) if one.in_figure]
-    panels = [(quantity, one) for quantity in QUANTITIES if quantity.by_level for one in drawn]
+    by_name = {(level.quantity, level.statistic): level for level in table.levels}
+    drawn = [statistic for statistic in statistics_of(LevelStatistic) if statistic.in_figure]
+    panels = [(quantity, statistic) for quantity in QUANTITIES if quantity.by_level for statistic in drawn]
     figure = Figure(figsize=(2.75 * len(panels), 5.0), layout="constrained")
     axes = figure.subplots(1, len(panels), sharey=True)
     tidy(axes)
     for ax, (quantity, statistic) in zip(axes, panels, strict=True):
-        level = found[quantity.name, statistic.name]
+        level = by_name[quantity.name, statistic.name]
         _draw(ax, level, transition_fl)
         ax.set_xlabel(f"{statistic.short}, {quantity.short} ({level.unit})")
     axes[0].set_ylabel("Flight level")
@@ -128,11 +128,11 @@ def _draw(ax: Axes, level: LevelScores, transition_fl: float) -> None:
         ax.axhline(transition_fl, color=GREY, linewidth=1.0, linestyle="-.", label="transition")
 
 
-def classifier_figure(found: Detection) -> Figure:
+def classifier_figure(detection: Detection) -> Figure:
     """Draw how much the AUC loses when a quantity is exchanged between flights and samples, band by band.
 
     Args:
-        found: With importance, from :func:`descentflow.evaluation.metrics.classifier.detect`.
+        detection: With importance, from :func:`descentflow.evaluation.metrics.classifier.detect`.
 
     Returns:
         A figure of a panel for each quantity, which share the flight level.
@@ -147,7 +147,7 @@ def classifier_figure(found: Detection) -> Figure:
         ['CAS: 0.10 in all', 'rate: 0.10 in all']
     """
     n = len(FEATURES)
-    whole, bands = found.importance[:n], found.importance[n:]
+    whole, bands = detection.importance[:n], detection.importance[n:]
     figure = Figure(figsize=(7.0, 4.4), layout="constrained")
     axes = figure.subplots(1, n, sharex=True, sharey=True)
     tidy(axes)
@@ -159,7 +159,7 @@ def classifier_figure(found: Detection) -> Figure:
         ax.axvline(0, color=GREY, linewidth=0.8)
         ax.set_title(f"{total.quantity}: {total.loss:.2f} in all", fontsize=10)
         ax.set_xlabel("AUC lost when exchanged")
-    low, high = found.interval
+    low, high = detection.interval
     axes[0].set_ylabel("Flight level")
-    figure.suptitle(f"Samples separated from flights: AUC {found.auc:.2f} [{low:.2f}, {high:.2f}]", fontsize=11)
+    figure.suptitle(f"Samples separated from flights: AUC {detection.auc:.2f} [{low:.2f}, {high:.2f}]", fontsize=11)
     return figure

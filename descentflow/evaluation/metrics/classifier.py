@@ -97,7 +97,7 @@ class Detection:
     def most_looked_at(self) -> list[Importance]:
         """The three bands that matter most, largest first."""
         bands = self.importance[len(QUANTITIES) :]
-        return sorted(bands, key=lambda one: -one.loss)[:3]
+        return sorted(bands, key=lambda band: -band.loss)[:3]
 
 
 QUANTITIES = {"CAS": "cas_mps", "rate": "rate_mps"}
@@ -144,16 +144,16 @@ def detect(samples: DescentSet, real: DescentSet, seed: int = 0, *, explain: boo
         return Detection(by_flight, ())
     shown = torch.arange(0, real.mask.shape[1], max(real.mask.shape[1] // SHOWN_LEVELS, 1))
     both = samples.mask[drawn][:, shown] & real.mask[judged][:, shown]
-    fakes, flights = (_features(one, index, shown, both) for one, index in ((samples, drawn), (real, judged)))
+    fakes, flights = (_features(side, index, shown, both) for side, index in ((samples, drawn), (real, judged)))
     columns = _columns(real.levels_fl[shown].cpu().numpy()) if explain else []
     losses = np.zeros(len(columns))
     for fold in range(FOLDS):
         test = np.arange(len(judged)) % FOLDS == fold
         model = _trained(flights[~test], fakes[~test], seed)
-        inside, auc = contributions(*(_likeness(model, one[test]) for one in (flights, fakes)))
+        inside, auc = contributions(*(_likeness(model, rows[test]) for rows in (flights, fakes)))
         by_flight[judged[torch.from_numpy(test)]] = torch.from_numpy(inside)
-        exchanged = _exchanged(model, flights[test], fakes[test], [one[1] for one in columns], seed + fold)
-        losses += np.fromiter((auc - one for one in exchanged), float, len(columns)) * test.mean()
+        exchanged = _exchanged(model, flights[test], fakes[test], [column[1] for column in columns], seed + fold)
+        losses += np.fromiter((auc - exchanged_auc for exchanged_auc in exchanged), float, len(columns)) * test.mean()
     importances = (Importance(*about, loss) for (about, _), loss in zip(columns, losses.tolist(), strict=True))
     return Detection(by_flight, tuple(importances))
 
@@ -177,15 +177,15 @@ def pairs_by_entry(
         >>> [len(positions) for positions in pairs_by_entry(one, two, torch.Generator().manual_seed(0))]
         [40, 40]
     """
-    seen = [torch.nonzero(one.mask.any(1))[:, 0].cpu() for one in (samples, real)]
+    seen = [torch.nonzero(side.mask.any(1))[:, 0].cpu() for side in (samples, real)]
     n = min(*map(len, seen), most)
-    found = []
-    for one, positions in zip((samples, real), seen, strict=True):
+    by_entry = []
+    for side, positions in zip((samples, real), seen, strict=True):
         chosen = positions[torch.randperm(len(positions), generator=generator)[:n]]
-        entry = (one.mask[chosen].cpu() * torch.arange(one.mask.shape[1])).amax(1)
-        found.append(chosen[entry.argsort(stable=True)])
+        entry = (side.mask[chosen].cpu() * torch.arange(side.mask.shape[1])).amax(1)
+        by_entry.append(chosen[entry.argsort(stable=True)])
     order = torch.randperm(n, generator=generator)
-    return found[0][order], found[1][order]
+    return by_entry[0][order], by_entry[1][order]
 
 
 def _features(descents: DescentSet, index: Tensor, shown: Tensor, mask: Tensor) -> Array:
@@ -218,13 +218,13 @@ def _threads() -> Any:
 
 
 def _trained(flights: Array, samples: Array, seed: int) -> "_Trained":
-    # Imported here: it takes longer than most of what is scored.
+    # Imported here: it takes longer than most scores.
     from sklearn.ensemble import HistGradientBoostingClassifier
 
     labels = np.repeat([1, 0], [len(flights), len(samples)])
     values = np.vstack([flights, samples])
     # scikit-learn fails on a level that these folds do not show, or that has one value alone: it teaches nothing.
-    columns = np.flatnonzero([len(np.unique(one[~np.isnan(one)])) > 1 for one in values.T])
+    columns = np.flatnonzero([len(np.unique(column[~np.isnan(column)])) > 1 for column in values.T])
     if len(columns) == 0:
         return _Trained(None, columns)
     with _threads().limit(limits=1):
@@ -263,9 +263,9 @@ def _exchanged(model: Any, flights: Array, samples: Array, parts: list[NDArray[n
     chance, sides = np.random.default_rng(seed), np.stack([flights, samples])
     for columns in parts:
         tried = np.repeat(sides[None], REPEATS, 0)
-        for one in tried:
+        for pairs in tried:
             rows = np.flatnonzero(chance.random(len(flights)) < 0.5)
-            one[:, rows[:, None], columns] = sides[::-1, rows[:, None], columns]
+            pairs[:, rows[:, None], columns] = sides[::-1, rows[:, None], columns]
         # Judged together: a call costs more than its rows.
         likeness = _likeness(model, tried.reshape(-1, flights.shape[1])).reshape(REPEATS, 2, -1)
         yield float(np.mean([contributions(*pair)[1] for pair in likeness]))

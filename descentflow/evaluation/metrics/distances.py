@@ -155,7 +155,7 @@ def error_of_the_mean(pooled: Pooled) -> Tensor:
     return (pooled.mean_first - pooled.mean_second).abs()[:, 0]
 
 
-def error_of_one(one: Values, real: Values) -> Tensor:
+def error_of_one(forecast: Values, real: Values) -> Tensor:
     """Absolute difference (K,) of one descent and the mean of the real ones; NaN where the one is masked.
 
     Example:
@@ -163,8 +163,8 @@ def error_of_one(one: Values, real: Values) -> Tensor:
         >>> error_of_one((one, one > 0), (real, real > 0))
         tensor([1.], dtype=torch.float64)
     """
-    error = (observed_mean(*real) - one[0][0]).abs()
-    return error.where(one[1][0], torch.nan)
+    error = (observed_mean(*real) - forecast[0][0]).abs()
+    return error.where(forecast[1][0], torch.nan)
 
 
 def observed_mean(values: Tensor, mask: Tensor) -> Tensor:

@@ -1,4 +1,4 @@
-"""Noise floors at one fixed size: samples against some flights, beside as many other flights against the same ones.
+"""Noise floors at one fixed size: samples against some flights, and as many other flights against the same ones.
 
 A distance between finite sets grows as they become smaller, that of a wrong generator less than that of a right one:
 their ratio depends on the size. So every comparison with a floor is of :data:`SIZE` against :data:`SIZE`, however many
@@ -56,10 +56,12 @@ def level_distances(
 
     def compare(*chunk: Tensor) -> tuple[Tensor, ...]:
         pooled = pool(*chunk)
-        return *(one.compute(pooled) for one in chosen), torch.minimum(pooled.n_first, pooled.n_second)[:, 0]
+        return *(statistic.compute(pooled) for statistic in chosen), torch.minimum(pooled.n_first, pooled.n_second)[
+            :, 0
+        ]
 
-    found = by_chunks(compare, first, first_mask, second, second_mask)
-    return dict(zip([*(one.name for one in chosen), FEWEST], found, strict=True))
+    distances = by_chunks(compare, first, first_mask, second, second_mask)
+    return dict(zip([*(statistic.name for statistic in chosen), FEWEST], distances, strict=True))
 
 
 def split_distances(
@@ -95,7 +97,7 @@ def split_distances(
         >>> floor["ks"].shape, int(floor[FEWEST][0, 0])
         (torch.Size([4, 5]), 15)
     """
-    chosen = [one for one in statistics_of(LevelStatistic) if one.has_floor]
+    chosen = [statistic for statistic in statistics_of(LevelStatistic) if statistic.has_floor]
     drawn, first, second = splits(samples, real, seed, n_splits, size)
     step = max(BATCH_VALUES // max(first.shape[1] * real[0].shape[1], 1), 1)
     same: list[Distances] = []
@@ -104,9 +106,9 @@ def split_distances(
         batch = slice(at, at + step)
         targets, n = _beside(real, first[batch]), len(first[batch])
         both = _equally_many(_beside(samples, drawn[batch]), _beside(real, second[batch]))
-        for parts, one in zip((same, noise), both, strict=True):
-            found = level_distances(*one, *targets, chosen)
-            parts.append({name: values.reshape(n, -1) for name, values in found.items()})
+        for parts, side in zip((same, noise), both, strict=True):
+            distances = level_distances(*side, *targets, chosen)
+            parts.append({name: values.reshape(n, -1) for name, values in distances.items()})
         progress(n)
     joined = [{name: torch.cat([part[name] for part in parts]) for name in parts[0]} for parts in (same, noise)]
     return joined[0], joined[1]
@@ -138,8 +140,8 @@ def splits(samples: Values, real: Values, seed: int, n_splits: int, size: int) -
     generator = torch.Generator().manual_seed(seed)
     flights, drawn, h = _seen(real), _seen(samples), matched_size(samples, real, size)
     order, picked = (
-        torch.rand(n_splits, len(one), generator=generator, dtype=torch.float64).argsort(1).to(one.device)
-        for one in (flights, drawn)
+        torch.rand(n_splits, len(side), generator=generator, dtype=torch.float64).argsort(1).to(side.device)
+        for side in (flights, drawn)
     )
     return drawn[picked[:, :h]], flights[order[:, :h]], flights[order[:, h : 2 * h]]
 
@@ -148,14 +150,14 @@ def _means(
     compute: Callable[[Any, Any], Tensor], samples: Some, real: Some, dealt: tuple[Tensor, Tensor, Tensor]
 ) -> tuple[Tensor, Tensor]:
     """Means (n_splits,) over the flights that both samples and other flights can be scored against."""
-    found = []
+    pairs = []
     for drawn, first, second in zip(*dealt, strict=True):
         scored = _take(real, first)
-        same, floor = (compute(one, scored) for one in (_take(samples, drawn), _take(real, second)))
+        same, floor = (compute(chosen, scored) for chosen in (_take(samples, drawn), _take(real, second)))
         both = ~(same.isnan() | floor.isnan())
         enough = int(both.sum()) >= MIN_VALUES
-        found.append([values[both].mean() if enough else values.new_tensor(torch.nan) for values in (same, floor)])
-    means = torch.stack([torch.stack(pair) for pair in found])
+        pairs.append([values[both].mean() if enough else values.new_tensor(torch.nan) for values in (same, floor)])
+    means = torch.stack([torch.stack(pair) for pair in pairs])
     return means[:, 0], means[:, 1]
 
 
@@ -170,7 +172,7 @@ def _take(some: Some, index: Tensor) -> Some:
 
 def _beside(values: Values, index: Tensor) -> Values:
     """The sets that rows of ``index`` (n_splits, h) choose from (n, K), side by side: (h, n_splits K)."""
-    drawn, mask = (one[index].transpose(0, 1).flatten(1) for one in values)
+    drawn, mask = (whole[index].transpose(0, 1).flatten(1) for whole in values)
     return drawn, mask
 
 
@@ -248,7 +250,7 @@ def compare_flights(
         30
     """
     compute: Callable[[Any, Any], Tensor] = statistic.compute
-    drawn, seen = ((one.mask, one.mask) if isinstance(one, DescentSet) else one for one in (samples, real))
+    drawn, seen = ((side.mask, side.mask) if isinstance(side, DescentSet) else side for side in (samples, real))
     whole, n_each = {statistic.name: _enough_flights(compute(samples, real))}, matched_size(drawn, seen)
     if not statistic.has_floor:
         return Comparison(whole, {}, {}, n_each)

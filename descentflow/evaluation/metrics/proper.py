@@ -18,7 +18,7 @@ _PAIRS = 1 << 22
 MIN_MEMBERS = 4
 """Samples below which a profile is not scored."""
 MAX_MEMBERS = 5_000
-"""Samples that make the forecast of a profile: the noise of thousands is small beside that of hundreds of flights."""
+"""Samples that make the forecast of a profile: the noise of thousands is small against that of hundreds of flights."""
 WITHIN_PAIRS = 1_000
 """Pairs of samples that tell how far apart samples are, or as many as there are samples if these are more."""
 PROFILE_LEVELS = 40
@@ -44,7 +44,7 @@ def crps_of(pooled: Pooled) -> Tensor:
     return _across(pooled) / (n * m)[:, 0] - _among(pooled.below_first, n, pooled) / (n * (n - 1))[:, 0] / 2
 
 
-def crps_of_one(one: Values, real: Values) -> Tensor:
+def crps_of_one(forecast: Values, real: Values) -> Tensor:
     """CRPS (K,) of one descent as a certain forecast: its mean absolute difference from the real ones.
 
     Example:
@@ -53,8 +53,8 @@ def crps_of_one(one: Values, real: Values) -> Tensor:
         tensor([2.], dtype=torch.float64)
     """
     values, mask = real
-    total = torch.where(mask, (values - one[0]).abs(), 0.0).sum(0, dtype=torch.float64)
-    return (total / mask.sum(0)).where(one[1][0], torch.nan)
+    total = torch.where(mask, (values - forecast[0]).abs(), 0.0).sum(0, dtype=torch.float64)
+    return (total / mask.sum(0)).where(forecast[1][0], torch.nan)
 
 
 def energy_scores(samples: Values, real: Values) -> Tensor:
@@ -92,7 +92,7 @@ def energy_scores(samples: Values, real: Values) -> Tensor:
     return torch.cat([_energy_scores(members, part) for part in parts])
 
 
-def energy_scores_of_one(one: Values, real: Values) -> Tensor:
+def energy_scores_of_one(forecast: Values, real: Values) -> Tensor:
     """Energy scores (m,) of one profile as a certain forecast: its root mean square difference from each real one.
 
     Example:
@@ -100,8 +100,8 @@ def energy_scores_of_one(one: Values, real: Values) -> Tensor:
         >>> energy_scores_of_one((one, one == 0), (real, real != 0))
         tensor([3., 1.], dtype=torch.float64)
     """
-    mask = real[1] & one[1]
-    squares = torch.where(mask, (real[0] - one[0]).double().square(), 0.0).sum(1)
+    mask = real[1] & forecast[1]
+    squares = torch.where(mask, (real[0] - forecast[0]).double().square(), 0.0).sum(1)
     return (squares / mask.sum(1)).sqrt().where((mask == real[1]).all(1), torch.nan)
 
 

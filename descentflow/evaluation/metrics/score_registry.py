@@ -81,8 +81,8 @@ WHOLE = LevelPart(
 """Quantity of statistics of whole descents: CAS and rate together, at all levels."""
 
 STATISTICS: dict[str, Statistic] = {
-    one.name: one
-    for one in (
+    statistic.name: statistic
+    for statistic in (
         LevelStatistic("ks", "KS distance", "KS", "1", in_figure=True, compute=ks_distance),
         LevelStatistic(
             "wasserstein",
@@ -122,11 +122,11 @@ def statistics_of(kind: type[Kind]) -> list[Kind]:
         >>> [one.name for one in statistics_of(LevelStatistic)]
         ['ks', 'wasserstein', 'mae', 'crps']
     """
-    return [one for one in STATISTICS.values() if isinstance(one, kind)]
+    return [statistic for statistic in STATISTICS.values() if isinstance(statistic, kind)]
 
 
 def parts_of(quantity: DescentQuantity) -> list[LevelPart]:
-    """Above and at or below the transition for what is compared by level, else the whole.
+    """Above and at or below the transition for quantities compared by level, else the whole.
 
     Example:
         >>> [part.name for part in parts_of(QUANTITIES[1])]

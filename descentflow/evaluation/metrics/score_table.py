@@ -31,7 +31,7 @@ class Score:
     ``score``: all samples against all flights, as in the paper. ``equal_size`` (matched size): ``n_each`` samples
     against as many flights; ``floor`` and ``floor_high`` (noise floor): as many other flights against the same
     flights, mean and 95th percentile over random splits. ``over_floor``: their ratio, ``equal_size / floor``;
-    ``excess``: what is above the floor, in standard deviations of the flights
+    ``excess``: the part above the floor, in standard deviations of the flights
     (:meth:`~descentflow.evaluation.metrics.statistic_kinds.Statistic.excess`). ``nominal``: nominal BADA, where one
     descent has the statistic; ``n_samples`` and ``n_real``: descents observed anywhere in the part of the grid (of
     whole profiles, flights that were scored); ``n_levels``: levels that ``score`` averages; ``worst_fl``: the level
@@ -176,10 +176,10 @@ class ScoreTable:
             >>> ScoreTable(rows).sizes()
             {53: ['time_to_bottom_of_descent']}
         """
-        found: dict[int, list[str]] = {}
+        by_size: dict[int, list[str]] = {}
         for quantity, n in dict.fromkeys((row.quantity, row.n_each) for row in self.rows if row.n_each):
-            found.setdefault(n, []).append(quantity)
-        return found
+            by_size.setdefault(n, []).append(quantity)
+        return by_size
 
 
 def _line(cells: tuple[str, ...]) -> str:

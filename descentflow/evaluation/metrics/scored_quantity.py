@@ -21,7 +21,7 @@ class ScoredQuantity:
         levels_fl: (L,) of the grid.
         samples: Its values and mask in the samples.
         real: Those in the flights.
-        found: The comparison.
+        comparison: The comparison.
         nominal: Those in the nominal descent; empty sets for none.
 
     Example:
@@ -41,12 +41,12 @@ class ScoredQuantity:
     levels_fl: Tensor
     samples: Values
     real: Values
-    found: Comparison
+    comparison: Comparison
     nominal: Values
 
     def row(self, part: LevelPart, statistic: Statistic, chosen: Tensor) -> Score:
         """The row of a statistic, at the levels where ``chosen`` is true: (K,), and (1,) of whole profiles."""
-        by_level, whole = isinstance(statistic, LevelStatistic), self.found.whole[statistic.name]
+        by_level, whole = isinstance(statistic, LevelStatistic), self.comparison.whole[statistic.name]
         nominal, spreads = self._of_nominal(statistic), level_spreads(*self.real)
         seen = [values[1].any(1) for values in (self.samples, self.real)]
         if by_level:
@@ -66,7 +66,7 @@ class ScoredQuantity:
             **numbers,
             n_samples=n_samples,
             n_real=n_real if by_level else int(used.sum()),
-            n_each=self.found.n_each,
+            n_each=self.comparison.n_each,
             n_levels=(int(used.sum()) if is_levels else 0) if by_level else len(self.levels_fl),
             worst_fl=self._worst_fl(chosen, whole) if is_levels and bool(used.any()) else nan,
             note="; ".join(self._reasons(part, statistic, used, (n_samples, n_real), numbers)),
@@ -76,7 +76,9 @@ class ScoredQuantity:
         """Score, and where the statistic has one, matched size and noise floor."""
         numbers = {"score": float(whole.nanmean())}
         if statistic.has_floor:
-            same, floor = (side[statistic.name][:, chosen].nanmean(1) for side in (self.found.same, self.found.floor))
+            same, floor = (
+                side[statistic.name][:, chosen].nanmean(1) for side in (self.comparison.same, self.comparison.floor)
+            )
             distance, noise = float(same.mean()), float(floor.mean())
             numbers |= {
                 "equal_size": distance,
@@ -90,7 +92,7 @@ class ScoredQuantity:
     def _of_nominal(self, statistic: Statistic) -> Tensor:
         """The nominal descent's statistic, of the shape of the samples'; NaN where there is none."""
         if statistic.of_one is None or not len(self.nominal[0]):
-            return torch.full_like(self.found.whole[statistic.name], nan)
+            return torch.full_like(self.comparison.whole[statistic.name], nan)
         return statistic.of_one(self.nominal, self.real)
 
     def _reasons(
@@ -112,7 +114,7 @@ class ScoredQuantity:
             left_out = int((~used).sum())
             reasons.append(f"{left_out} of {len(used)} levels left out: fewer than {MIN_VALUES} descents")
         if no_floor:
-            reasons.append(f"no floor: fewer than {MIN_VALUES} of {self.found.n_each} descents on each side")
+            reasons.append(f"no floor: fewer than {MIN_VALUES} of {self.comparison.n_each} descents on each side")
         if len(self.nominal[0]) and statistic.of_one is not None and isnan(numbers["nominal"]):
             reasons.append("the nominal descent does not cover these levels")
         return reasons
@@ -122,9 +124,9 @@ class ScoredQuantity:
 
     def by_level(self, statistic: Statistic) -> LevelScores:
         """A statistic at every level."""
-        whole = self.found.whole[statistic.name]
+        whole = self.comparison.whole[statistic.name]
         absent = whole.new_full((1, len(whole)), nan)
-        sides = (side.get(statistic.name, absent) for side in (self.found.same, self.found.floor))
+        sides = (side.get(statistic.name, absent) for side in (self.comparison.same, self.comparison.floor))
         # A level that most splits leave out has no band worth drawing.
         same, floor = (splits.where((~splits.isnan()).float().mean(0) > 0.5, nan) for splits in sides)
         low, high = (floor.nanquantile(q, 0) for q in (0.05, 0.95))

@@ -1,4 +1,4 @@
-"""Scores of sampled against held-out descents (paper, section 4), each beside its noise floor."""
+"""Scores of sampled against held-out descents (paper, section 4), each with its noise floor."""
 
 from collections.abc import Callable
 
@@ -45,7 +45,7 @@ def score(
     rate at each level, averaged with equal weight over the levels above and over those at or below the transition
     (paper, sections 4.3 to 4.5); statistics of whole profiles, and of whole descents, are averaged over flights.
 
-    A distance between finite sets is above zero even for a perfect generator. So beside the score of all samples
+    A distance between finite sets is above zero even for a perfect generator. So with the score of all samples
     against all flights (the paper's), :data:`~descentflow.evaluation.metrics.noise_floor.SIZE` flights are scored
     against as many samples (matched size, column ``equal_size``) and against as many other flights (the noise floor,
     column ``floor``), over the same random splits: equal sizes, hence equal noise, and one size for all types. Splits
@@ -97,17 +97,17 @@ def score(
     for quantity in (*QUANTITIES, *([FUEL] if burns else [])):
         sides = quantity.of(samples), quantity.of(real)
         shown = (lambda _: None) if quantity is FUEL else progress
-        found = scored(quantity, compare(*sides, seed, n_splits, shown))
+        of_quantity = scored(quantity, compare(*sides, seed, n_splits, shown))
         for part in parts_of(quantity):
             chosen = part.levels(real.levels_fl, transition_fl)
-            rows += [found.row(part, statistic, chosen) for statistic in statistics_of(LevelStatistic)]
+            rows += [of_quantity.row(part, statistic, chosen) for statistic in statistics_of(LevelStatistic)]
         if quantity.by_level:
-            levels += [found.by_level(statistic) for statistic in statistics_of(LevelStatistic)]
+            levels += [of_quantity.by_level(statistic) for statistic in statistics_of(LevelStatistic)]
             for profile in statistics_of(ProfileStatistic):
                 add_whole(profile_of(quantity), profile, compare_flights(profile, *sides, seed, n_splits))
-    for one in statistics_of(DescentStatistic):
-        if costly or not one.costly:
-            add_whole(WHOLE, one, compare_flights(one, samples, real, seed, n_splits))
+    for statistic in statistics_of(DescentStatistic):
+        if costly or not statistic.costly:
+            add_whole(WHOLE, statistic, compare_flights(statistic, samples, real, seed, n_splits))
     return ScoreTable((*rows, *whole), tuple(levels), by_flight)
 
 

@@ -49,7 +49,7 @@ class Statistic:
         short: The label where there is little room.
         unit: Of the statistic; None for that of the quantity.
         has_floor: Whether it is compared with its noise floor (flights against other flights, as many).
-        additive: Whether what is above the floor is a difference, as of proper scores, to which noise adds nothing on
+        additive: Whether the part above the floor is a difference, as of proper scores, to which noise adds nothing on
             average; of a distance it is the root of a difference of squares.
         of_one: The statistic of one descent (nominal BADA), with the shape of ``compute``'s result; None if one descent
             has none.
@@ -82,7 +82,7 @@ class Statistic:
     def excess(self, distance: float, floor: float, spread: float) -> float:
         """Excess of a distance over its noise floor, both at one size.
 
-        ``sqrt(max(d^2 - f^2, 0))`` of a distance d beside its floor f, as independent errors add up; ``d - f`` of an
+        ``sqrt(max(d^2 - f^2, 0))`` of a distance d with its floor f, as independent errors add up; ``d - f`` of an
         additive statistic, which may fall below zero by chance. In spreads, except for a statistic without a unit.
 
         Args:

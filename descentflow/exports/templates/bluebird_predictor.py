@@ -31,9 +31,9 @@ class SampledDescents(LinearPredictor):  # type: ignore[misc]
         super().__init__(*positional, **settings)
         data = json.loads(Path(__file__).with_suffix(".json").read_text(encoding="utf-8"))
         self.samples: dict[str, list[Any]] = {}
-        for one in data["fleet"]:
-            ascending = [[np.array(sample[name], dtype=float)[::-1] for name in FLOWN] for sample in one["samples"]]
-            self.samples.update((name, ascending) for name in one["types"])
+        for part in data["fleet"]:
+            ascending = [[np.array(sample[name], dtype=float)[::-1] for name in FLOWN] for sample in part["samples"]]
+            self.samples.update((name, ascending) for name in part["types"])
 
     def sample_of(self, aircraft: Aircraft) -> Any:
         """The flight's sample while it descends within the sample's levels; empty otherwise."""
@@ -62,7 +62,7 @@ class SampledDescents(LinearPredictor):  # type: ignore[misc]
         return sorted(among, key=off_mps)[: len(among) // NEAREST + 1]
 
     def update_vertical_speeds(self, aircraft: Aircraft) -> None:
-        """Rate of descent (ft/min, negative): what is instructed, or the sample's."""
+        """Rate of descent (ft/min, negative): the instructed one, or the sample's."""
         sample = self.sample_of(aircraft) if aircraft.selected_instructions.vertical_speed is None else []
         if not sample:
             super().update_vertical_speeds(aircraft)
@@ -74,8 +74,8 @@ class SampledDescents(LinearPredictor):  # type: ignore[misc]
         said = aircraft.selected_instructions
         sample = self.sample_of(aircraft) if said.cas is None and said.mach is None else []
         if not sample:
-            found: tuple[float, float | None] = super().get_aircraft_cas_mach_speeds(aircraft)
-            return found
+            speeds: tuple[float, float | None] = super().get_aircraft_cas_mach_speeds(aircraft)
+            return speeds
         return float(np.interp(aircraft.fl, sample[0], sample[2])), None
 
 

@@ -30,9 +30,9 @@ class Samples:
     """The samples of a model in BlueSky's units."""
 
     def __init__(self, samples: list[dict[str, list[float]]]) -> None:
-        self.level_m = [100 * FEET * np.array(one["level_fl"])[::-1] for one in samples]
-        self.rates = [FPM * np.array(one["vertical_rate"])[::-1] for one in samples]
-        self.speeds = [KNOT * np.array(one["CAS"])[::-1] for one in samples]
+        self.level_m = [100 * FEET * np.array(sample["level_fl"])[::-1] for sample in samples]
+        self.rates = [FPM * np.array(sample["vertical_rate"])[::-1] for sample in samples]
+        self.speeds = [KNOT * np.array(sample["CAS"])[::-1] for sample in samples]
         self.lowest_m, self.highest_m = (np.array([level_m[k] for level_m in self.level_m]) for k in (0, -1))
 
     def __len__(self) -> int:
@@ -60,12 +60,12 @@ def init_plugin() -> Any:
     """BlueSky calls this."""
     first = not FLOWN
     fleet = json.loads(Path(__file__).with_suffix(".json").read_text(encoding="utf-8"))["fleet"]
-    for twice in [name for one in fleet for name in one["types"] if name in FLOWN]:
+    for twice in [name for part in fleet for name in part["types"] if name in FLOWN]:
         stack.echo(f"DESCENTFLOW is not loaded: another plugin flies {twice}. Export all types into one.")
         raise ImportError(f"another plugin of descentflow flies {twice}")
-    for one in fleet:
-        samples = Samples(one["samples"])
-        FLOWN.update((name, samples) for name in one["types"])
+    for part in fleet:
+        samples = Samples(part["samples"])
+        FLOWN.update((name, samples) for name in part["types"])
     config = {"plugin_name": "DESCENTFLOW", "plugin_type": "sim"}
     if not first:
         return config

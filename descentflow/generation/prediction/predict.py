@@ -10,7 +10,7 @@ import polars as pl
 
 from descentflow.core.arguments import Output, checked_arguments
 from descentflow.core.errors import ConfigError, DataError, SamplingError
-from descentflow.core.tabular import to_dataset, to_pandas, write_table
+from descentflow.core.tabular import to_dataset, write_table
 from descentflow.core.threads import one_thread_where_they_spin
 from descentflow.densities.checkpoint import as_density
 from descentflow.generation.prediction.predictor import MIN_CONTINUATIONS, NEAR_LEVELS, Continuations, DescentPredictor
@@ -24,7 +24,7 @@ from descentflow.generation.prediction.summary import (
 from descentflow.generation.prediction.time_calibration import Control
 from descentflow.generation.sample_tables import UNITS
 from descentflow.positions.ground_plan import NOWHERE, Ground, GroundPlan, ground_plan
-from descentflow.reporting.in_notebook import InNotebook
+from descentflow.reporting.in_notebook import WithTable
 from descentflow.representation.encode_flights import (
     EncodedFlights,
     encode_flights,
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False)
-class Prediction(InNotebook):
+class Prediction(WithTable):
     """Predicted descents: intervals of the time to each level, and what was left out.
 
     Attributes:
@@ -96,14 +96,6 @@ class Prediction(InNotebook):
     def to_polars(self) -> pl.DataFrame:
         """Intervals of time and distance: a row for each flight and level, see :func:`~.summary.time_intervals`."""
         return self._intervals
-
-    def to_pandas(self) -> Any:
-        """Time intervals as a `pandas.DataFrame`.
-
-        Raises:
-            ConfigError: If pandas is not installed.
-        """
-        return to_pandas(self._intervals)
 
     def to_xarray(self) -> Any:
         """Time intervals as an `xarray.Dataset` over flight and level, NaN at and above the last observed level.
@@ -180,10 +172,6 @@ class Prediction(InNotebook):
                 control = f"{lowest['width_s_control']:.1f} s, RMSE {lowest['rms_s_control']:.1f} s"
                 lines[-1] += f"; least squares on CAS and rate alone {control}"
         return "\n".join(lines)
-
-    def __repr__(self) -> str:
-        """As printed."""
-        return str(self)
 
 
 @checked_arguments

@@ -11,9 +11,9 @@ from descentflow.core.arguments import checked_arguments
 from descentflow.core.errors import DataError
 from descentflow.core.files import whole_file
 from descentflow.core.parquet_pages import check_pages
-from descentflow.core.tabular import to_dataset, to_pandas
+from descentflow.core.tabular import to_dataset
 from descentflow.core.threads import check_not_forked
-from descentflow.reporting.in_notebook import InNotebook
+from descentflow.reporting.in_notebook import WithTable
 from descentflow.surveillance.cleaning.thresholds import Cleaning, differences_in_words, kept_cleaning
 from descentflow.surveillance.descents.check_descents import checked_descents
 from descentflow.surveillance.descents.store import KEY, MEND, SCHEMA_VERSION, described, read_store
@@ -30,7 +30,7 @@ TOP_LEVEL_SHARE = 0.25
 """The grid ends at the highest level that this share of the flights reach (paper, appendix A)."""
 
 
-class Descents(InNotebook):
+class Descents(WithTable):
     """Prepared descents: one row per flight and level, and how they were made.
 
     Attributes:
@@ -146,20 +146,13 @@ class Descents(InNotebook):
         return kept_cleaning(self.metadata.get("settings"))
 
     def to_polars(self) -> pl.DataFrame:
-        """The table as polars has it: :attr:`frame`."""
-        return self.frame
-
-    def to_pandas(self) -> Any:
-        """The table as a `pandas.DataFrame`.
-
-        Raises:
-            ConfigError: If pandas is not installed.
+        """The table as polars has it: :attr:`frame`; :meth:`to_pandas` as pandas has it.
 
         Example:
             >>> read_descents("descents.parquet").to_pandas().shape
             (20528, 17)
         """
-        return to_pandas(self.frame)
+        return self.frame
 
     def to_xarray(self) -> Any:
         """An `xarray.Dataset` of the channels over flight and level, NaN where a flight was not observed.

@@ -18,6 +18,7 @@ from descentflow.core.version import __version__
 COMMANDS = {
     "simulate": "fly aircraft of known truth and write what a radar would report of them",
     "prepare": "clean surveillance rows (Parquet, CSV, aircraft.json) into free descents",
+    "report": "what cleaning left out of prepared descents; their air as a table, a picture of them",
     "fit": "train a generator of descents on prepared descents",
     "validate": "log-likelihood of a checkpoint on its validation flights",
     "test": "scores of a checkpoint against held-out flights, with figures",
@@ -32,7 +33,7 @@ COMMANDS = {
     "watch": "whether that difference changes as days of real flights come in",
     "repair": "coefficients of a type that agree with real descents, as TOML, BADA 3 and other files",
 }
-OUTPUTS = ("out", "report", "figures", "figure", "truth", "continuations")
+OUTPUTS = ("out", "report", "figures", "figure", "truth", "continuations", "level_flight", "air_table")
 """Options of commands that name what is written."""
 QUIET = "--quiet"
 """Option of every command: no progress on stderr."""

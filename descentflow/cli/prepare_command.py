@@ -25,10 +25,10 @@ def memory_bytes(text: str) -> int:
         >>> memory_bytes("1.5GB")
         1500000000
     """
-    found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([kmgt]?)(i?)b?", text.strip().lower())
-    if not found:
+    size = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([kmgt]?)(i?)b?", text.strip().lower())
+    if not size:
         raise argparse.ArgumentTypeError(f"{text!r}; expected a size such as 2GB or 800MB")
-    return int(float(found[1]) * (1024 if found[3] else 1000) ** UNITS.index(found[2]))
+    return int(float(size[1]) * (1024 if size[3] else 1000) ** UNITS.index(size[2]))
 
 
 def extend(parser: argparse.ArgumentParser) -> None:
@@ -70,7 +70,6 @@ def run(
     report: Path | None = None,
     figures: Path | None = None,
     level_flight: Path | None = None,
-    air_table: Path | None = None,
     bada_dir: Path | None = None,
     memory: Annotated[int, memory_bytes] = 2_000_000_000,
     engine: str = "local",
@@ -101,7 +100,6 @@ def run(
         report: also write the report as JSON
         figures (DIR): plots of the rows kept and dropped of some flights
         level_flight (DIR): tables of level flight in descents by flight and by segment, with its fuel, and a picture
-        air_table (FILE): table (.csv, .parquet) of the air that the descents met by flight, level and time, with errors
         bada_dir: folder of BADA 3 or 4 for the fuel of level flight (default: open aircraft)
         memory: bound on each process's memory (default: 2GB)
         engine: local, threads of this process; or dask, workers of Dask
@@ -118,7 +116,7 @@ def run(
     from descentflow.surveillance.prepare import prepare
 
     rows = rows or []
-    _check_outputs(rows, types, out, [one for one in (report, air_table) if one])
+    _check_outputs(rows, types, out, report)
     _check_memory(memory)
     if figures:
         check_folder(figures, "index.html")
@@ -159,28 +157,19 @@ def run(
     if level_flight:
         print(write_level_flight(descents, level_flight, bada_dir))
         print(f"wrote {level_flight}")
-    if air_table:
-        from descentflow.air.measured_air import air_table as air_of
-        from descentflow.core.tabular import write_table
-
-        write_table(air_of(descents.frame), air_table)
-        print(f"wrote {air_table}")
-    for one, top in descents.metadata["top_fl"].items():
-        number = descents.flights[one]
-        print(f"{one}: {number:,} descent{'s' * (number != 1)}, a quarter of them from FL{top} or above")
+    for typecode, top in descents.metadata["top_fl"].items():
+        number = descents.flights[typecode]
+        print(f"{typecode}: {number:,} descent{'s' * (number != 1)}, a quarter of them from FL{top} or above")
     print(f"{out} was there already, made of the same" if was_there else f"wrote {out}")
 
 
-def _check_outputs(rows: list[Path], types: Path | None, out: Path, others: list[Path]) -> None:
+def _check_outputs(rows: list[Path], types: Path | None, out: Path, report: Path | None) -> None:
     """Refuse outputs that cannot be written, or that are inputs, before anything is read."""
     from descentflow.core.files import check_folder, check_output, check_separate
 
-    outputs = [out, *others]
-    for output in outputs:
-        if output in others or output.suffix == ".parquet":
-            check_output(output)
-        else:
-            check_folder(output)
+    outputs = [check_output(out) if out.suffix == ".parquet" else check_folder(out)]
+    if report:
+        outputs.append(check_output(report))
     check_separate(outputs, [*rows, *([types] if types else [])])
 
 

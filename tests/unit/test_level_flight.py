@@ -236,10 +236,10 @@ def test_a_level_deceleration_is_paid_from_the_speed() -> None:
     assert one["fuel_kg"] < 0.75 * steady
 
 
-def test_the_command_writes_tables_a_picture_and_the_air(world, tmp_path, capsys) -> None:
+def test_the_commands_write_tables_pictures_and_the_air(world, tmp_path, capsys) -> None:
     world.rows.write_parquet(tmp_path / "rows.parquet")
     command = ["prepare", str(tmp_path / "rows.parquet"), "--out", str(tmp_path / "store"), "--typecode", "A320"]
-    tables = ["--level-flight", str(tmp_path / "level"), "--air-table", str(tmp_path / "air.csv")]
+    tables = ["--level-flight", str(tmp_path / "level")]
     assert main([*command, *tables]) == 0
     flights = pl.read_csv(tmp_path / "level" / "flights.csv")
     own = flights.filter(pl.col("segments") > 0)
@@ -247,8 +247,12 @@ def test_the_command_writes_tables_a_picture_and_the_air(world, tmp_path, capsys
     line += f"{len(own)} of the {len(own)} that level off: {own['fuel_kg'].mean():.1f} kg each, "
     assert f"{line}idle would burn {own['idle_fuel_kg'].mean():.1f} in that time" in capsys.readouterr().out
     assert (tmp_path / "level" / "level_flight.png").stat().st_size > 5000
-    air = pl.read_csv(tmp_path / "air.csv")
-    assert set(air["level_fl"] % 10) == {0}
+    air, picture = tmp_path / "air.csv", tmp_path / "descents.svg"
+    assert main(["report", command[3], "--air-table", str(air), "--figure", str(picture)]) == 0
+    assert "transient" in capsys.readouterr().out
+    assert set(pl.read_csv(air)["level_fl"] % 10) == {0}
+    assert "<svg" in picture.read_text()
+    assert main(["report", command[3], "--air-table", str(picture), "--figure", str(picture)]) == 2
     # A store that is finished is not cleaned again: it says so.
     assert main([*command, *tables]) != 0
     assert "prepared before" in capsys.readouterr().err

@@ -51,7 +51,7 @@ def run(
         simulator_column (NAME=COLUMN): the same of the rows of the simulator's flights
         simulator_name: name of the simulator on the page (default: the simulator)
         channels: use these alone, for instance IAS,Mach,TAS,groundspeed (default: all)
-        catalogue (FILE.py): effects of your own that may be named beside the package's: classes or instances of
+        catalogue (FILE.py): effects of your own that may be named as well as the package's: classes or instances of
             descentflow.effects.Effect in this Python file, which is run
         previous: gap.json of the diagnosis before the simulator was changed: predicted against achieved closure
         seed: the same seed gives the same answer

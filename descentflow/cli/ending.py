@@ -81,7 +81,7 @@ def ended_in_order(name: str) -> Iterator[None]:
 
 @contextmanager
 def _signals() -> Iterator[list[int]]:
-    """Raise an exception at Ctrl-C and SIGTERM, so that what is half written is removed; gives those that came."""
+    """Raise an exception at Ctrl-C and SIGTERM, so that half-written files are removed; gives those that came."""
     received: list[int] = []
     waiting: list[threading.Timer] = []
     main = threading.main_thread()

@@ -22,7 +22,7 @@ def run(
     """Sample a checkpoint and score the samples against real descents.
 
     Time to bottom, CAS and rate above and below transition are scored as Kolmogorov-Smirnov and Wasserstein distance
-    and error of the mean, each beside the distance between as many real flights and beside nominal BADA. Flights that
+    and error of the mean, each with the distance between as many real flights and that of nominal BADA. Flights that
     the checkpoint was trained or validated on are left out, by aircraft and time where they come under another
     flight_id.
 
@@ -30,7 +30,7 @@ def run(
         checkpoint: checkpoint that `descentflow fit` wrote (.ckpt)
         real: prepared descents (descentflow prepare), or rows
         out: folder for scores.csv, rejections.json, level_flight.csv and figures
-        simulator: rows or prepared descents of a simulator, whose level flight is set beside the others
+        simulator: rows or prepared descents of a simulator, whose level flight is compared
         context_table: CSV or Parquet with flight_id and the context, for a conditional model
         air: for a model that was fitted with data.air: where the air of these flights is known from: measured (their
             own reports; default for a model fitted with measured), or a weather field: a NetCDF or GRIB file by
@@ -48,7 +48,7 @@ def run(
 
     check_folder(out, *FILES)
     with stage("reading descents") as shown:
-        found = evaluate(
+        evaluation = evaluate(
             checkpoint,
             real,
             simulator=simulator,
@@ -61,6 +61,6 @@ def run(
             score_progress=shown.part("scoring", n_comparisons(N_SPLITS), "comparisons"),
         )
     with stage("classifying and writing"):
-        found.write(out, figures=not no_figures)
-    print(found)
+        evaluation.write(out, figures=not no_figures)
+    print(evaluation)
     print(f"wrote {out / 'scores.csv'}{'' if no_figures else ' and figures'}")

@@ -40,7 +40,7 @@ def run(
         checkpoint: checkpoint that `descentflow fit` wrote (.ckpt); for bluesky and bluebird several, of different
             types
         to (TARGET): one of the targets below
-        out: output; some targets write further files beside it
+        out: output; some targets write further files in its folder
         number: samples of each checkpoint
         seed: the same seed gives the same files
         every (S): seconds from one flight's arrival to the next one's

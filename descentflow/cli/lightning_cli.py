@@ -83,7 +83,7 @@ class DescentCLI(LightningCLI):
         )
 
     def parse_arguments(self, parser: LightningArgumentParser, args: Any) -> None:
-        """Remember which options were given: what is chosen by default steps back behind them."""
+        """Remember which options were given: defaults step back behind them."""
         self.words = list(args)
         try:
             super().parse_arguments(parser, args)
@@ -118,17 +118,17 @@ class DescentCLI(LightningCLI):
             options["name"] = run.parent.name
 
     def instantiate_classes(self) -> None:
-        """Make what the options name; a logger or callback that cannot be made is an error in a line."""
+        """Make the classes of the options; a trainer, logger or callback that cannot be made is an error in a line."""
         try:
             super().instantiate_classes()
-        except ValueError as error:
-            cause = error.__cause__
-            if cause is None or isinstance(cause, DescentflowError):
-                raise cause or error from None
+        except (TypeError, ValueError, MisconfigurationException) as error:
+            cause = error.__cause__ or error  # the parser's error wraps that of a class
+            if isinstance(cause, DescentflowError):
+                raise cause from None
             raise ConfigError(
-                f"a class of the options that cannot be made: {type(cause).__name__}: {' '.join(str(cause).split())}",
-                expected="loggers and callbacks with options that they take",
-                mend="correct these options, or choose another class",
+                f"options that cannot be taken: {type(cause).__name__}: {' '.join(str(cause).split())}",
+                expected="options of trainer, loggers and callbacks as `descentflow fit --help_all` lists them",
+                mend="correct or leave out what is named",
             ) from error
 
     def instantiate_trainer(self, **kwargs: Any) -> Trainer:
@@ -136,14 +136,7 @@ class DescentCLI(LightningCLI):
         if self.config[self.subcommand].trainer.plugins is None and SLURMEnvironment.detect():
             # At its signal Lightning would write into the folder that jobs share, in the midst of an epoch.
             kwargs["plugins"] = SLURMEnvironment(auto_requeue=False)
-        try:
-            trainer = super().instantiate_trainer(**kwargs)
-        except (TypeError, ValueError) as error:
-            raise ConfigError(
-                f"options of the trainer that it does not take: {str(error).splitlines()[0]}",
-                expected="values as `descentflow fit --help_all` lists them",
-                mend="correct the one that is named, or leave it out",
-            ) from error
+        trainer = super().instantiate_trainer(**kwargs)
         check_precision(trainer)
         if self.subcommand == "fit" and self.config["fit"].ckpt_path is None:
             _check_metrics(trainer)
@@ -190,7 +183,7 @@ def _run_of(checkpoint: Path) -> Path:
 def _next_steps(best: ModelCheckpoint, final: Path) -> str:
     here = Path.cwd()
     path, all_flights = (
-        one.relative_to(here) if one.is_relative_to(here) else one for one in (Path(best.best_model_path), final)
+        path.relative_to(here) if path.is_relative_to(here) else path for path in (Path(best.best_model_path), final)
     )
     score = "" if best.best_model_score is None else f" ({best.monitor} {float(best.best_model_score):.4g})"
     lines = [f"wrote {path}{score}"]
@@ -252,7 +245,7 @@ def run(command: str, rest: Sequence[str]) -> None:
 
 
 def _in_a_line(message: str, command: str) -> str:
-    r"""The parser's message without what is the same in all of them.
+    r"""The parser's message without its lines that are the same in all of them.
 
     Example:
         >>> _in_a_line("Parser key \"data.seed\":\n  Errors:\n    - Expected a <class 'int'>\n  Given value: x", "fit")
@@ -260,7 +253,7 @@ def _in_a_line(message: str, command: str) -> str:
     """
     lines = [line.strip(" -") for line in message.splitlines()]
     text = " ".join(f"{line}{';' * (line[-1] != ':')}" for line in lines if line and not NOISE.match(line))
-    return re.sub(rf'Parser key "([\w.]+)"|\b{command}\.(?=\w)', lambda found: f"--{found[1] or ''}", text).rstrip(";")
+    return re.sub(rf'Parser key "([\w.]+)"|\b{command}\.(?=\w)', lambda key: f"--{key[1] or ''}", text).rstrip(";")
 
 
 def _replaced(words: list[str], option: str, new: Callable[[str], str]) -> list[str]:
@@ -308,12 +301,12 @@ def _settings(name: str) -> str:
 def _in_groups(settings: dict[str, Any]) -> dict[str, Any]:
     """Sections with the settings of data and model in their groups."""
     data, model = settings.get("data"), settings.get("model")
-    found = dict(settings)
+    in_groups = dict(settings)
     if isinstance(data, dict):
-        found["data"] = grouped(data, GROUPS["data"])
+        in_groups["data"] = grouped(data, GROUPS["data"])
     if isinstance(model, dict) and isinstance(model.get("init_args"), dict):
-        found["model"] = {**model, "init_args": grouped(model["init_args"], GROUPS["model"])}
-    return found
+        in_groups["model"] = {**model, "init_args": grouped(model["init_args"], GROUPS["model"])}
+    return in_groups
 
 
 def _class_path(name: str) -> str:
@@ -341,7 +334,7 @@ def _class_path(name: str) -> str:
 def _with_checkpoint(command: str, words: list[str]) -> list[str]:
     """Name the model that a checkpoint holds, and let its representation encode whatever flights are scored.
 
-    Neither the checkpoint nor the settings beside it choose a class by its path: they may be anybody's.
+    Neither the checkpoint nor the settings of its run choose a class by its path: they may be anybody's.
     """
     parser = ArgumentParser(add_help=False, allow_abbrev=False)
     for name in ("ckpt_path", "config", "data", "data.descents", "model"):

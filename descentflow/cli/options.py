@@ -48,14 +48,14 @@ class CommandParser(argparse.ArgumentParser):
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         self._negative_number_matcher = BEGINS_AS_A_NUMBER  # a southern point is no option
-        texts = {one.arg_name: one for one in text.params}
+        texts = {param.arg_name: param for param in text.params}
         hints = get_type_hints(function, include_extras=True)
-        for one in inspect.signature(function).parameters.values():
-            if one.kind is one.VAR_KEYWORD:
-                for group in get_args(hints[one.name]):  # of Unpack
+        for parameter in inspect.signature(function).parameters.values():
+            if parameter.kind is parameter.VAR_KEYWORD:
+                for group in get_args(hints[parameter.name]):  # of Unpack
                     self._add_group(group)
             else:
-                self._add(self, one, hints[one.name], texts.get(one.name))
+                self._add(self, parameter, hints[parameter.name], texts.get(parameter.name))
 
     def error(self, message: str) -> NoReturn:
         """Print what is wrong in a line, and end with status 2."""
@@ -67,7 +67,7 @@ class CommandParser(argparse.ArgumentParser):
         """The keys of a `TypedDict`, each passed on only where it is given."""
         text = parse(inspect.getdoc(group) or "")
         place = self.add_argument_group(text.short_description, text.long_description)
-        texts = {one.arg_name: one for one in text.params}
+        texts = {param.arg_name: param for param in text.params}
         for name, hint in get_type_hints(group, include_extras=True).items():
             parameter = Parameter(name, Parameter.KEYWORD_ONLY, default=argparse.SUPPRESS)
             self._add(place, parameter, hint, texts.get(name))
@@ -83,7 +83,7 @@ class CommandParser(argparse.ArgumentParser):
         if not required:
             settings["default"] = parameter.default
         if parameter.kind is Parameter.KEYWORD_ONLY:
-            if not any(one.startswith("--") for one in names):
+            if not any(name.startswith("--") for name in names):
                 names.append(f"--{parameter.name.rstrip('_').replace('_', '-')}")
             if settings.get("action") != "store_true" and "choices" not in settings:
                 shown = (text and text.type_name) or names[-1].lstrip("-").replace("-", "_").upper()
@@ -108,9 +108,9 @@ def _kind(hint: Any) -> tuple[dict[str, Any], list[str]]:
     origin, inside = get_origin(hint), get_args(hint)
     if origin is Annotated:
         settings, names = _kind(inside[0])
-        readers = [one for one in inside[1:] if callable(one)]
+        readers = [reader for reader in inside[1:] if callable(reader)]
         return {"type": readers[0]} if readers else settings, names + [
-            one for one in inside[1:] if isinstance(one, str)
+            name for name in inside[1:] if isinstance(name, str)
         ]
     if origin in (Union, UnionType):
         return _kind(inside[0])
@@ -194,12 +194,12 @@ def pairs(option: str, words: Sequence[str]) -> dict[str, str]:
         {'operator': 'FST', 'hour': ''}
     """
     split = [word.partition("=") for word in words]
-    found = {name: value for name, _, value in split}
-    if len(found) < len(words) or not all(name and equals for name, equals, _ in split):
+    values = {name: value for name, _, value in split}
+    if len(values) < len(words) or not all(name and equals for name, equals, _ in split):
         raise ConfigError(
             f"{option} {' '.join(words)}", expected="NAME=VALUE, each name once", mend="correct the words"
         )
-    return found
+    return values
 
 
 def context_of(given: Sequence[str] | None, table: Path | None) -> dict[str, str | None] | Path | None:

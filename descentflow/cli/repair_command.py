@@ -16,9 +16,9 @@ def run(
     """Estimate CD0, CD2, idle thrust and descent speeds of a type by real flights, at its reference mass.
 
     Twenty flights are enough to begin with; flights of sister types in the same files share a prior. Writes OUT with
-    each number's source and 90 % interval. Beside it are the type's OPF and APF, OpenAP's polar, bluebird-dt's tables
-    and a page: errors before and after on aircraft that were not used. Of BADA 4, OUT is the page, and the model's XML
-    file is beside it.
+    each number's source and 90 % interval, and in its folder the type's OPF and APF, OpenAP's polar, bluebird-dt's
+    tables and a page: errors before and after on aircraft that were not used. Of BADA 4, OUT is the page, and the
+    model's XML file is there too.
 
     Args:
         flights: rows, or prepared descents (descentflow prepare)
@@ -33,7 +33,7 @@ def run(
     from descentflow.repairs.repaired_files import paths_of
 
     with stage("opening") as shown:
-        found = repair(
+        repaired = repair(
             one_or_several(flights),
             aircraft=aircraft.upper(),
             bada_dir=bada_dir,
@@ -41,5 +41,5 @@ def run(
             columns=pairs("--column", column or []),
             progress=shown.say,
         )
-    print(found)
-    print(f"wrote {', '.join(str(path) for path in paths_of(out, found.after.typecode, found.own).values())}")
+    print(repaired)
+    print(f"wrote {', '.join(str(path) for path in paths_of(out, repaired.after.typecode, repaired.own).values())}")

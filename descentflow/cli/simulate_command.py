@@ -46,7 +46,7 @@ def run(
     """Fly descents of one aircraft type by the full equation of motion.
 
     There are operators of different schedules, spread of mass, thrust and drag, level-offs and constant-rate stretches.
-    The rows that a Mode S radar would report of them are written, and the truth behind the rows beside them:
+    The rows that a Mode S radar would report of them are written, and in the same folder the truth behind them:
     OUT_truth.parquet, a row per flight and time step, and OUT_flights.parquet, a row per flight with every parameter
     and what was planted.
 
@@ -140,16 +140,19 @@ def planted(words: Sequence[str]) -> dict[str, dict[str, float]]:
         >>> planted(["temperature:deviation_k=10,spread_k=4", "mass"])
         {'temperature': {'deviation_k': 10.0, 'spread_k': 4.0}, 'mass': {}}
     """
-    found: dict[str, dict[str, float]] = {}
+    causes: dict[str, dict[str, float]] = {}
     for word in words:
         name, _, rest = word.partition(":")
         try:
-            values = {one: float(number) for one, number in pairs("--plant", rest.split(",") if rest else []).items()}
+            values = {
+                parameter: float(number)
+                for parameter, number in pairs("--plant", rest.split(",") if rest else []).items()
+            }
         except ValueError as error:
             raise ConfigError(f"--plant {word}: {error}", expected="VALUE=NUMBER", mend="correct the number") from error
-        if name in found or "=" in name:
+        if name in causes or "=" in name:
             raise ConfigError(
                 f"--plant {word}", expected="EFFECT:VALUE=NUMBER,..., each effect once", mend="correct it"
             )
-        found[name] = values
-    return found
+        causes[name] = values
+    return causes

@@ -50,7 +50,7 @@ def validate(words: list[str]) -> None:
 
     usage: descentflow validate --ckpt_path FILE [--data.descents FILE] [options]
 
-    The run's own config.yaml, found beside the checkpoint, is read first; --config FILE replaces it.
+    The run's own config.yaml, found in the folder of its run, is read first; --config FILE replaces it.
 
       --ckpt_path FILE               checkpoint that `descentflow fit` wrote
       --data.descents FILE           other prepared descents: their flights are test flights unless the checkpoint was
@@ -72,7 +72,9 @@ def predict(words: list[str]) -> None:
     import_module("descentflow.cli.lightning_cli").run("predict", words)
 
 
-COMMANDS: dict[str, Callable[[list[str]], None]] = {one.__name__: one for one in (fit, validate, test, predict)}
+COMMANDS: dict[str, Callable[[list[str]], None]] = {
+    command.__name__: command for command in (fit, validate, test, predict)
+}
 
 
 def text(name: str) -> str:

@@ -117,7 +117,10 @@ def test_a_callback_that_cannot_be_made_is_named_in_a_line(
     words = ["--trainer.callbacks+=EarlyStopping", "--trainer.callbacks.monitor=val/nll", "--trainer.callbacks.mode=up"]
     assert main(["fit", "--model", "Gaussian", "--data.descents", str(descents), *QUICK, *words]) == 2
     said = capsys.readouterr().err
-    assert "cannot be made: MisconfigurationException: `mode` can be min, max, got up; expected loggers" in said
+    assert (
+        "cannot be taken: MisconfigurationException: `mode` can be min, max, got up; expected options of trainer"
+        in said
+    )
     assert "Traceback" not in said
 
 

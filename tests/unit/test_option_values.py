@@ -27,7 +27,7 @@ FIT = ["--model", "Gaussian", "--data.descents", "descents.parquet"]
         ([*FIT, "--model.jitter", "2"], "--jitter: .* 2 does not conform to restriction v>=0 and v<=1"),
         ([*FIT, "--model.jiter", "2"], "'jiter' is not accepted"),
         ([*FIT, "--modle", "Gaussian"], "nrecognized arguments: --modle Gaussian;"),
-        ([*FIT, "--trainer.devices", "x"], "options of the trainer that it does not take: .*devices"),
+        ([*FIT, "--trainer.devices", "x"], "options that cannot be taken: .*devices"),
         ([*FIT, "--data", __file__], "--data: Unable to load config"),
         (["--config", "flwo", *FIT], "no settings file flwo; .* did you mean flow"),
         (["--model", "Gausian", *FIT[2:]], "no model Gausian; expected gaussian, mixture, .* did you mean Gaussian"),

@@ -77,7 +77,7 @@ class WithTable(InNotebook):
 
     Example:
         >>> import descentflow as df
-        >>> len(df.sample("best.ckpt", 2, seed=0).to_pandas()["sample"].unique())
+        >>> len(df.sample("best.ckpt", 2, seed=0).to_pandas()["sample_id"].unique())
         2
     """
 

@@ -167,4 +167,5 @@ def _checked(
             mend="correct the line",
         )
     ends = None if levels is None else (float(levels[0]), float(levels[1]))
-    return Limit(quantity, absolute, relative, ends, minutes, source)
+    size = None if absolute is None else float(absolute)
+    return Limit(quantity, size, relative, ends, minutes, source)

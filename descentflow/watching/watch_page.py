@@ -75,7 +75,7 @@ def _evidence_figure(found: Watch, weighed: Evidence) -> "Figure":
     """Logarithm of the evidence by day, with the threshold."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(6.4, 2.4), layout="constrained")
+    figure = Figure(figsize=(3.4, 2.6), layout="constrained")
     ax = figure.subplots()
     ax.plot(weighed.log_e, color="#0072b2")
     threshold = -np.log(found.settings.false_alarms)
@@ -85,6 +85,7 @@ def _evidence_figure(found: Watch, weighed: Evidence) -> "Figure":
     ax.set_ylim(
         min(-1.0, float(weighed.log_e.min())), max(2 * threshold, min(float(weighed.log_e.max()), 10 * threshold))
     )
+    ax.set_title("evidence of a change", fontsize=9)
     return _finished(figure, "day", "ln of the evidence")
 
 

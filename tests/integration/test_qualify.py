@@ -6,6 +6,7 @@ from importlib import import_module
 from pathlib import Path
 
 import gap_toys
+import jsonschema
 import numpy as np
 import polars as pl
 import pytest
@@ -116,6 +117,10 @@ def test_a_corrected_simulator_would_be_nearer(record: tuple[Qualification, Path
 def test_the_files_hold_the_record(record: tuple[Qualification, Path]) -> None:
     found, folder = record
     content = json.loads((folder / "qualification.json").read_text())
+    schema = json.loads((Path(module.__file__ or "").parent / "qualification.schema.json").read_text())
+    jsonschema.validate(content, schema)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(content | {"verdict": "fine"}, schema)
     assert content["verdict"] == found.verdict
     assert len(content["rows"]) == len(found.rows)
     assert content["pedigree"]["real"]["fingerprint"]

@@ -14,8 +14,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import descentflow as df
-from descentflow.core.files import whole_file
 from descentflow.exports.export import export
+from descentflow.reporting.figure_file import write_figure
 from descentflow.reporting.figure_style import MODELS, tidy
 
 WHERE = {
@@ -152,5 +152,5 @@ FIGURES: dict[str, Callable[[str, Path], Figure]] = {
 
 if __name__ == "__main__":
     warnings.simplefilter("ignore")
-    with TemporaryDirectory() as scratch, whole_file(sys.argv[3]) as temporary:
-        FIGURES[sys.argv[1]](sys.argv[2], Path(scratch)).savefig(temporary, format="png", dpi=90)
+    with TemporaryDirectory() as scratch:
+        write_figure(FIGURES[sys.argv[1]](sys.argv[2], Path(scratch)), sys.argv[3], 90)

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import descentflow as df
-from descentflow.core.files import whole_file
 from descentflow.core.units import KT_MPS, NM_M
+from descentflow.reporting.figure_file import write_figure
 from descentflow.reporting.figure_style import model_style, tidy
 
 ROUTE = [(53.6, 2.6), (53.0, 3.6), (52.62, 4.75), (52.3, 4.76)]
@@ -51,5 +51,4 @@ def figure(checkpoint: str) -> Figure:
 
 
 if __name__ == "__main__":
-    with whole_file(sys.argv[2]) as temporary:
-        figure(sys.argv[1]).savefig(temporary, format="png", dpi=90)
+    write_figure(figure(sys.argv[1]), sys.argv[2], 90)

@@ -27,14 +27,12 @@ RUNS: Mapping[str, Sequence[str]] = {
     "energy_share_figure": ["{out}/figure.png"],
     "export_figures": ["cf", "{model}", "{out}/figure.png"],
     "fly_jsbsim": ["--model", "fokker100", "--flights", "1", "--out", "{out}/rows.parquet"],
-    "fuel_scores": ["{shared}/real/acropole_a320_recorder.csv"],
     "kill": ["{out}", "--times", "1", "--commands", "sample", "--signals", "KILL"],
     "open_aircraft_page": ["{out}/page.html", "A320"],
     "open_types_by_flights": ["--types", "AT76"],
     "package_contents": ["{p.whl}", "{p.tar}"],
     "paper_study": ["{out}/study", "--types", "A320", "--share", "0.005", "--models", "gaussian", "--samples", "200"],
     "positions_figure": ["{model}", "{out}/figure.png"],
-    "recorder_fuel": ["{shared}/real/acropole_a320_recorder.csv"],
     "recorder_thrust": ["{shared}/real/rj85_recorder_2001.parquet"],
     "sample_descents": ["{model}", "10"],
     "size": [],
@@ -45,7 +43,6 @@ RUNS: Mapping[str, Sequence[str]] = {
 SMALL = {
     "cleaning_truth": {"FLIGHTS": 20},
     "derived_airspeeds": {"DRAWN": 200},
-    "fuel_scores": {"TRAINING": (60, 0), "OTHERS": (60, 1), "SAMPLES": 200},
     "study_repair": {"JUDGES": 40},
 }
 """Constants of scripts that have no option for their size."""

@@ -17,6 +17,7 @@ from descentflow.core.errors import ConfigError
 from descentflow.core.files import whole_file
 from descentflow.core.threads import one_thread
 from descentflow.core.workers import Engine
+from descentflow.reporting.figure_file import write_figure
 from studies.paper.job_log import logged_to
 from studies.paper.study_plan import StudyPlan, begin
 
@@ -204,9 +205,7 @@ def _gappy(job: _SweepJob, common: _Sweeps) -> None:
         for pattern in PATTERNS
         for error in hidden_errors(values, real.mask, pattern, speed=speed)
     ]
-    figure = _completed(real, curves)
-    with whole_file(job.product(common.own).with_suffix(".png")) as temporary:
-        figure.savefig(temporary, format="png", dpi=100)
+    write_figure(_completed(real, curves), job.product(common.own).with_suffix(".png"), 100)
     _write_csv(pl.DataFrame(rows), job.product(common.own))
 
 

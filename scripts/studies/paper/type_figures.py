@@ -13,6 +13,7 @@ from descentflow.evaluation.figures.profile_bands import profiles_figure
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.generation.rejection import sample_descents
 from descentflow.physics.nominal_descent import nominal_descent
+from descentflow.reporting.figure_file import write_figure
 from descentflow.representation.representation import Representation
 from descentflow.training.datamodule import DescentDataModule
 from studies.paper.figures.mass_range import mass_range, mass_range_figure
@@ -68,8 +69,7 @@ def write_type_figures(plan: StudyPlan, folder: Path, typecode: str) -> None:
         "cuts": cuts_figure(real, samples, nominal, _cut_level_fl(real, decoder.transition_fl), title=typecode),
     }
     for name, figure in figures.items():
-        with whole_file(folder / f"{name}.png") as temporary:
-            figure.savefig(temporary, format="png", dpi=100)
+        write_figure(figure, folder / f"{name}.png", 100)
     with whole_file(folder / "nll.csv") as temporary:
         pl.DataFrame(likelihoods, schema=["model", "nll", "error", "n"], orient="row").write_csv(temporary)
     with whole_file(folder / LAST) as temporary:

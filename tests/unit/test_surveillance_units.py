@@ -17,7 +17,7 @@ from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.units_check import check_units
 
 Change = Callable[[pl.DataFrame], pl.DataFrame]
-KT_MPS, KT_KMH, KT_MPH = 0.514444, 1.852, 1.15078
+KT_MPS, KT_KMH, KT_MPH, FPM_MPS = 0.514444, 1.852, 1.15078, 0.00508
 
 
 @pytest.fixture(scope="module")
@@ -48,34 +48,56 @@ FLIGHT_LEVELS: Change = lambda frame: frame.with_columns((pl.col("altitude") / 1
 WRONG: dict[str, tuple[Change, str, str]] = {
     "groundspeed in km/h": (times("groundspeed", KT_KMH), "groundspeed seems to be in km/h", "groundspeed by 0.53996"),
     "TAS in km/h": (times("TAS", KT_KMH), "TAS seems to be in km/h", "TAS by 0.53996"),
-    "IAS in mph": (times("IAS", KT_MPH), "IAS seems to be in miles per hour", "IAS by 0.86898"),
     "IAS in m/s": (times("IAS", KT_MPS), "IAS seems to be in m/s", "IAS by 1.9438"),
     "Mach in percent": (times("Mach", 100), "Mach seems to be in hundredths", "Mach by 0.01"),
     "TAS that is IAS": (lambda f: f.with_columns(TAS="IAS"), "TAS seems to be IAS", "true airspeed"),
     "IAS and TAS swapped": (SWAPPED, "IAS and TAS seem to be swapped", "--column IAS=TAS --column TAS=IAS"),
     "flight levels": (FLIGHT_LEVELS, "altitude seems to be in hundreds of feet", "altitude by 100"),
     "altitude in metres": (times("altitude", 0.3048), "altitude seems to be in metres", "altitude by 3.2808"),
-    "rate in ft/s": (times("vertical_rate", 1 / 60), "vertical_rate seems to be in ft/s", "vertical_rate by 60"),
+    "rate in m/s": (times("vertical_rate", FPM_MPS), "vertical_rate seems to be in m/s", "vertical_rate by 196.85"),
     "all SI": (
         both(times("altitude", 0.3048), times("IAS", KT_MPS), times("TAS", KT_MPS), times("groundspeed", KT_MPS)),
         "altitude seems to be in metres and IAS in m/s and TAS in m/s and groundspeed in m/s",
         "altitude by 3.2808 and IAS by 1.9438",
     ),
-}
+    "SI with its rate": (
+        both(times("altitude", 0.3048), *(times(name, KT_MPS) for name in ("IAS", "TAS", "groundspeed")),
+             times("vertical_rate", FPM_MPS)),
+        "groundspeed in m/s and vertical_rate in m/s",
+        "vertical_rate by 196.85",
+    ),
+    "speeds in m/s": (
+        both(*(times(name, KT_MPS) for name in ("IAS", "TAS", "groundspeed"))),
+        "IAS seems to be in m/s and TAS in m/s and groundspeed in m/s",
+        "IAS by 1.9438 and TAS by 1.9438",
+    ),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("mach", [True, False], ids=["with Mach", "without Mach"])
 @pytest.mark.parametrize("kind", WRONG)
 def test_the_column_that_is_wrong_is_named_with_its_factor(kind: str, mach: bool, rows: pl.DataFrame) -> None:
     change, words, mend = WRONG[kind]
-    if not mach and (kind == "IAS in mph" or "Mach" in words):
-        pytest.skip("15 % could be warm air, where there is no Mach")
+    if not mach and "Mach" in words:
+        pytest.skip("of the column that is left out")
     changed = change(rows) if mach else change(rows).drop("Mach")
     with pytest.raises(DataError) as caught:
         read_rows([changed], DropReport())
     assert words in caught.value.got
     assert "read so, all columns agree" in caught.value.got
     assert mend in caught.value.mend
+
+
+@pytest.mark.parametrize("change", [
+    times("IAS", KT_MPH),
+    both(times("IAS", KT_KMH), times("altitude", 0.3048)),
+    both(times("TAS", KT_KMH), times("groundspeed", KT_MPS)),
+])  # fmt: skip
+def test_units_that_were_never_met_are_refused_by_the_names_of_the_columns(change: Change, rows: pl.DataFrame) -> None:
+    names = [name for name in rows.columns if not change(rows)[name].equals(rows[name])]
+    with pytest.raises(DataError, match="contradict") as caught:
+        read_rows([change(rows)], DropReport())
+    assert all(name in caught.value.got for name in names)
 
 
 def test_columns_that_agree_are_read(rows: pl.DataFrame) -> None:

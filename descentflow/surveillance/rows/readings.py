@@ -1,12 +1,11 @@
 """Units, signs and meanings of columns by physics: the readings in which all columns of the same rows agree.
 
 Columns of a row follow from each other: IAS from Mach and altitude, TAS from Mach in nearly standard air, groundspeed
-from TAS but for wind, and the vertical rate from altitudes of neighbouring rows. Every combination of the readings of
-:data:`READINGS` is judged by how much these then differ.
+from TAS but for wind, and the vertical rate from altitudes of neighbouring rows. The :data:`READINGS` of each column,
+and those of :data:`TOGETHER`, are judged by how much these then differ.
 """
 
-import itertools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -88,40 +87,39 @@ class Reading:
 
 
 AS_GIVEN, OFF = Reading(""), Reading("wrong", off=True)
+METRES, MPS, MPS_RATE = Reading("in metres", 1 / FT_M), Reading("in m/s", 1 / KT_MPS), Reading("in m/s", 1 / FPM_MPS)
 LESSENED = Reading("divided by 100", 100.0)
-SPEEDS = (
-    Reading("in m/s", 1 / KT_MPS),
-    Reading("in km/h", 1 / 1.852),
-    Reading("in miles per hour", 1 / 1.15078),
-    Reading("multiplied by 100", 0.01),
-    LESSENED,
-)
-RATE_UNITS = {
-    "in m/s": 1 / FPM_MPS,
-    "in hundreds of ft/min": 100.0,
-    "in ft/s": 60.0,
-    "raw counts of 32 ft/min (register BDS 6,0)": 32.0,
-    "raw counts of 64 ft/min (ADS-B)": 64.0,
-    "doubled": 0.5,
-    "halved": 2.0,
-}
+IS_TAS, IS_IAS = Reading("TAS or groundspeed", meaning="TAS"), Reading("IAS", meaning="IAS")
+SPEEDS = (MPS, Reading("in km/h", 1 / 1.852), Reading("multiplied by 100", 0.01), LESSENED)
 SINKS = "with the sign of a sink rate"
 READINGS: dict[str, tuple[Reading, ...]] = {
-    "altitude": (AS_GIVEN, Reading("in metres", 1 / FT_M), Reading("in hundreds of feet", 100.0)),
-    "IAS": (AS_GIVEN, *SPEEDS, Reading("TAS or groundspeed", meaning="TAS"), OFF),
-    "Mach": (AS_GIVEN, Reading("in hundredths", 0.01), Reading("in thousandths", 0.001), LESSENED, OFF),
-    "TAS": (AS_GIVEN, *SPEEDS, Reading("IAS", meaning="IAS"), OFF),
-    "groundspeed": (AS_GIVEN, *SPEEDS, Reading("IAS", meaning="IAS"), OFF),
+    "altitude": (METRES, Reading("in hundreds of feet", 100.0)),
+    "IAS": (*SPEEDS, IS_TAS, OFF),
+    "Mach": (Reading("in hundredths", 0.01), LESSENED, OFF),
+    "TAS": (*SPEEDS, IS_IAS, OFF),
+    "groundspeed": (*SPEEDS, IS_IAS, OFF),
     "vertical_rate": (
-        AS_GIVEN,
-        *(Reading(words, factor) for words, factor in RATE_UNITS.items()),
+        MPS_RATE,
+        Reading("in hundreds of ft/min", 100.0),
+        Reading("raw counts of 32 ft/min (register BDS 6,0)", 32.0),
+        Reading("raw counts of 64 ft/min (ADS-B)", 64.0),
+        Reading("doubled", 0.5),
+        Reading("halved", 2.0),
         Reading(SINKS, -1.0),
-        *(Reading(f"{words} and {SINKS}", -factor) for words, factor in RATE_UNITS.items()),
         Reading("without a sign", meaning="unsigned"),
         OFF,
     ),
 }
-"""Column -> its readings, the expected one first."""
+"""Column -> its readings but for the expected one: those that tables were met with."""
+SPEEDS_MPS = {"IAS": MPS, "TAS": MPS, "groundspeed": MPS}
+TOGETHER: tuple[dict[str, Reading], ...] = (
+    {"IAS": IS_TAS, "TAS": IS_IAS},
+    {"altitude": METRES, "vertical_rate": MPS_RATE},
+    SPEEDS_MPS,
+    {"altitude": METRES, **SPEEDS_MPS},
+    {"altitude": METRES, **SPEEDS_MPS, "vertical_rate": MPS_RATE},
+)
+"""Columns that were met in other readings at once: swapped speeds, and tables in SI units."""
 
 
 @dataclass(frozen=True)
@@ -223,28 +221,26 @@ class Solution:
         )
 
 
+def tried(evidence: UnitEvidence, names: Iterable[str]) -> Iterator[dict[str, Reading]]:
+    """Readings of all columns: each of these by itself in another one, and those that were met together."""
+    given = evidence.given
+    yield from ({**given, name: reading} for name in names for reading in READINGS[name])
+    for together in TOGETHER:
+        several = {name: reading for name, reading in together.items() if name in given}
+        if len(several) > 1:
+            yield {**given, **several}
+
+
 def agreeing(evidence: UnitEvidence, given: Solution) -> list[Solution]:
     """Readings in which all columns agree, the ones that change least first; several if they do equally well."""
-    found = sorted((one for one in _tried(evidence) if one.agrees and one.mends(given)), key=lambda one: one.rank)
-    return [one for one in found if one.rank[:2] == found[0].rank[:2] and one.rank[2] < found[0].rank[2] + 0.2]
+    solutions = (judged(evidence, readings) for readings in tried(evidence, evidence.given))
+    best = sorted((each for each in solutions if each.agrees and each.mends(given)), key=lambda each: each.rank)
+    return [each for each in best if each.rank[:2] == best[0].rank[:2] and each.rank[2] < best[0].rank[2] + 0.2]
 
 
-def _tried(evidence: UnitEvidence) -> Iterator[Solution]:
-    """Every reading of altitude, IAS and Mach; the others agree with these, or not, each for itself."""
-    first: list[str] = [name for name in ("altitude", "IAS", "Mach") if name in evidence.given]
-    for combination in itertools.product(*(READINGS[name] for name in first)):
-        readings: dict[str, Reading] = dict(zip(first, combination, strict=True))
-        if not judged(evidence, readings).agrees:
-            continue
-        for name in list(evidence.given)[len(first) :]:
-            tried = (judged(evidence, {**readings, name: reading}, only=name) for reading in READINGS[name])
-            readings[name] = min((one for one in tried if one.agrees), key=lambda one: one.rank).readings[name]
-        yield judged(evidence, readings)
-
-
-def judged(evidence: UnitEvidence, readings: dict[str, Reading], only: str = "") -> Solution:
-    """Agreement of the columns by these readings, altitude's among them; of one column alone with the others."""
-    values = {name: array * readings[name].factor for name, array in evidence.columns.items() if name in readings}
+def judged(evidence: UnitEvidence, readings: dict[str, Reading]) -> Solution:
+    """Agreement of the columns by these readings."""
+    values = {name: array * readings[name].factor for name, array in evidence.columns.items()}
     altitude = values["altitude"]
     with np.errstate(all="ignore"):
         machs: dict[str, Array] = {
@@ -255,7 +251,7 @@ def judged(evidence: UnitEvidence, readings: dict[str, Reading], only: str = "")
         pairs = {
             pair: (difference, allowed)
             for pair, difference, allowed in _compared(evidence, machs, values, readings)
-            if np.isfinite(difference) and only in pair
+            if np.isfinite(difference)
         }
         return Solution(readings, pairs, _possible(machs, altitude, evidence.columns["IAS"], readings["altitude"]))
 

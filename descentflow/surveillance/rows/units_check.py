@@ -1,6 +1,5 @@
 """Checks of columns: units and quantities by physics, of all rows or some flights, and values that stand for none."""
 
-import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +9,6 @@ from descentflow.core.errors import DataError, warn
 from descentflow.core.units import FT_M
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt, isa_tas_of_mach_kt, mach_of_cas
 from descentflow.surveillance.rows.readings import (
-    AS_GIVEN,
     FASTEST_FPM,
     LEAP_FPM,
     LOWEST_TAS_FT,
@@ -19,7 +17,6 @@ from descentflow.surveillance.rows.readings import (
     MAX_RATE_ROWS,
     MAX_TAS_OF_IAS,
     MIN_AIRCRAFT,
-    READINGS,
     SLOWEST_FPM,
     Reading,
     Solution,
@@ -28,6 +25,7 @@ from descentflow.surveillance.rows.readings import (
     flies,
     judged,
     steps_of,
+    tried,
 )
 from descentflow.surveillance.rows.schema import MIN_CHECKED_VALUES, POSSIBLE, REQUIRED
 from descentflow.surveillance.rows.times import check_numbers_of_days, check_whole_minutes
@@ -59,9 +57,9 @@ MAX_COPIED_SHARE = 0.9
 def check_units(rows: pl.DataFrame, source: str) -> None:
     """Refuse rows with a column that is evidently in a wrong unit, or of another quantity.
 
-    Altitude, IAS, Mach, TAS, groundspeed and vertical rate are read in every combination of units and meanings; where
-    they contradict each other as given, the combination that changes least and makes all of them agree is the
-    error. Where none does, the column without which the others agree is named, or all that contradict.
+    Where altitude, IAS, Mach, TAS, groundspeed and vertical rate contradict each other as given, each is read in other
+    units and meanings, and those together that tables were met with; what makes all agree is the error. Where nothing
+    does, the column without which the others agree is named, or all that contradict.
 
     Args:
         rows: As read, before the check of possible values: 300 kt in km/h would be impossible. Without a column Mach
@@ -118,20 +116,18 @@ def _check_speed_over_ground(rows: pl.DataFrame, source: str) -> None:
     if not evidence.columns:
         return
 
-    def read(altitude: Reading, speed: Reading, rate: Reading) -> Solution:
-        tried = {"altitude": altitude, "IAS": replace(speed, meaning="TAS"), "vertical_rate": rate}
-        found = judged(evidence, {name: tried[name] for name in evidence.given})
-        shown = {"altitude": altitude, "groundspeed": speed, "vertical_rate": rate}
-        return replace(found, readings={name: one for name, one in shown.items() if one.words})
+    def read(readings: dict[str, Reading]) -> Solution:
+        # TAS, and shown as the groundspeed that it is nearly.
+        speed = readings["IAS"]
+        solution = judged(evidence, {**readings, "IAS": replace(speed, meaning="TAS")})
+        shown = {"groundspeed" if name == "IAS" else name: one for name, one in readings.items() if one.words}
+        return replace(solution, readings=shown)
 
-    given = read(AS_GIVEN, AS_GIVEN, AS_GIVEN)
-    speeds = [one for one in READINGS["groundspeed"] if not one.meaning]
-    several = itertools.product(READINGS["altitude"], speeds, READINGS["vertical_rate"])
-    best = (
-        [] if given.agrees else sorted((one for tried in several if (one := read(*tried)).agrees), key=lambda s: s.rank)
-    )
-    if best:
-        raise refusal(source, given, best[:1])
+    given = read(evidence.given)
+    several = [] if given.agrees else tried(evidence, evidence.given)
+    solutions = [read(readings) for readings in several if not readings["IAS"].meaning]
+    if best := sorted((each for each in solutions if each.agrees and not each.off), key=lambda each: each.rank)[:1]:
+        raise refusal(source, given, best)
 
 
 def _check_copied_altitude(rows: pl.DataFrame, source: str) -> None:

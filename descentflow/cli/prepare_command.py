@@ -94,7 +94,8 @@ def run(
             is computed from IAS and altitude); 'altitude=alt_m*3.2808' multiplies
         airspeeds_from (FIELD): for rows without IAS and Mach, which get them from groundspeed, track, and the wind and
             temperature of this weather field (NetCDF or GRIB on pressure levels, a file or a folder; may be given
-            again), or of 'columns' of the rows (u_component_of_wind, v_component_of_wind in m/s, temperature in K)
+            again), of 'columns' of the rows (u_component_of_wind, v_component_of_wind in m/s, temperature in K), or of
+            their 'neighbours', aircraft of the same rows that report theirs
         types: CSV of icao24,typecode, or flight_id,typecode, for rows that do not name their type
         typecode: keep these types, for instance A320,A321 (default: all)
         report: also write the report as JSON

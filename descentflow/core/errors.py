@@ -94,6 +94,29 @@ class DataError(DescentflowError):
     """
 
 
+class NoRowsError(DataError):
+    """Files without any row: an error of all of them together, and counted where they are some of many.
+
+    Example:
+        >>> import descentflow as df
+        >>> import polars as pl
+        >>> df.prepare(pl.DataFrame(schema=dict.fromkeys(("timestamp", "icao24", "altitude", "IAS"), pl.String)))
+        Traceback (most recent call last):
+        descentflow.core.errors.NoRowsError: no row in ...; expected surveillance rows; to mend it, ...
+    """
+
+
+class CleaningError(DataError):
+    """Rows of which cleaning leaves nothing, or refuses all: of all files together, none of which it names.
+
+    Example:
+        >>> import descentflow as df
+        >>> df.prepare("rows.parquet", bottom_fl=400)
+        Traceback (most recent call last):
+        descentflow.core.errors.CleaningError: no free descent is left: ...; expected ...; to mend it, ...
+    """
+
+
 class AircraftError(DescentflowError):
     """Aircraft coefficients that are missing, unreadable or out of range.
 

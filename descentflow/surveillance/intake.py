@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import polars as pl
 
-from descentflow.core.errors import DataError
+from descentflow.core.errors import NoRowsError
 from descentflow.surveillance.cleaning.chain import Outcome, clean
 from descentflow.surveillance.cleaning.flights import names_given, usable
 from descentflow.surveillance.cleaning.report_checks import nothing_left
@@ -104,7 +104,7 @@ def clean_held(
     progress("telling flights apart")
     rows = pl.concat(held, how="diagonal")
     held.clear()
-    outcome = clean(rows, request.work(intake.columns, intake.names), threads=threads, progress=progress)
+    outcome = clean(rows, request.work(intake.columns, intake.names, [rows]), threads=threads, progress=progress)
     request.account(intake.report, [(outcome.report, outcome.present, outcome.untyped)])
     if outcome.levels.is_empty():
         raise nothing_left(intake.report, request.cleaning)
@@ -124,8 +124,8 @@ def _blocks(
             columns=request.columns,
             derived=request.airspeeds is not None,
         )
-    except DataError as error:
-        if alone or not error.got.startswith("no row in "):
+    except NoRowsError:
+        if alone:
             raise
         report.note("groups of files without a row", 1)
         yield pl.DataFrame(schema={name: COLUMNS[name] for name in REQUIRED})

@@ -6,7 +6,7 @@ from typing import Any
 
 import polars as pl
 
-from descentflow.core.errors import ConfigError, DataError, warn
+from descentflow.core.errors import CleaningError, ConfigError, DataError, warn
 from descentflow.core.tabular import held_table, is_table
 from descentflow.core.threads import check_not_forked
 from descentflow.surveillance.cleaning.thresholds import Cleaning, differences_in_words, different_settings
@@ -86,11 +86,8 @@ class FlightSource:
 
             try:
                 return prepare(self.source, cleaning=cleaning, columns=self.columns, progress=self.say)
-            except DataError as error:
-                if self.name in error.got:
-                    raise
-                # A diagnosis has flights of two sides.
-                raise DataError(f"{self.name}: {error.got}", expected=error.expected, mend=error.mend) from error
+            except CleaningError as error:  # a diagnosis has flights of two sides
+                raise CleaningError(f"{self.name}: {error.got}", expected=error.expected, mend=error.mend) from error
         if self.columns:
             words = ", ".join(f"{name}={column}" for name, column in self.columns.items())
             raise ConfigError(

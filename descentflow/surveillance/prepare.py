@@ -62,7 +62,8 @@ def prepare(
         columns: Name in a row -> column of the rows' tables, for instance `{"altitude": "alt_ft"}`.
         airspeeds_from: Source of wind and temperature, with which rows without IAS and Mach get these from groundspeed
             and track: files or a folder of a weather field on pressure levels (NetCDF, GRIB); or `"columns"` of the
-            rows (`u_component_of_wind`, `v_component_of_wind` in m/s, `temperature` in K). None if rows must have them.
+            rows (`u_component_of_wind`, `v_component_of_wind` in m/s, `temperature` in K); or `"neighbours"`, the
+            aircraft of the same rows that report theirs. None if rows must have them.
         memory_bytes: Bound on this process, and on each worker, if `out` is given.
         engine: Where partitions are cleaned if `out` is given: threads of this process by default; ``"dask"``, the
             address or the file of a Dask scheduler, or a `distributed.Client`

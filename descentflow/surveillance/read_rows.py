@@ -8,7 +8,7 @@ from typing import Any
 
 import polars as pl
 
-from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.errors import ConfigError, NoRowsError
 from descentflow.core.tabular import held_table, is_pandas
 from descentflow.surveillance.formats.known_formats import (
     ACCEPTED,
@@ -89,7 +89,7 @@ def row_blocks(
     if empty:
         names = ", ".join(TABLE_IN_MEMORY if isinstance(source, pl.DataFrame) else str(source) for source in sources)
         lists = LISTS_OF_TYPES in report.notes
-        raise unreadable.first_error or DataError(
+        raise unreadable.first_error or NoRowsError(
             f"no row in {names}" + (", but a list of types (icao24, typecode)" if lists else ""),
             expected="surveillance rows",
             mend="pass the rows, and the list as --types" if lists else "pass other files",

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from descentflow.core.workers import version
 from descentflow.surveillance.cleaning.chain import Work
 from descentflow.surveillance.cleaning.flights import names_shared
 from descentflow.surveillance.cleaning.idle import check_power
+from descentflow.surveillance.cleaning.neighbour_air import observed
 from descentflow.surveillance.cleaning.report_checks import (
     NONE_OF,
     asked_in_vain,
@@ -25,7 +26,7 @@ from descentflow.surveillance.descents.prepared_descents import top_levels
 from descentflow.surveillance.descents.store import SCHEMA_VERSION
 from descentflow.surveillance.formats.known_formats import ACCEPTED
 from descentflow.surveillance.read_rows import TABLE_IN_MEMORY, Source
-from descentflow.surveillance.rows.airspeed_source import AirspeedSource
+from descentflow.surveillance.rows.airspeed_source import NEIGHBOURS, AirspeedSource
 from descentflow.surveillance.rows.column_names import check_named
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import AIRSPEEDS, COLUMNS
@@ -81,12 +82,16 @@ class PreparationRequest:
         paths = [source for source in self.rows if not isinstance(source, pl.DataFrame)]
         return files_of(paths, ACCEPTED) if paths or not self.rows else []
 
-    def work(self, columns: tuple[str, ...], names: pl.DataFrame) -> Work:
+    def work(self, columns: tuple[str, ...], names: pl.DataFrame, parts: Iterable[pl.DataFrame]) -> Work:
         """Work on the rows of any aircraft.
 
         Args:
             columns: Of all rows that were read.
             names: Flight names in them (:func:`~descentflow.surveillance.cleaning.flights.names_given`).
+            parts: These rows, which are read where neighbours are the source of airspeeds.
+
+        Raises:
+            DataError: If no aircraft reports what neighbours are to report.
         """
         if self.cleaning.idle_only is not None:
             check_power(columns)
@@ -94,7 +99,8 @@ class PreparationRequest:
         if self.airspeeds:
             made = {*columns, *AIRSPEEDS, *self.airspeeds.needed}
             columns = tuple(name for name in COLUMNS if name in made)
-        return Work(self.cleaning, columns, shared, tuple(self.typecodes), self.types, self.shown, self.airspeeds)
+        seen = observed(parts) if self.airspeeds and self.airspeeds.kind == NEIGHBOURS else None
+        return Work(self.cleaning, columns, shared, tuple(self.typecodes), self.types, self.shown, self.airspeeds, seen)
 
     def facts(self, files: Sequence[Path]) -> dict[str, Any]:
         """All that the descents depend on.

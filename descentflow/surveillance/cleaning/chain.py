@@ -54,6 +54,7 @@ class Work:
         types: Table `icao24,typecode` for rows that do not name their type.
         shown: Number of random flights whose rows are wanted with the reason for which each was dropped; none if 0.
         airspeeds: Source of wind and temperature for rows without airspeeds, which else are not usable.
+        seen: Observations of all aircraft, where these are the source.
     """
 
     rules: Cleaning
@@ -63,6 +64,7 @@ class Work:
     types: pl.DataFrame | None = None
     shown: int = 0
     airspeeds: AirspeedSource | None = None
+    seen: pl.DataFrame | None = None
 
 
 @dataclass
@@ -122,7 +124,7 @@ def clean(
     untyped = rows_by_address(typed) if types is not None and not report.left("unknown_type") else {}
     del typed
     if work.airspeeds:
-        rows = with_airspeeds(rows, work.airspeeds, report)
+        rows = with_airspeeds(rows, work.airspeeds, report, work.seen)
     if work.rules.idle_only is not None:
         rows = with_power(rows, work.rules.slowest_fpm)
     batches = _batches(rows)

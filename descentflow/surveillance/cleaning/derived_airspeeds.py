@@ -12,7 +12,7 @@ import numpy as np
 import polars as pl
 
 from descentflow.core.constants import KAPPA, LAPSE_K_M, R_AIR, T0_K, TROPOPAUSE_M
-from descentflow.core.errors import DataError
+from descentflow.core.errors import CleaningError, DataError
 from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
 from descentflow.surveillance.cleaning.filters import SECONDS, clock_of, flights_of
 from descentflow.surveillance.cleaning.ground_vector import Mask, check_course, stuck, turning
@@ -52,6 +52,10 @@ STEP_FT = 5000.0
 """Bands of altitude over which flights are averaged for it."""
 
 
+ERROR_NOTE = "reported airspeeds, from which those derived at the same rows differ by"
+"""Note in the report; of neighbours each aircraft's own reports are left out."""
+
+
 class RowAir(NamedTuple):
     """Wind (m/s) and temperature (K) of n rows, NaN where unknown, and the causes (3, n) for which they are."""
 
@@ -61,13 +65,17 @@ class RowAir(NamedTuple):
     missing: list[Mask]
 
 
-def with_airspeeds(rows: pl.DataFrame, source: AirspeedSource, report: DropReport) -> pl.DataFrame:
+def with_airspeeds(
+    rows: pl.DataFrame, source: AirspeedSource, report: DropReport, seen: pl.DataFrame | None = None
+) -> pl.DataFrame:
     """Rows with IAS and Mach, their own or derived, with the column `airspeed_source`.
 
     Args:
         rows: Sorted by flight and time, with columns for all that is needed.
         source: Of wind and temperature.
         report: Takes the rows that are dropped for each cause.
+        seen: Observations of all aircraft (:func:`~descentflow.surveillance.cleaning.neighbour_air.observations`), if
+            these are the source.
 
     Raises:
         DataError: If the field cannot be used, or groundspeed, track or wind contradict the other columns.
@@ -85,7 +93,7 @@ def with_airspeeds(rows: pl.DataFrame, source: AirspeedSource, report: DropRepor
     rows, lacks = report.count("beside_reported_airspeeds", rows, rows.filter(pl.Series(~beside))), lacks[~beside]
     turns, holds = turning(rows), stuck(rows)
     check_course(rows, ~turns)
-    air = _air_of(rows, source)
+    air = _air_of_neighbours(rows, seen) if seen is not None else _air_of(rows, source)
     _check_wind(rows, air, ~turns)
     mach = _mach(rows, air)
     made = {"IAS": cas_of_mach_kt(mach, rows["altitude"].to_numpy()), "Mach": mach}
@@ -99,6 +107,7 @@ def with_airspeeds(rows: pl.DataFrame, source: AirspeedSource, report: DropRepor
         airspeed_source=pl.when(derived).then(pl.lit(source.kind)).otherwise(pl.lit(REPORTED)),
         _cause=pl.Series(np.where(lacks, cause, 0)),
     )
+    _note_error(rows, report)
     for number, name in enumerate(CAUSES, 1):
         kept = rows.filter(pl.col("_cause") != number) if (cause[lacks] == number).any() else rows
         rows = report.count(name, rows, kept)
@@ -133,6 +142,34 @@ def _air_of(rows: pl.DataFrame, source: AirspeedSource) -> RowAir:
     return _air_of_field(rows, source)
 
 
+def _note_error(rows: pl.DataFrame, report: DropReport) -> None:
+    """Note how far derived airspeeds are from those of aircraft that report their own."""
+    off = (rows["derived_IAS"] - rows["IAS"]).drop_nulls()
+    if len(off) >= MIN_CHECKED_VALUES:
+        middle, low, high = (float(off.quantile(share) or 0.0) for share in (0.5, 0.159, 0.841))
+        said = f"{ERROR_NOTE} {middle:+.1f} kt in the median, within {(high - low) / 2:.1f} kt of it in two thirds"
+        report.note(said, len(off))
+
+
+def _air_of_neighbours(rows: pl.DataFrame, seen: pl.DataFrame) -> RowAir:
+    """Air that others met, along each flight linear in time between the middles of 1,000 ft."""
+    from descentflow.surveillance.cleaning.neighbour_air import NeighbourAir, observations
+
+    clock = clock_of(flights_of(rows), rows.select(SECONDS).to_series().to_numpy())
+    places = observations(rows.with_columns(clock=pl.Series(clock)), "flight_id").sort("clock")
+    at = places["clock"].to_numpy()
+    ends = places.group_by("flight_id").agg(first=pl.col("clock").min(), last=pl.col("clock").max())
+    bounds = rows.select("flight_id").join(ends, on="flight_id", maintain_order="left")
+    inside = clock.clip(bounds["first"].to_numpy(), bounds["last"].to_numpy())
+    east, north, deviation = (np.interp(inside, at, values) for values in NeighbourAir(seen).at(places))
+    none = np.zeros(len(rows), dtype=bool)
+    return RowAir(east, north, _standard_k(rows) + deviation, [none, none, np.isnan(east + deviation), none])
+
+
+def _standard_k(rows: pl.DataFrame) -> Array:
+    return np.asarray(T0_K + LAPSE_K_M * np.minimum(rows["altitude"].to_numpy() * FT_M, TROPOPAUSE_M))
+
+
 def _air_of_field(rows: pl.DataFrame, source: AirspeedSource) -> RowAir:
     """Air of the field at each row's time, level and place."""
     # Not above: reading rows must not pay for xarray.
@@ -160,8 +197,7 @@ def _air_of_field(rows: pl.DataFrame, source: AirspeedSource) -> RowAir:
         inside = np.ones(len(rows), dtype=bool)
         if missing.any():
             inside[missing] = np.isfinite(field.read(TEMPERATURE, points.rows(missing), blank=True))
-    standard = T0_K + LAPSE_K_M * np.minimum(rows["altitude"].to_numpy() * FT_M, TROPOPAUSE_M)
-    return RowAir(east, north, standard + deviation, [early, coarse, missing & ~inside, missing & inside])
+    return RowAir(east, north, _standard_k(rows) + deviation, [early, coarse, missing & ~inside, missing & inside])
 
 
 def _check_wind(rows: pl.DataFrame, air: RowAir, straight: Mask) -> None:
@@ -185,7 +221,7 @@ def _check_wind(rows: pl.DataFrame, air: RowAir, straight: Mask) -> None:
     # Bands of a flight err together.
     error = float(np.sqrt(np.square(y - slope * x).mean() / (max(float(np.square(x).mean()), 1e-9) * flights)))
     if abs(slope - 1) > max(WIDEST_SLOPE, 4 * error):
-        raise DataError(
+        raise CleaningError(
             f"groundspeeds do not follow the wind: over {flights} flights they grow by {slope:.2f} +- {error:.2f} kt "
             "for each kt of wind along the track",
             expected="wind towards east and north in m/s, at the rows' own times (UTC) and places: 1 kt",

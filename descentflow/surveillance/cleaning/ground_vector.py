@@ -5,7 +5,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from descentflow.core.constants import G0_MPS2, TROPOPAUSE_M
-from descentflow.core.errors import DataError
+from descentflow.core.errors import CleaningError
 from descentflow.core.units import FT_M, KT_MPS
 from descentflow.surveillance.cleaning.filters import SECONDS, clock_of, flights_of, windows
 from descentflow.surveillance.rows.airspeed_source import PLACED
@@ -99,7 +99,7 @@ def check_course(rows: pl.DataFrame, straight: Mask) -> None:
         straight: (n,) rows outside of turns.
 
     Raises:
-        DataError: Naming the column, and the unit that positions say.
+        CleaningError: Naming the column, and the unit that positions say.
     """
     if not set(PLACED) <= set(rows.columns):
         return
@@ -116,7 +116,7 @@ def check_course(rows: pl.DataFrame, straight: Mask) -> None:
     ratio = float(np.nanmedian(moved[moving] / np.maximum((speed[1:] + speed[:-1]) / 2, 1.0)[moving]))
     if not SPEED_RATIO[0] < ratio < SPEED_RATIO[1]:
         unit = next((name for name, factor in UNITS.items() if abs(ratio / factor - 1) < 0.05), "no unit known")
-        raise DataError(
+        raise CleaningError(
             f"groundspeed seems to be in {unit}: positions move {ratio:.3g} times as fast in the median",
             expected="groundspeed in kt",
             mend=f"multiply the column, for instance by --column 'groundspeed=groundspeed*{ratio:.4g}'",
@@ -124,7 +124,7 @@ def check_course(rows: pl.DataFrame, straight: Mask) -> None:
     course = np.degrees(np.arctan2(east, north))[moving]
     off = float(np.median(np.abs((course - track[1:][moving] + 180) % 360 - 180)))
     if off > MAX_COURSE_DEG:
-        raise DataError(
+        raise CleaningError(
             f"track contradicts the positions: their course differs from it by {off:.1f} degrees in the median",
             expected="the true track over the ground, in degrees",
             mend="a heading is no track, and a magnetic track is no true one: name the column of the true track",

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import polars as pl
 
-from descentflow.core.errors import DataError
+from descentflow.core.errors import CleaningError
 from descentflow.surveillance.cleaning.filters import Filter, cut
 from descentflow.surveillance.cleaning.rates import with_rate
 
@@ -26,13 +26,13 @@ def check_power(columns: tuple[str, ...]) -> None:
     """Refuse rows of which none can tell its power.
 
     Raises:
-        DataError: If no column of :data:`POWER` is among them.
+        CleaningError: If no column of :data:`POWER` is among them.
 
     Example:
         >>> check_power(("IAS", "N1"))
     """
     if not set(POWER) & set(columns):
-        raise DataError(
+        raise CleaningError(
             "no column that tells thrust above idle",
             expected="N1 in percent, thrust in N or fuel_flow in kg/s of all engines",
             mend="name it (--column N1=your_column), or leave --idle-only out",

@@ -5,7 +5,7 @@ from dataclasses import asdict
 
 import polars as pl
 
-from descentflow.core.errors import DataError, warn
+from descentflow.core.errors import CleaningError, warn
 from descentflow.surveillance.cleaning.flights import FLIGHTS_OF_SEVERAL_TYPES, NO_TYPES, OTHER_VALUES
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.cleaning.two_clocks import ROWS_OF_OTHER_CLOCK
@@ -50,7 +50,7 @@ def check_report(report: DropReport, rules: Cleaning) -> None:
     step = next((one for one in report.steps if one.step == "IAS_contradicts_Mach"), None)
     judged = step.rows_dropped + step.rows_left if step else 0
     if step and step.rows_dropped > MAX_CONTRADICTING_SHARE * judged:
-        raise DataError(
+        raise CleaningError(
             f"IAS contradicts Mach and altitude by {rules.airspeeds_differ_kt:g} kt or more in {step.rows_dropped:,} "
             f"of {judged:,} rows",
             expected="indicated airspeed in kt, Mach and pressure altitude in ft of the same aircraft and time",
@@ -82,7 +82,7 @@ def check_left(
     if not report.left("unknown_type") and types is not None and untyped:
         raise _no_address_named(types, untyped)
     if not report.left("unknown_type"):
-        raise DataError(
+        raise CleaningError(
             f"rows without any typecode ({', '.join(NO_TYPES[:2])} and the like are none)",
             expected="a column typecode, or a types table",
             mend="add a column typecode, or give `descentflow prepare` a table of columns icao24,typecode "
@@ -90,19 +90,19 @@ def check_left(
         )
     if wanted and not report.left("other_type"):
         often = sorted(present, key=lambda name: (-present[name], name))[:12]
-        raise DataError(
+        raise CleaningError(
             f"no row of type {', '.join(wanted)}", expected=f"one of {', '.join(often)}", mend="change --typecode"
         )
 
 
-def _no_address_named(types: pl.DataFrame, untyped: Mapping[str, int]) -> DataError:
+def _no_address_named(types: pl.DataFrame, untyped: Mapping[str, int]) -> CleaningError:
     """The error where a table of types and the rows have no address in common, with what each of them has."""
     listed = types["icao24"].drop_nulls().unique().sort()
     shared = sum(address in untyped for address in listed)
     busiest = sorted(untyped, key=lambda address: (-untyped[address], address))[:5]
     often = ", ".join(f"{address} ({untyped[address]:,} rows)" for address in busiest)
     blank = ", without a type" if shared else ""
-    return DataError(
+    return CleaningError(
         f"a types table that names the type of no row: {shared:,} of its {len(listed):,} addresses "
         f"({', '.join(listed[:3])}) are among the {len(untyped):,} of the {sum(untyped.values()):,} rows{blank}",
         expected=f"lines icao24,typecode with addresses of the rows, the busiest of which are {often}",
@@ -181,12 +181,12 @@ REASONS: dict[str, tuple[str, str]] = {
 """Step of cleaning, or the beginning of its name, -> what its rows have in common, and what to do about it."""
 
 
-def nothing_left(report: DropReport, cleaning: Cleaning) -> DataError:
+def nothing_left(report: DropReport, cleaning: Cleaning) -> CleaningError:
     """The error to raise if cleaning left no descent."""
     read = report.steps[0].rows_left + report.steps[0].rows_dropped if report.steps else 0
     if not read:
         nothing = f"no row in what was given\n{report}"
-        return DataError(nothing, expected="surveillance rows", mend="pass other files")
+        return CleaningError(nothing, expected="surveillance rows", mend="pass other files")
     most = max(report.steps, key=lambda step: step.rows_dropped, default=Step("read", 0, None, 0, None))
     why, mend = _reason(most.step, cleaning)
     empty = [
@@ -195,7 +195,7 @@ def nothing_left(report: DropReport, cleaning: Cleaning) -> DataError:
     if empty and most.step == "missing_value":
         why = f"lack a value ({', '.join(empty)})"
         mend = _mend_of_missing(report, read) or mend
-    return DataError(
+    return CleaningError(
         f"no free descent is left: {most.rows_dropped:,} of {read:,} rows {why} ({most.step})",
         expected=f"descents of airliners over {cleaning.fewest_levels} levels above FL{cleaning.bottom_fl}, with IAS, "
         "Mach and altitude",

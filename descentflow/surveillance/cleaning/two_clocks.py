@@ -2,7 +2,7 @@
 
 import polars as pl
 
-from descentflow.core.errors import DataError
+from descentflow.core.errors import CleaningError
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.times import FIRST_TIME_S
 
@@ -44,7 +44,7 @@ def check_one_clock(rows: pl.DataFrame) -> None:
     spans = clock.with_columns(run).group_by(*keys, "run").agg(begin=pl.col("s").min(), end=pl.col("s").max())
     meets = pl.col("begin") <= pl.col("end").shift().over(keys)
     if (anew := spans.sort(*keys, "begin").filter(meets)).height:
-        raise DataError(
+        raise CleaningError(
             f"times before 1990 that begin anew {len(anew):,} times within the rows of one {' and '.join(keys)} (the "
             f"first: {', '.join(map(str, anew.row(0)[: len(keys)]))}): they count from the begin of something",
             expected="dates with time, or seconds since 1970: an aircraft's rows are ordered by them",

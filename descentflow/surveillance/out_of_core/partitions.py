@@ -109,7 +109,9 @@ def clean_partitions(
     size = memory.partition_bytes(engine.workers)
     planned = _plan(buckets, folder, size, memory)
     tasks = [Partition(files, folder / PARTS / f"{number:05d}.parquet") for number, (files, _) in enumerate(planned)]
-    work = request.work(intake.columns, intake.names)
+    work = request.work(
+        intake.columns, intake.names, (pl.read_ipc(path) for bucket in buckets for path in bucket.files)
+    )
     large = [task for task, (_, in_memory) in zip(tasks, planned, strict=True) if in_memory > size]
     small = [task for task in tasks if task not in large]
     number = 0

@@ -1,4 +1,4 @@
-"""Source of wind and temperature for rows without airspeeds: a weather field, or columns of the rows."""
+"""Source of wind and temperature for rows without airspeeds: a weather field, columns of the rows, or neighbours."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Any
 
 from descentflow.core.errors import ConfigError, DataError
 
-COLUMNS_OF_ROWS, FIELD = "columns", "field"
+COLUMNS_OF_ROWS, NEIGHBOURS, FIELD = "columns", "neighbours", "field"
 """Words of the argument, and of the column `airspeed_source` beside `reported`."""
 REPORTED = "reported"
 WEATHER_COLUMNS = ("u_component_of_wind", "v_component_of_wind", "temperature")
@@ -20,7 +20,7 @@ class AirspeedSource:
     """Source of wind and temperature for rows without airspeeds.
 
     Attributes:
-        kind: `columns` or `field`.
+        kind: `columns`, `neighbours` (aircraft of the same rows that report airspeeds) or `field`.
         paths: Files and folders of the field; none of other kinds.
 
     Example:
@@ -43,12 +43,13 @@ class AirspeedSource:
         if not isinstance(several, Sequence) or not several or not all(isinstance(one, str | Path) for one in several):
             raise ConfigError(
                 f"airspeeds from {given!r}",
-                expected=f"files or a folder of a weather field, or {COLUMNS_OF_ROWS!r}",
+                expected=f"files or a folder of a weather field, {COLUMNS_OF_ROWS!r} or {NEIGHBOURS!r}",
                 mend="pass one of these",
             )
-        if list(map(str, several)) == [COLUMNS_OF_ROWS]:
-            return cls(COLUMNS_OF_ROWS)
-        if COLUMNS_OF_ROWS in map(str, several):
+        words = {COLUMNS_OF_ROWS, NEIGHBOURS} & {*map(str, several)}
+        if words and len(several) == 1:
+            return cls(words.pop())
+        if words:
             raise ConfigError(
                 f"airspeeds from {' and '.join(map(str, several))}",
                 expected="one source",

@@ -11,7 +11,7 @@ PARTS = {
     "sample": "draws of the three densities beside scikit-learn, zuko and the paper's times; latency of df.Generator",
     "diagnose": "one diagnosis over the number of flights",
     "simulate": "flights of the simulated world over their number",
-    "real": "time over runs of real flights: the open types before and now, OpenAP, node-fdm, BlueSky",
+    "real": "time over runs of real flights: open types and other programs; samples by folds of aircraft (--fidelity)",
     "exported": "exported samplers in onnxruntime: size and time",
     "prepare": "rows to free descents beside pandas, with the curve over sizes",
 }

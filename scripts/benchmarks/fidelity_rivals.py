@@ -17,6 +17,8 @@ EXPLAINED = 0.99
 MOST_COMPONENTS = 10
 FLIGHTS_EACH = 5
 """Flights for each component of a mixture, at least."""
+ROUNDING = 1e-6
+"""Least range of a number, kt or log seconds, of which flights show one value."""
 COMPONENTS_OF_TRAFFIC = 3
 """Of the mixture in traffic's own example of its ``Generation``."""
 
@@ -28,7 +30,14 @@ class Components:
         """Complete the flights, and take components."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ConvergenceWarning)
-            filled = IterativeImputer(sample_posterior=True, max_iter=5, n_nearest_features=10, random_state=seed)
+            # What flights show bounds what is drawn: of few flights, the posterior knows rates of nothing and of all.
+            ends = {
+                "min_value": np.nanmin(train.whole, 0) - ROUNDING,
+                "max_value": np.nanmax(train.whole, 0) + ROUNDING,
+            }
+            filled = IterativeImputer(
+                sample_posterior=True, max_iter=5, n_nearest_features=10, random_state=seed, **ends
+            )
             whole = np.asarray(filled.fit_transform(train.whole))
         self.whole = whole
         self.train, self.mean, self.spread = train, whole.mean(0), np.maximum(whole.std(0), 1e-9)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import descentflow as df
+from benchmarks.real_fidelity import BOTTOM_FL, print_fidelity
 from benchmarks.real_rivals import bluesky, node_fdm, openap_own_speeds, openap_schedule
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.tabular import optional_library
@@ -22,14 +23,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the part's options."""
     parser.add_argument("rows", type=Path, nargs="*", help="rows of other places than Bengaluru, with types")
     parser.add_argument("--node-fdm", action="store_true", help="ask node-fdm too (extra node-fdm, EUPL)")
+    parser.add_argument(
+        "--fidelity", action="store_true", help="judge samples by folds of aircraft, from FL100 (alone)"
+    )
+    parser.add_argument("--models", nargs="+", default=["gaussian", "default"], help="of --fidelity")
+    parser.add_argument("--deals", type=int, default=1, help="of --fidelity: times that aircraft are dealt to folds")
+    parser.add_argument("--seed", type=int, default=0, help="of --fidelity: folds and draws")
     parser.add_argument("--bluesky", action="store_true", help="fly BlueSky too (extra bluesky, GPL)")
 
 
 def run(args: argparse.Namespace) -> None:
-    """Print medians of the errors with intervals by aircraft, and seconds a run."""
+    """Print medians of the errors with intervals by aircraft, and seconds a run; or how samples fare."""
     for library, extra, asked in (("node_fdm", "node-fdm", args.node_fdm), ("bluesky", "bluesky", args.bluesky)):
         if asked:
             optional_library(library, extra)
+    if args.fidelity:
+        named = {"bengaluru": df.prepare(embedded_rows(), types=embedded_types(), bottom_fl=BOTTOM_FL)}
+        named |= {path.stem: df.prepare(path, bottom_fl=BOTTOM_FL) for path in args.rows}
+        print_fidelity(named, tuple(args.models), args.seed, args.deals, ask_node_fdm=args.node_fdm)
+        return
     places = {"bengaluru": df.prepare(embedded_rows(), types=embedded_types(), bottom_fl=60).frame}
     places |= {path.stem: df.prepare(path, bottom_fl=60).frame for path in args.rows}
     runs = [one for name, frame in places.items() for one in runs_of(frame, name) if one.typecode in TYPES]

@@ -147,4 +147,4 @@ def _deciding(real: MeanOfFlights, simulator: MeanOfFlights, room: float) -> tup
         return count, f"{count:,} more flights"
     if quantile[-1] * simulator.variance**0.5 > room:
         return None, "more simulated flights"
-    return None, "nothing: it is at the limit"
+    return None, "no number, the mean is at its limit"

@@ -74,7 +74,7 @@ def test_as_many_more_flights_as_are_named_decide() -> None:
 def test_a_mean_at_its_limit_and_few_simulated_flights_are_said() -> None:
     at_limit = judge(MeanOfFlights(1.0, 0.01, 30, 31), NO_FLIGHTS, 1.0)
     few = judge(MeanOfFlights(0.5, 0.01, 30, 31), MeanOfFlights(0.0, 1.0, 5, 6), 1.0)
-    assert (at_limit.more_flights, at_limit.decides) == (None, "nothing: it is at the limit")
+    assert (at_limit.more_flights, at_limit.decides) == (None, "no number, the mean is at its limit")
     assert few.decides == "more simulated flights"
 
 

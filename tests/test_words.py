@@ -21,7 +21,7 @@ CODE = [path for folder in ("descentflow", "scripts", "tests", "docs/_ext") for 
 NO_NOUN = re.compile(r"(What|How|Whether|Which|Who|Whose|When|Where|Why)\b|\.\.\.")
 WORDS = r"told|says|works? out|worked out|ways|gives? way|held against|shows? of flights|what is left out of"
 NOT_OF_THE_FIELD = re.compile(rf"\b({WORDS})\b", re.IGNORECASE)
-MOST_WORDS = 19_000
+MOST_WORDS = 19_500
 """Of README, CONTRIBUTING and the pages, with their code; the changelog, the records and the paper do not count."""
 MEAN_SENTENCE = 20
 

@@ -167,9 +167,9 @@ def _judged(
         alarm = stood
     lines = _lines(counted, found, settings, sorted(new))
     result = Watch(lines, left_out, alarm, is_new, settings, days)
-    if new or is_new:
-        with whole_file(folder.folder / PAGE) as temporary:
-            temporary.write_text(page(result, counted, found), encoding="utf-8")
+    # Each time: a run that was killed may have left the page of the day before.
+    with whole_file(folder.folder / PAGE) as temporary:
+        temporary.write_text(page(result, counted, found), encoding="utf-8")
     return result
 
 

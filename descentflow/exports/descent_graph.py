@@ -13,7 +13,7 @@ from descentflow.densities.density import Density
 from descentflow.densities.weight_draws import MixtureDraw
 from descentflow.exports.columns import FUEL
 from descentflow.generation.sample_tables import flown_quantities
-from descentflow.representation.decoder.trajectories import Trajectories, integrate_on, through_air_m
+from descentflow.representation.decoder.trajectories import Trajectories, through_air_m
 from descentflow.representation.own_air import check_standard_air
 from descentflow.representation.plausibility import RULES, Plausibility
 from descentflow.representation.representation import Representation
@@ -89,7 +89,7 @@ class DescentGraph(nn.Module):
                 expected="a model without a correction",
                 mend="export the model that was corrected, or samples of this one (--to parquet)",
             )
-        self.grid = self.decoder.grid(self.decoder.levels_fl)
+        self.decoder.grid(self.decoder.levels_fl)  # made before anything is traced
         self.plausibility = Plausibility.from_state(representation.plausibility.to_state())
 
     def entry(self, entry_fl: Tensor) -> Tensor:
@@ -109,13 +109,11 @@ class DescentGraph(nn.Module):
             return self._outputs(self._flown(weights, self.entry(entry_fl), neighbour), entry_fl)
 
     def _flown(self, weights: Tensor, entry: Tensor, neighbour: Tensor | None) -> Trajectories:
-        """Descents in float64, in one expression: a program has no chunks."""
+        """Descents of the decoder, in float64."""
         weights = weights.double()
         residual = None if neighbour is None else self.decoder.residuals.draw(weights, entry, neighbour)
-        drag_n, cas_mps = self.decoder.curves(weights, residual)
-        time_s, mach, tas_mps, rate_mps = integrate_on(self.grid, drag_n, cas_mps, entry)
-        values = (time_s, cas_mps, mach, tas_mps, rate_mps, drag_n)
-        return Trajectories(self.decoder.levels_fl, entry, *values, self.decoder.aircraft)
+        flown: Trajectories = self.decoder(weights, entry, residual=residual)
+        return flown
 
     def _outputs(self, flown: Trajectories, entry_fl: Tensor) -> dict[str, Tensor]:
         levels_fl = self.decoder.levels_fl

@@ -79,8 +79,8 @@ def sample_descents(
     """
     budget = draw_budget or max(100 * n, 10_000)
     wanted = _Wanted(model, parts, n, seed, context, entry, air)
-    drawn, plausible, broken = 0, 0, torch.zeros(len(RULES), dtype=torch.long)
-    weights, kept, owners = [], [], []
+    drawn, plausible, n_kept, broken = 0, 0, 0, torch.zeros(len(RULES), dtype=torch.long)
+    batches: list[tuple[Tensor, Trajectories]] = []
     for start in range(0, n, BATCH):
         pending, tries = torch.arange(start, min(start + BATCH, n)), 0
         while len(pending) and drawn < budget:
@@ -93,13 +93,18 @@ def sample_descents(
             done = good.any(0)
             # The first plausible draw of each sample.
             first = (good.int().argmax(0) * len(now) + torch.arange(len(now)))[done].to(of_draws.device)
-            weights.append(of_draws[first])
-            kept.append(flown.subset(first))
-            owners.append(now[done])
+            if tries == 0:
+                # One of each: those that are not plausible are overwritten by later draws.
+                batches.append((of_draws, flown))
+            else:
+                weights, kept = batches[-1]
+                places = (now[done] - start).to(of_draws.device)
+                weights[places] = of_draws[first]
+                kept.put(places, flown.subset(first))
+            n_kept += len(first)
             pending, tries = torch.cat([now[~done], pending[len(now) :]]), tries + times
             if progress is not None:
                 progress(len(first))
-    n_kept = sum(map(len, owners))
     counts = dict(zip(RULES, broken.tolist(), strict=True))
     report = RejectionReport(drawn, n_kept, drawn - plausible, plausible - n_kept, counts)
     if n_kept < n:
@@ -110,8 +115,8 @@ def sample_descents(
             if context.shape[1]
             else "train on more flights or with fewer components, or raise the draw budget",
         )
-    order = torch.cat(owners).argsort()
-    return Samples(torch.cat(weights)[order], concatenate(kept).subset(order), report, air=wanted.airs(torch.arange(n)))
+    of_batches, parts_flown = zip(*batches, strict=True)
+    return Samples(torch.cat(of_batches), concatenate(parts_flown), report, air=wanted.airs(torch.arange(n)))
 
 
 class _Wanted:

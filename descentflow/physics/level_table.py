@@ -2,8 +2,9 @@
 
 The equations are those of :mod:`airspeed`, :mod:`energy` and the performance model, from which the table is filled;
 only their order is new. With ``x = 1 + 0.2 (CAS/c)^2`` the impact pressure is ``r = (x^3.5 - 1) p0/p + 1``, and
-``y = r^(2/7) = 1 + 0.2 M^2`` gives Mach, and the energy share ``1 / (1 + lapse M^2 + y - y/r)``: one general power
-and two square roots a value, where the equations' own order takes four powers. Tests hold the two together.
+``y = r^(2/7) = 1 + 0.2 M^2`` gives Mach, and the energy share ``1 / (1 + lapse (y - 1) + y - y/r)``: one logarithm,
+one exponential and two square roots a value, where the equations' own order takes four general powers, of which each
+costs as much as all of this. Tests hold the two together.
 """
 
 from collections.abc import Iterator, Sequence
@@ -35,24 +36,26 @@ class LevelTable:
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
         >>> table = level_table(aircraft("A320"), torch.tensor([6000.0, 9000.0]))
-        >>> table.thrust_n[0].shape, bool((table.pressure_ratio > 1).all())
+        >>> table.thrust[0].shape, bool((table.pressure_ratio > 1).all())
         (torch.Size([2]), True)
     """
 
-    thrust_n: dict[int, Tensor]
-    """Coefficients of idle thrust by powers of the Mach number."""
+    thrust: dict[int, Tensor]
+    """Idle thrust by powers of the Mach number, times ``per_newton``."""
     pressure_ratio: Tensor
     """Sea-level pressure over the pressure of the level."""
     pressure_rest: Tensor
     """One minus ``pressure_ratio``."""
     mach_scale: Tensor
     """True airspeed per ``sqrt(y - 1)``."""
-    lapse: Tensor
-    """Weight of ``y - 1`` in the energy share: zero above the tropopause."""
+    share_rest: Tensor
+    """One minus ``lapse``, the weight of ``y - 1`` in the energy share's reciprocal: zero above the tropopause."""
+    share_growth: Tensor
+    """``lapse`` and ``compression`` together."""
     compression: Tensor
-    """Weight of ``y - y/r``: one where CAS is held, zero where Mach is."""
-    power_scale: Tensor
-    """``(T - dT)/T / (m g0)``: rate for each watt of excess power."""
+    """Weight of ``y - y/r`` there: one where CAS is held, zero where Mach is."""
+    per_newton: Tensor
+    """``(T - dT)/T V / (m g0)`` per ``sqrt(y - 1)``: rate for each newton of thrust beyond drag, were all height."""
 
     def columns(self) -> Iterator[Tensor]:
         """All its tensors."""
@@ -85,16 +88,13 @@ def level_table(
     def placed(column: Tensor) -> Tensor:
         return (column + torch.zeros_like(altitude)).to(altitude_m)
 
-    columns = (
-        ratio,
-        1 - ratio,
-        speed_of_sound_mps(altitude, deviation) / sqrt(HALF),
-        lapse_share(torch.ones_like(altitude), altitude, deviation) / HALF,
-        (~aircraft.holds_mach(altitude)).double(),
-        isa_fraction(altitude, deviation) / (mass * G0_MPS2),
-    )
+    mach_scale = speed_of_sound_mps(altitude, deviation) / sqrt(HALF)
+    lapse = lapse_share(torch.ones_like(altitude), altitude, deviation) / HALF
+    compression = (~aircraft.holds_mach(altitude)).double()
+    per_newton = mach_scale * isa_fraction(altitude, deviation) / (mass * G0_MPS2)
+    columns = ratio, 1 - ratio, mach_scale, 1 - lapse, lapse + compression, compression, per_newton
     terms = aircraft.idle_thrust_terms(altitude, deviation)
-    return LevelTable({power: placed(term) for power, term in terms.items()}, *map(placed, columns))
+    return LevelTable({power: placed(term * per_newton) for power, term in terms.items()}, *map(placed, columns))
 
 
 def level_rate(
@@ -127,25 +127,28 @@ def level_rate(
     """
     # Results that later steps overwrite are written into the arrays of the result; None makes new ones.
     of_mach, of_tas, of_rate, spare = out
-    x = torch.mul(cas_mps, cas_mps, out=of_rate).mul_(HALF / CAS_SCALE_MPS**2).add_(1.0)
-    root = torch.sqrt(x, out=spare)
-    cube = torch.mul(x, torch.mul(x, x, out=of_tas), out=of_rate)
-    r = torch.addcmul(table.pressure_rest, torch.mul(cube, root, out=of_rate), table.pressure_ratio, out=of_rate)
-    y = torch.pow(r, INVERSE_EXPONENT, out=of_tas)
-    held = torch.sub(y, torch.div(y, r, out=of_rate), out=of_rate)
-    beyond = torch.sub(y, 1.0, out=of_tas)
-    held = torch.mul(held, table.compression, out=of_rate)
-    share = torch.addcmul(held, beyond, table.lapse, out=of_rate).add_(1.0)  # its reciprocal
-    root = torch.sqrt(beyond, out=of_tas)
+    # Impact pressure, 3.1-23: x^3.5 = x^4 / sqrt(x), for a root's reciprocal costs half of the root.
+    scaled = torch.mul(cas_mps, HALF / CAS_SCALE_MPS**2, out=of_rate)
+    x = torch.addcmul(cas_mps.new_ones(()), scaled, cas_mps, out=of_rate)
+    square = torch.mul(x, x, out=of_tas)
+    power = torch.mul(torch.mul(square, square, out=of_tas), torch.rsqrt(x, out=of_rate), out=of_rate)
+    r = torch.addcmul(table.pressure_rest, power, table.pressure_ratio, out=of_rate)
+    # y = r^(2/7) by logarithm and exponential: a general power, right to the last bit, takes thrice as long.
+    y = torch.exp(torch.mul(torch.log(r, out=of_tas), INVERSE_EXPONENT, out=of_tas), out=of_tas)
+    # Reciprocal of the energy share, 3.2-8 to 3.2-11: 1 + lapse (y - 1) + compression (y - y/r).
+    growth = torch.sub(table.share_growth, torch.div(table.compression, r, out=of_rate), out=of_rate)
+    share = torch.addcmul(table.share_rest, y, growth, out=of_rate)
+    root = torch.sqrt(torch.sub(y, 1.0, out=of_tas), out=of_tas)
     mach = torch.mul(root, 1 / sqrt(HALF), out=of_mach)
+    # Rate of the energy equation, 3.2-7, from thrust less drag.
+    force = torch.addcmul(_thrust(table.thrust, mach), drag_n, table.per_newton, value=-1, out=spare)
+    excess = torch.mul(force, root, out=spare)
     tas = torch.mul(root, table.mach_scale, out=of_tas)
-    force = torch.sub(_thrust_n(table.thrust_n, mach), drag_n, out=spare)
-    excess = torch.mul(torch.mul(force, tas, out=spare), table.power_scale, out=spare)
     rate = torch.div(excess, share, out=of_rate) if energy_share is None else excess * energy_share
     return mach, tas, rate, torch.reciprocal(rate, out=spare)
 
 
-def _thrust_n(terms: dict[int, Tensor], mach: Tensor) -> Tensor:
+def _thrust(terms: dict[int, Tensor], mach: Tensor) -> Tensor:
     """Sum of terms by powers of the Mach number, from the power that is furthest from zero inwards (Horner)."""
     first, *others = sorted(terms, reverse=max(terms) > 0)
     total, last, steps = terms[first], first, {1: mach}

@@ -10,7 +10,7 @@ from descentflow.core.counter_random import FIRST_DRAWS, DrawNumbers
 from descentflow.core.units import FL_M, KT_MPS
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.representation.decoder.trajectories import Trajectories
+from descentflow.representation.decoder.trajectories import Trajectories, summed_from_entry
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 
 if TYPE_CHECKING:
@@ -132,7 +132,7 @@ class Correction:
         return replace(state, beyond_polar=torch.where(mask, own, 0.0))
 
     def _air_of_training(self, state: "FlightState") -> Tensor:
-        """Part of ln TAS (n, L) by the air of the training flights, beside the effects' change of it."""
+        """Part of ln TAS (n, L) by the air of the training flights, to which effects' changes are added."""
         from descentflow.effects import EFFECTS
 
         found = torch.zeros_like(state.cas_mps)
@@ -182,6 +182,5 @@ class Correction:
 
 def _stretched(time_s: Tensor, entry: Tensor, factor: Tensor) -> Tensor:
     """Times (n, L) whose legs are longer by the mean factor of their two ends; zero at entry."""
-    legs = time_s.diff(dim=1) * (0.5 * (factor[:, 1:] + factor[:, :-1])).to(time_s)
-    total = torch.nn.functional.pad(legs.cumsum(1), (1, 0))
-    return total - total.gather(1, entry[:, None])
+    legs = (time_s[:, :-1] - time_s[:, 1:]) * (0.5 * (factor[:, 1:] + factor[:, :-1])).to(time_s)
+    return summed_from_entry(legs, entry)

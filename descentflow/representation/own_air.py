@@ -15,7 +15,7 @@ from descentflow.air.level_air import LevelAir
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.representation.decoder.trajectories import Trajectories
+from descentflow.representation.decoder.trajectories import Trajectories, summed_from_entry
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation
 from descentflow.weather.weather_layout import SUFFIXES, names_weather
@@ -105,7 +105,7 @@ def airs_by(air: AirSource, frame: pl.DataFrame, levels_fl: Tensor, *, wind: boo
 
 
 def airs_as_kept(frame: pl.DataFrame, levels_fl: Tensor, kept: KeptAir, air: AirSource | None = None) -> "FlightAirs":
-    """The airs of other flights, found as those of a model's training flights were, or by what is given.
+    """The airs of other flights, found as those of a model's training flights were, or by a source that is given.
 
     Args:
         frame: Prepared descents.
@@ -194,6 +194,4 @@ def flown_in(aircraft: PerformanceModel, flown: Trajectories, air: LevelAir) -> 
     tas = flown.tas_mps * found.tas_mps / found.standard_tas_mps
     slower = flown.rate_mps / rate
     legs = (flown.time_s[:, :-1] - flown.time_s[:, 1:]) * (slower[:, 1:] + slower[:, :-1]) / 2
-    climbed = torch.nn.functional.pad(legs.cumsum(1), (1, 0))
-    time_s = climbed.gather(1, flown.entry[:, None].to(climbed.device)) - climbed
-    return replace(flown, time_s=time_s, tas_mps=tas, rate_mps=rate)
+    return replace(flown, time_s=summed_from_entry(legs, flown.entry), tas_mps=tas, rate_mps=rate)

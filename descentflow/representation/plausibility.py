@@ -7,7 +7,7 @@ from torch import Tensor, nn
 
 from descentflow.core.units import FL_M
 from descentflow.physics.airspeed import cas_to_tas_mps
-from descentflow.representation.decoder.trajectories import Trajectories
+from descentflow.representation.decoder.trajectories import Trajectories, rows_at_once
 from descentflow.representation.drag_scale import DragScale
 from descentflow.representation.fpca.roughness import SPREAD_WEIGHT, smoother
 from descentflow.representation.profiles import Profiles
@@ -118,28 +118,29 @@ class Plausibility(nn.Module):
 
     def broken_rules(self, flown: Trajectories) -> Tensor:
         """Mask (n, len(RULES)) of the rules that each descent breaks at or below its entry level."""
-        mask = flown.mask
-        both = mask[:, 1:]  # the level below an observed one is observed
-        rows, steps = self._broken(flown)
-        found = [(row & mask).any(1) for row in rows] + [(step & both).any(1) for step in steps]
-        return torch.stack(found, 1)
+        if torch.compiler.is_compiling():
+            return self._broken(flown)
+        size = rows_at_once(flown.time_s)
+        return torch.cat([self._broken(flown.subset(slice(i, i + size))) for i in range(0, max(len(flown), 1), size)])
 
-    def _broken(self, flown: Trajectories) -> tuple[tuple[Tensor, ...], tuple[Tensor, ...]]:
-        """Rules of levels (n, L) and of changes between neighbours (n, L - 1), in the order of :data:`RULES`."""
-        altitude_m = flown.levels_fl * FL_M
-        rows = (
-            ~(flown.drag_n.isfinite() & flown.cas_mps.isfinite() & flown.rate_mps.isfinite()),
+    def _broken(self, flown: Trajectories) -> Tensor:
+        """The mask of descents whose arrays the caches hold."""
+        mask, seconds = flown.mask, _seconds(flown.rate_mps, flown.levels_fl * FL_M)
+        of_levels = (
+            ~(flown.drag_n + flown.cas_mps + flown.rate_mps).isfinite(),
             flown.drag_n < self.drag_low,
             flown.drag_n > self.drag_high,
             flown.cas_mps < self.cas_low,
             flown.cas_mps > self.cas_high,
             ~(flown.rate_mps <= self.slowest_rate_mps),
         )
-        steps = (
-            acceleration_mps2(flown.tas_mps, flown.rate_mps, altitude_m).abs() > self.fastest_change_mps2,
-            acceleration_mps2(flown.rate_mps, flown.rate_mps, altitude_m).abs() > self.fastest_rate_change_mps2,
+        of_changes = (
+            (flown.tas_mps.diff(dim=1) / seconds).abs() > self.fastest_change_mps2,
+            (flown.rate_mps.diff(dim=1) / seconds).abs() > self.fastest_rate_change_mps2,
         )
-        return rows, steps
+        # Of two neighbours, the lower one is flown where the upper one is.
+        broken = [(rule & mask).any(1) for rule in of_levels] + [(rule & mask[:, 1:]).any(1) for rule in of_changes]
+        return torch.stack(broken, 1)
 
     def draw_entry(self, n: int, generator: torch.Generator) -> Tensor:
         """Indices (n,) of entry levels, drawn as the training flights entered."""
@@ -168,8 +169,13 @@ def acceleration_mps2(speed_mps: Tensor, rate_mps: Tensor, altitude_m: Tensor) -
         >>> acceleration_mps2(tas, rate, torch.tensor([6000.0, 6030.0]))  # 6 m/s lost in 3 s
         tensor([[-2.]])
     """
-    seconds = altitude_m.diff() * 0.5 * (-1 / rate_mps[:, 1:] - 1 / rate_mps[:, :-1])
-    return -speed_mps.diff(dim=1) / seconds
+    return -speed_mps.diff(dim=1) / _seconds(rate_mps, altitude_m)
+
+
+def _seconds(rate_mps: Tensor, altitude_m: Tensor) -> Tensor:
+    """Time (n, L - 1) between neighbouring levels."""
+    slowness = -1 / rate_mps
+    return altitude_m.diff() * 0.5 * (slowness[:, 1:] + slowness[:, :-1])
 
 
 def expected_bounds(

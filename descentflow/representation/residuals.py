@@ -21,6 +21,8 @@ NEIGHBOURS = 5
 SHORT_LEVELS = 5.0
 """Levels by which a neighbour may enter below a sample, for as much distance as a standard deviation of a weight: what
 it has above its entry it does not show."""
+AT_ONCE = 256
+"""Samples whose distances to the training flights are in memory at once: they stay in the caches."""
 RIDGE = 10.0
 """Flights that say that the residual does not depend on the weights, for the line's slopes."""
 LEAST_SPREAD = 0.1
@@ -135,13 +137,17 @@ class Residuals(nn.Module):
             return self.numbers.new_zeros(len(weights), 0)
         n_near = min(NEIGHBOURS, len(self.weights))
         which = (uniform.to(self.weights) * n_near).long().clamp(max=n_near - 1)
-        near = self._squares(weights.to(self.weights), entry).topk(n_near, dim=1, largest=False).indices
+        parts = [(weights.to(self.weights), entry)]
+        if not torch.compiler.is_compiling():
+            parts = list(zip(parts[0][0].split(AT_ONCE), entry.split(AT_ONCE), strict=True))
+        near = torch.cat([self._squares(*part).topk(n_near, dim=1, largest=False).indices for part in parts])
         return self.numbers[near.gather(1, which[:, None])[:, 0]]
 
     def _squares(self, weights: Tensor, entry: Tensor) -> Tensor:
         """Squared distances (n, m), up to the squares of the samples' own weights, which all neighbours share."""
-        short = (entry[:, None] - self.entry).clamp(min=0.0) / SHORT_LEVELS
-        return self.weights.square().sum(1) - 2 * weights @ self.weights.T + short.square()
+        short = (entry[:, None] - self.entry).clamp_(min=0.0).div_(SHORT_LEVELS)
+        squares = torch.addmm(self.weights.square().sum(1), weights, self.weights.T, alpha=-2)
+        return squares.addcmul_(short, short)
 
     @cached_property
     def line(self) -> ResidualLine:

@@ -1,5 +1,7 @@
 """Batched integration of BADA's rate equation from drag and CAS on the grid (paper, equation 2)."""
 
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -8,6 +10,7 @@ from torch import Tensor
 
 from descentflow.core.constants import KAPPA, R_AIR
 from descentflow.core.tensors import Number
+from descentflow.core.threads import one_thread
 from descentflow.core.units import FL_M
 from descentflow.physics.airspeed import cas_to_mach
 from descentflow.physics.atmosphere import isa_temperature_k
@@ -18,7 +21,7 @@ from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.decoder.flight_grid import FlightGrid, flight_grid
 
 CHUNK_VALUES = 1 << 17
-"""Values of a quantity in one chunk for each thread of the CPU: the handful of arrays in use stay in the caches."""
+"""Values of a quantity in one chunk on the CPU: the handful of arrays in use stay in the caches."""
 GPU_CHUNK_VALUES = 1 << 26
 """The same for a GPU: enough to fill it, while the arrays between the steps stay below 2 GiB."""
 
@@ -54,17 +57,58 @@ class Trajectories:
         """(n, L) true at and below the entry level."""
         return torch.arange(len(self.levels_fl), device=self.entry.device) <= self.entry[:, None]
 
+    @property
+    def descends(self) -> Tensor:
+        """(n,) true where a descent descends at every level."""
+        return ((self.rate_mps < 0) | ~self.mask).all(1)
+
     def __len__(self) -> int:
         """Number of descents."""
         return len(self.entry)
 
-    def subset(self, index: Tensor) -> "Trajectories":
+    def subset(self, index: Tensor | slice) -> "Trajectories":
         """The descents at these positions, or where a bool mask (n,) is true."""
         return replace(self, **{name: getattr(self, name)[index] for name in OF_FLIGHTS})
+
+    def put(self, places: Tensor, descents: "Trajectories") -> None:
+        """Overwrite the descents at these positions."""
+        for name in OF_FLIGHTS:
+            getattr(self, name)[places] = getattr(descents, name)
 
 
 OF_FLIGHTS = ("entry", "time_s", "cas_mps", "mach", "tas_mps", "rate_mps", "drag_n")
 """Fields with a row for each descent."""
+
+
+def rows_at_once(values: Tensor) -> int:
+    """Number of rows of values (n, L) whose chunk the caches hold.
+
+    Example:
+        >>> rows_at_once(torch.zeros(10_000, 128))
+        1024
+    """
+    return max((GPU_CHUNK_VALUES if values.is_cuda else CHUNK_VALUES) // values.shape[1], 1)
+
+
+def summed_from_entry(legs: Tensor, entry: Tensor, out: Tensor | None = None) -> Tensor:
+    """Sums (n, L) of legs (n, L - 1) from each entry level (n,) downwards, zero there and negative above.
+
+    Args:
+        legs: Between neighbouring levels; all but the first column of ``out`` where that is given.
+        entry: Index of the level.
+        out: (n, L) for the result.
+
+    Example:
+        >>> summed_from_entry(torch.tensor([[1.0, 2.0, 4.0]]), torch.tensor([2]))
+        tensor([[ 3.,  2.,  0., -4.]])
+    """
+    if out is None:
+        whole = torch.nn.functional.pad(legs.cumsum(1), (1, 0))
+    else:
+        out[:, 0] = 0
+        torch.cumsum(legs, 1, out=out[:, 1:])
+        whole = out
+    return torch.sub(whole.gather(1, entry[:, None].to(whole.device)), whole, out=out)
 
 
 def through_air_m(flown: Trajectories) -> Tensor:
@@ -79,8 +123,7 @@ def through_air_m(flown: Trajectories) -> Tensor:
     """
     speed = (flown.tas_mps.square() - flown.rate_mps.square()).clamp(min=0.0).sqrt()
     legs = torch.where(flown.mask[:, 1:], flown.time_s[:, :-1] - flown.time_s[:, 1:], 0.0)
-    to_go = torch.nn.functional.pad((0.5 * (speed[:, 1:] + speed[:, :-1]) * legs).cumsum(1), (1, 0))
-    return to_go.gather(1, flown.entry[:, None]) - to_go
+    return summed_from_entry(0.5 * (speed[:, 1:] + speed[:, :-1]) * legs, flown.entry)
 
 
 def burn_of(flown: Trajectories) -> Burn | None:
@@ -101,7 +144,7 @@ def burn_of(flown: Trajectories) -> Burn | None:
     return burn(flown.aircraft, flown.cas_mps, altitude_m, flown.rate_mps, slope, deviation_k)
 
 
-def concatenate(parts: list[Trajectories]) -> Trajectories:
+def concatenate(parts: Sequence[Trajectories]) -> Trajectories:
     """Join batches on one grid.
 
     Example:
@@ -111,6 +154,8 @@ def concatenate(parts: list[Trajectories]) -> Trajectories:
         >>> len(concatenate([flown, flown]))
         8
     """
+    if len(parts) == 1:
+        return parts[0]
     joined: dict[str, Any] = {name: torch.cat([getattr(part, name) for part in parts]) for name in OF_FLIGHTS}
     return replace(parts[0], **joined)
 
@@ -169,15 +214,19 @@ def integrate(
         8
     """
     grid = grid or flight_grid(aircraft, altitude_m, mass_kg, deviation_k)
+    shares: tuple[Tensor | None, Tensor | None] = None, None
     if wind_mps is not None or exact_energy_share:
         slope = slope_per_m(cas_mps, altitude_m) if exact_energy_share else torch.zeros_like(cas_mps)
         wind = torch.zeros_like(altitude_m) if wind_mps is None else slope_per_m(wind_mps, altitude_m)
         shares = _shares(aircraft, grid, cas_mps, deviation_k, wind, slope, exact_energy_share)
-        found = integrate_on(grid, drag_n, cas_mps, entry, shares)
-    elif grid.is_plain and not drag_n.requires_grad and not cas_mps.requires_grad:
-        found = _in_chunks(grid, drag_n, cas_mps, entry, out)
+    differentiated = not grid.is_plain or drag_n.requires_grad or cas_mps.requires_grad
+    # Time that the quadrature takes from both sides of each jump, (n, b).
+    drag, cas = (grid.breaks.continued(values) for values in (drag_n, cas_mps))
+    extra_s = level_rate(grid.sides, drag, cas, shares[1])[3] * grid.breaks.extra_m
+    if differentiated or shares[0] is not None or torch.compiler.is_compiling():
+        found = _on_levels(grid, drag_n, cas_mps, entry, extra_s, shares[0])
     else:
-        found = integrate_on(grid, drag_n, cas_mps, entry)
+        found = _in_chunks(grid, drag_n, cas_mps, entry, extra_s, out)
     time_s, mach, tas_mps, rate_mps = found
     own: PerformanceModel | None = aircraft
     if mass_kg is not None:
@@ -185,56 +234,33 @@ def integrate(
     return Trajectories(levels_fl, entry, time_s, cas_mps, mach, tas_mps, rate_mps, drag_n, own)
 
 
-def integrate_on(
+def _on_levels(
     grid: FlightGrid,
     drag_n: Tensor,
     cas_mps: Tensor,
     entry: Tensor,
-    energy_shares: tuple[Tensor | None, Tensor | None] = (None, None),
-    out: tuple[Tensor | None, ...] = NEW,
+    extra_s: Tensor,
+    energy_share: Tensor | None = None,
+    out: tuple[Tensor | None, ...] = (None, *NEW),
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Integrate the rate over a grid: one expression of its inputs, to differentiate and to trace.
+    """Time, Mach number, TAS and rate; the sides of jumps add ``extra_s`` (n, b) to the time of their cells.
 
-    Time is summed from the lowest level upwards, where it is negative because the rate is.
-
-    Args:
-        grid: Of the L levels, in the profiles' precision.
-        drag_n: (n, L).
-        cas_mps: (n, L).
-        entry: (n,) index of the entry level.
-        energy_shares: Energy share factor at the levels and at both sides of the jumps; the grid's if absent.
-        out: Arrays for the result, in its order, where nothing is differentiated or traced.
-
-    Returns:
-        Time, Mach number, TAS and rate, each (n, L).
-
-    Example:
-        >>> from descentflow.aircraft_types.registry import aircraft
-        >>> grid = flight_grid(aircraft("A320"), torch.arange(150, 351).double() * 30.48)
-        >>> drag_n = torch.full((1, 201), 45e3).double().requires_grad_()
-        >>> time_s = integrate_on(grid, drag_n, torch.full((1, 201), 140.0).double(), torch.tensor([200]))[0]
-        >>> time_s[0, 0].backward()
-        >>> round(time_s[0, 0].item() / 60), bool((drag_n.grad < 0).all())  # minutes; more drag is less time
-        (8, True)
+    Arrays to write into are those of the result, and one more; without them, all is one expression, which can be
+    differentiated and traced.
     """
-    of_time, *others = out
-    mach, tas_mps, rate_mps, slowness = level_rate(grid.levels, drag_n, cas_mps, energy_shares[0], (*others, of_time))
-    extra = slowness[:, :0]
-    if grid.breaks.base:
-        at_sides = grid.breaks.continued
-        extra = level_rate(grid.sides, at_sides(drag_n), at_sides(cas_mps), energy_shares[1])[3]
-    legs = grid.breaks.leg_times(slowness, extra, grid.half_step_m)
-    if of_time is None:
-        climbed = torch.nn.functional.pad(legs.cumsum(1), (1, 0))
-    else:
-        climbed = of_time
-        climbed[:, 0] = 0
-        torch.cumsum(legs, 1, out=climbed[:, 1:])
-    return torch.sub(climbed, climbed.gather(1, entry[:, None]), out=of_time), mach, tas_mps, rate_mps
+    of_time, *of_rates = out
+    mach, tas_mps, rate_mps, slowness = level_rate(grid.levels, drag_n, cas_mps, energy_share, of_rates)
+    of_legs = None if of_time is None else of_time[:, 1:]
+    # Sums and products one by one: a product of matrices would sum in another order in another batch.
+    legs = torch.mul(slowness[:, :-1], grid.breaks.lower_m, out=of_legs)
+    legs = torch.addcmul(legs, slowness[:, 1:], grid.breaks.upper_m, out=of_legs)
+    for place, cell in enumerate(grid.breaks.cells):
+        legs[:, cell] += extra_s[:, place]
+    return summed_from_entry(legs, entry, of_time), mach, tas_mps, rate_mps
 
 
 def _in_chunks(
-    grid: FlightGrid, drag_n: Tensor, cas_mps: Tensor, entry: Tensor, out: Trajectories | None
+    grid: FlightGrid, drag_n: Tensor, cas_mps: Tensor, entry: Tensor, extra_s: Tensor, out: Trajectories | None
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """The same without gradients, in chunks that the processor's caches hold.
 
@@ -243,13 +269,22 @@ def _in_chunks(
     reused = [None] * 4 if out is None else [out.time_s, out.mach, out.tas_mps, out.rate_mps]
     time_s, mach, tas_mps, rate_mps = (torch.empty_like(drag_n) if one is None else one for one in reused)
     whole = time_s, mach, tas_mps, rate_mps
-    values = GPU_CHUNK_VALUES if drag_n.is_cuda else CHUNK_VALUES * torch.get_num_threads()
-    size = max(values // drag_n.shape[1], 1)
-    with torch.no_grad():
-        for start in range(0, len(drag_n), size):
-            part = slice(start, start + size)
-            arrays = tuple(values[part] for values in whole)
-            integrate_on(grid, drag_n[part], cas_mps[part], entry[part], out=arrays)
+    size = rows_at_once(drag_n)
+    parts = [slice(start, start + size) for start in range(0, len(drag_n), size)]
+
+    @torch.no_grad()
+    def fly(part: slice) -> None:
+        arrays, spare = [values[part] for values in whole], torch.empty_like(drag_n[part])
+        _on_levels(grid, drag_n[part], cas_mps[part], entry[part], extra_s[part], out=(*arrays, spare))
+
+    threads = min(torch.get_num_threads(), len(parts))
+    if threads <= 1 or drag_n.is_cuda:
+        for part in parts:
+            fly(part)
+    else:
+        # A chunk for each thread: within a chunk, threads would wait for each other at every step.
+        with one_thread(), ThreadPoolExecutor(threads) as pool:
+            list(pool.map(fly, parts))
     return whole
 
 

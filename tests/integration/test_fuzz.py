@@ -13,8 +13,9 @@ import torch
 from descentflow.core.errors import CheckpointError, ConfigError, DataError, SamplingError
 from descentflow.densities.checkpoint import load_model
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.generation.prediction.posterior import Prior, posterior_of
+from descentflow.generation.conditional.latent_density import Prior, posterior_of
 from descentflow.generation.sample import sample
+from descentflow.representation.linear_curves import LinearCurves
 from descentflow.surveillance.descents.prepared_descents import read_descents
 from descentflow.surveillance.descents.store import KEY
 
@@ -97,6 +98,7 @@ def test_seeds_beyond_64_bits(seed: int, run: Path) -> None:
 def test_a_flight_without_a_finite_density() -> None:
     mixture = Mixture(torch.ones(1).double(), torch.zeros(1, 2).double(), torch.eye(2)[None].double())
     endless = torch.tensor([1e200, 0.0]).double()
-    posterior = posterior_of(Prior(mixture, None), 3 * torch.eye(2).double(), endless)
+    curves = LinearCurves(torch.zeros(2).double(), torch.eye(2).double(), torch.ones(2).double(), 2)
+    posterior = posterior_of(Prior(mixture, None), 3 * torch.eye(2).double(), endless, curves)
     with pytest.raises(SamplingError, match="more than numbers can hold"):
         posterior.draw(5, torch.Generator().manual_seed(0))

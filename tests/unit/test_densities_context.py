@@ -17,10 +17,11 @@ from descentflow.densities.checkpoint import content_of, load_model
 from descentflow.densities.em import fit_mixture
 from descentflow.densities.em_steps import Steps
 from descentflow.densities.mixture_parameters import Mixture, log_observed, n_parameters
-from descentflow.generation.prediction.posterior import posterior_of, prior_of
+from descentflow.generation.conditional.latent_density import posterior_of, prior_of
 from descentflow.generation.rejection import sample_descents
 from descentflow.representation.context import ContextEncoder
 from descentflow.representation.evidence import WeightEvidence
+from descentflow.representation.linear_curves import LinearCurves
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
 
 D, C = 3, 2
@@ -221,7 +222,8 @@ def test_prediction_conditions_on_context_and_observation(name: str) -> None:
         torch.testing.assert_close(
             prior.log_prob(weights), density.log_prob(weights, context).double(), rtol=1e-9, atol=1e-9
         )
-    posterior = posterior_of(prior, 4 * torch.eye(D).double(), torch.tensor([8.0, 0.0, 0.0]).double())
+    curves = LinearCurves(torch.zeros(2).double(), torch.zeros(2, D).double(), torch.ones(2).double(), D)
+    posterior = posterior_of(prior, 4 * torch.eye(D).double(), torch.tensor([8.0, 0.0, 0.0]).double(), curves)
     drawn, effective = posterior.draw(2000, torch.Generator().manual_seed(0))
     assert effective > 200
     # Evidence of mean 2 and deviation 0.5 beside a cluster at 2 of deviation 0.4, which affine flows widen.

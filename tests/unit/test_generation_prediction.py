@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 import toys
@@ -12,7 +13,7 @@ from toys import Opaque, normal
 from descentflow.core.errors import ConfigError, DataError, SamplingError
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.generation.prediction.posterior import Prior, posterior_of, prior_of
+from descentflow.generation.conditional.latent_density import Prior, posterior_of, prior_of
 from descentflow.generation.prediction.predictor import DescentPredictor
 from descentflow.generation.prediction.summary import (
     actual_times,
@@ -64,7 +65,8 @@ def test_each_component_and_its_probability_are_those_of_the_joint_gaussian(know
     seen = torch.cat([mask, mask])
     drag, cas = normal(6, seed=2), normal(6, seed=3)
     prior = Prior(mixture, None, residual=line if known else None)
-    found = posterior_of(prior, *seen_of(curves, drag, cas, mask))
+    found = posterior_of(prior, *seen_of(curves, drag, cas, mask), curves)
+    means, roots = torch.from_numpy(found.means), torch.from_numpy(found.roots)
     rows, observed = curves.loadings[seen], torch.cat([drag, cas])[seen]
     log_probs = []
     for k in range(2):
@@ -76,22 +78,21 @@ def test_each_component_and_its_probability_are_those_of_the_joint_gaussian(know
         marginal = rows @ covariance @ rows.T + noise_left(curves)[seen][:, seen]
         gain = covariance @ rows.T @ torch.linalg.inv(marginal)
         expected = mean + gain @ (observed - curves.offset[seen] - rows @ mean)
-        torch.testing.assert_close(found.means[k], expected, rtol=1e-9, atol=1e-9)
-        precision = found.precision_trils[k] @ found.precision_trils[k].T
-        torch.testing.assert_close(torch.linalg.inv(precision), covariance - gain @ rows @ covariance)
+        torch.testing.assert_close(means[k], expected, rtol=1e-9, atol=1e-9)
+        torch.testing.assert_close(roots[k] @ roots[k].T, covariance - gain @ rows @ covariance)
         whole = MultivariateNormal(curves.offset[seen] + rows @ mean, marginal)
         log_probs.append(mixture.probs[k].log() + whole.log_prob(observed))
-    torch.testing.assert_close(found.log_probs, torch.stack(log_probs).log_softmax(0))
+    torch.testing.assert_close(torch.from_numpy(found.log_probs), torch.stack(log_probs).log_softmax(0))
 
 
 def test_draws_have_the_posteriors_moments() -> None:
     curves, mixture = linear(), two_components()
     mask = torch.ones(6, dtype=torch.bool)
-    found = posterior_of(Prior(mixture, None), *seen_of(curves, normal(6, seed=2), normal(6, seed=3), mask))
+    found = posterior_of(Prior(mixture, None), *seen_of(curves, normal(6, seed=2), normal(6, seed=3), mask), curves)
     drawn, effective = found.draw(40_000, torch.Generator().manual_seed(0))
-    probs = found.log_probs.exp()
-    mean = probs @ found.means
-    spread = found.precision_trils.cholesky_inverse() + (found.means - mean)[:, :, None] * (found.means - mean)[:, None]
+    probs, means, roots = (torch.from_numpy(v) for v in (np.exp(found.log_probs), found.means, found.roots))
+    mean = probs @ means
+    spread = roots @ roots.mT + (means - mean)[:, :, None] * (means - mean)[:, None]
     covariance = (probs[:, None, None] * spread).sum(0)
     assert effective == 40_000
     # Five standard errors of 15 independent-looking numbers: fails once in 100,000.
@@ -109,20 +110,20 @@ def opaque_gaussian() -> Opaque:
 def test_importance_resampling_meets_the_closed_form() -> None:
     opaque, curves = opaque_gaussian(), linear()
     evidence = seen_of(curves, normal(6, seed=2), normal(6, seed=3), torch.arange(6) < 4)
-    exact = posterior_of(prior_of(opaque.hidden), *evidence)
-    weighted = posterior_of(prior_of(opaque), *evidence)
+    exact = posterior_of(prior_of(opaque.hidden), *evidence, curves)
+    weighted = posterior_of(prior_of(opaque), *evidence, curves)
     assert weighted.prior.exact is opaque
     drawn, effective = weighted.draw(4000, torch.Generator().manual_seed(0))
     assert effective > 4000
-    deviation = exact.precision_trils[0].cholesky_inverse().diagonal().sqrt()
+    deviation = torch.from_numpy(exact.roots[0]).square().sum(1).sqrt()
     # Resampled draws repeat: eight standard errors of 4,000.
-    assert bool(((drawn.mean(0) - exact.means[0]).abs() < 8 * deviation / 4000**0.5).all())
+    assert bool(((drawn.mean(0) - torch.from_numpy(exact.means[0])).abs() < 8 * deviation / 4000**0.5).all())
 
 
 def test_a_density_that_excludes_the_flight_says_so() -> None:
     opaque, curves = opaque_gaussian(), linear()
     far = seen_of(curves, 1e3 + normal(6), 1e3 + normal(6), torch.ones(6, dtype=torch.bool))
-    posterior = posterior_of(prior_of(opaque), *far)
+    posterior = posterior_of(prior_of(opaque), *far, curves)
     with pytest.raises(SamplingError, match="effective"):
         posterior.draw(100, torch.Generator().manual_seed(0))
 

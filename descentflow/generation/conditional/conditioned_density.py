@@ -51,7 +51,7 @@ class FreeTarget:
     proposals = 1
 
     def __init__(self, density: Density, request: DescentRequest) -> None:
-        """Hold what is drawn of."""
+        """Tabulate the shares of levels of entry."""
         self.density, self.context, self.decoder = density, request.context, density.representation.decoder
         shares = np.exp(entry_shares(density.representation.plausibility))
         if request.entry >= 0:
@@ -151,10 +151,10 @@ def conditioned_target(request: DescentRequest, latent: LatentDensity, density: 
     Example:
         >>> from descentflow.core.units import KT_MPS
         >>> from descentflow.densities.checkpoint import load_model
-        >>> from descentflow.generation.conditional.latent_density import latent_density
+        >>> from descentflow.generation.conditional.latent_density import LatentDensities
         >>> model = load_model("best.ckpt")
         >>> request = DescentRequest(180, (SpeedAsked("cas_kt", 50, 280.0, 280.0),))
-        >>> target = conditioned_target(request, latent_density(model), model)
+        >>> target = conditioned_target(request, LatentDensities(model).before(), model)
         >>> proposed = target.propose(np.full((1, target.width), 0.4))
         >>> round(float(target.fly(proposed.u, proposed.entry).cas_mps[0, 50]) / KT_MPS, 6)  # kt
         280.0

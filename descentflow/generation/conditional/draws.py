@@ -83,7 +83,7 @@ def judge_of(representation: Representation, seed: int, *, flown: bool) -> Judge
 
     def rises(descents: Trajectories, numbers: np.ndarray) -> np.ndarray:
         rules = np.zeros((len(numbers), len(RULES)), dtype=bool)
-        rules[:, RULES.index("descends_too_slowly")] = (~(descents.rate_mps < 0) & descents.mask).any(1).numpy()
+        rules[:, RULES.index("descends_too_slowly")] = (~descents.descends).numpy()
         return rules
 
     return rises if flown else broken
@@ -148,7 +148,7 @@ def accepted(target: LatentTarget, seed: int, numbers: np.ndarray, judge: Judge)
     Proposals are drawn one after another without replacement, until one is plausible: few of them are flown.
 
     Args:
-        target: What is drawn from.
+        target: The density that is drawn from.
         seed: Of the draws.
         numbers: (n,) ascending numbers of the draws.
         judge: Which rules proposals break.
@@ -161,9 +161,9 @@ def accepted(target: LatentTarget, seed: int, numbers: np.ndarray, judge: Judge)
         >>> from descentflow.densities.checkpoint import load_model
         >>> from descentflow.generation.conditional.conditioned_density import conditioned_target
         >>> from descentflow.generation.conditional.constraints import DescentRequest
-        >>> from descentflow.generation.conditional.latent_density import latent_density
+        >>> from descentflow.generation.conditional.latent_density import LatentDensities
         >>> model = load_model("best.ckpt")
-        >>> target = conditioned_target(DescentRequest(entry=180), latent_density(model), model)
+        >>> target = conditioned_target(DescentRequest(entry=180), LatentDensities(model).before(), model)
         >>> found = accepted(target, 0, np.arange(50), judge_of(model.representation, 0, flown=False))
         >>> found.report.accepted, bool(model.representation.plausibility.broken_rules(found.flown).any())
         (50, False)

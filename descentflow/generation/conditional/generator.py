@@ -33,7 +33,7 @@ from descentflow.generation.conditional.draws import (
     judge_of,
 )
 from descentflow.generation.conditional.flown_so_far import FlownSoFar, flown_so_far
-from descentflow.generation.conditional.latent_density import LatentDensity, latent_density, latent_density_after
+from descentflow.generation.conditional.latent_density import LatentDensities
 from descentflow.generation.conditional.nearest_plausible import implausible
 from descentflow.generation.given_temperature import given_deviation_k, in_given_air
 from descentflow.generation.sample_contexts import context_rows, entry_levels
@@ -113,9 +113,9 @@ class Generator:
         self.levels_fl: list[float] = self.decoder.levels_fl.cpu().tolist()
         self._next = first
         self.transition_fl = self.decoder.transition_fl
-        self._latent: dict[tuple[tuple[str, str], ...], LatentDensity] = {}
+        self._latent = LatentDensities(density, seed)
         if density.n_context == 0 and density.mixture is not None:
-            self._latent[()] = latent_density(density)
+            self._latent.before()
         self._targets: dict[tuple[Any, ...], LatentTarget] = {}
 
     def __repr__(self) -> str:
@@ -269,21 +269,19 @@ class Generator:
     def _target(self, request: DescentRequest) -> LatentTarget:
         """The density given a request, kept for the next call that asks the same."""
         if request.flown is not None:
-            after = latent_density_after(self.density, request.context, self.seed, request.flown, self.noise_multiple)
+            after = self._latent.after(request.flown, request.context, self.noise_multiple)
             return conditioned_target(request, after, self.density)
         key = (request.entry, request.speeds, request.points, request.key)
-        if (found := self._targets.get(key)) is None:
+        target = self._targets.get(key)
+        if target is None:
             if len(self._targets) >= KEPT_REQUESTS:
                 self._targets.clear()
-            found = self._targets[key] = self._made(request)
-        return found
-
-    def _made(self, request: DescentRequest) -> LatentTarget:
-        if request.is_free and self.density.mixture is None:
-            return FreeTarget(self.density, request)
-        if (latent := self._latent.get(request.key)) is None:
-            latent = self._latent[request.key] = latent_density(self.density, request.context, self.seed)
-        return conditioned_target(request, latent, self.density)
+            if request.is_free and self.density.mixture is None:
+                target = FreeTarget(self.density, request)
+            else:
+                target = conditioned_target(request, self._latent.before(request.context), self.density)
+            self._targets[key] = target
+        return target
 
     def __getstate__(self) -> dict[str, Any]:
         """All but the densities that were conditioned."""

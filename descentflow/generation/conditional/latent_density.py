@@ -1,8 +1,8 @@
 """A density as Gaussians over latent numbers u, of which profiles are linear: before and after a part was flown.
 
-Before, u holds the weights and the residual numbers of samples. After, it holds what
-:class:`~descentflow.generation.prediction.predictor.DescentPredictor` conditions: weights and the residual components
-of each profile.
+Before, u holds the weights and the residual numbers of samples. After, it holds weights and the residual components of
+each profile: drag and CAS on the flown levels are linear in them (paper, equation 4), so that what was flown conditions
+each Gaussian in closed form. Where Gaussians only stand in for a density, their draws are weighted by it.
 """
 
 from dataclasses import dataclass, replace
@@ -13,17 +13,86 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from descentflow.core.errors import SamplingError
 from descentflow.densities.density import Density
-from descentflow.densities.mixture_parameters import NO_CONTEXT
-from descentflow.generation.prediction.posterior import Prior, posterior_of, prior_of
+from descentflow.densities.em import fit_mixture
+from descentflow.densities.mixture_parameters import NO_CONTEXT, Mixture, log_observed, posteriors
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
+from descentflow.representation.evidence import WeightEvidence
 from descentflow.representation.linear_curves import LinearCurves, linear_curves
 from descentflow.representation.profiles import Profiles
-from descentflow.representation.residuals import Residuals
+from descentflow.representation.residuals import ResidualLine, Residuals
 
 Array = NDArray[np.float64]
 HELD_SHARE = 1e-3
-"""Of the variance of residual numbers, by which they give where weights alone cannot meet what is asked."""
+"""Of the variance of residual numbers, by which they give where weights alone cannot meet a request."""
+PROPOSAL_DRAWS, PROPOSAL_COMPONENTS, WIDER = 4000, 4, 1.3
+"""Draws of a flow to which the proposal is fitted, its mixture components, and the factor that widens them (tails)."""
+PROPOSED_FOR_ONE = 10
+"""Draws of the proposal for each that is wanted of such a density."""
+MIN_EFFECTIVE = 50
+"""Effective draws below which importance resampling is not trusted."""
+
+
+@dataclass(frozen=True)
+class Prior:
+    """A mixture over the weights, and the density that it approximates where it is not that density itself.
+
+    Example:
+        >>> mixture = Mixture(torch.ones(1).double(), torch.zeros(1, 2).double(), torch.eye(2)[None].double())
+        >>> Prior(mixture, exact=None).log_prob(torch.zeros(1, 2))  # -log(2 pi)
+        tensor([-1.8379], dtype=torch.float64)
+    """
+
+    mixture: Mixture
+    exact: Density | None
+    """None where the mixture is the density itself."""
+    context: Tensor = NO_CONTEXT
+    """Context of the exact density, (1, c)."""
+    residual: ResidualLine | None = None
+    """Of the residual numbers given the weights; standard normals where it is None."""
+
+    def joint(self, size: int) -> Mixture:
+        """The mixture over ``size`` numbers u = (w, r)."""
+        d = self.mixture.locs.shape[1]
+        line = self.residual or ResidualLine.standard(size - d, d)
+        return Mixture(
+            self.mixture.probs, line.joint_means(self.mixture.locs), line.joint_roots(self.mixture.scale_trils)
+        )
+
+    def log_prob(self, weights: Tensor) -> Tensor:
+        """Log density (n,) of the exact density at weights (n, d)."""
+        if self.exact is None:
+            return log_observed(self.mixture, WeightEvidence.of_weights(weights))
+        return self.exact.log_prob(weights, self.context).double()
+
+    @torch.no_grad()
+    def log_ratio(self, weights: Tensor) -> Tensor:
+        """Log (n,) of the exact density over the mixture, minus infinity where it is not finite."""
+        ratio = self.log_prob(weights) - log_observed(self.mixture, WeightEvidence.of_weights(weights))
+        return torch.where(ratio.isfinite(), ratio, -torch.inf)
+
+
+def prior_of(density: Density, seed: int = 0, context: Tensor = NO_CONTEXT) -> Prior:
+    """Take a density apart for conditioning; a conditional one is first given its context (1, c).
+
+    A Gaussian and a mixture of Gaussians are themselves. Anything else is approximated by a mixture fitted to its
+    draws, whose components are widened: it only proposes, and its draws are weighted by the density.
+
+    Example:
+        >>> from descentflow.densities.checkpoint import load_model
+        >>> prior_of(load_model("best.ckpt")).exact is None  # a Gaussian stands for itself
+        True
+    """
+    mixture, residuals = density.mixture_at(context), density.representation.decoder.residuals
+    line = residuals.line if residuals.n_numbers else None
+    if mixture is not None:
+        plain = Mixture(*(v.detach() for v in (mixture.probs, mixture.locs, mixture.scale_trils)))
+        return Prior(plain, None, context, line)
+    draws = density.sample(PROPOSAL_DRAWS, seed, context)
+    draws = draws[draws.isfinite().all(1)]
+    fitted, _ = fit_mixture(draws, PROPOSAL_COMPONENTS, seed=seed, n_restarts=2)
+    return Prior(Mixture(fitted.probs, fitted.locs, WIDER * fitted.scale_trils), density, context, line)
 
 
 @dataclass(frozen=True)
@@ -34,13 +103,13 @@ class LatentDensity:
         log_probs: (K,) log of their shares.
         means: (K, D).
         roots: (K, D, D) whose products with their transposes are the covariances.
-        curves: Drag on the decoder's scale and CAS (m/s) as functions of u, whose first numbers are the weights.
         prior: What proposes, and the density that it stands for where that is no mixture.
+        curves: Drag on the decoder's scale and CAS (m/s) as functions of u, whose first numbers are the weights.
         residuals: What residual numbers are drawn of, given the weights; None where they are Gaussian.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
-        >>> latent = latent_density(load_model("best.ckpt"))
+        >>> latent = LatentDensities(load_model("best.ckpt")).before()
         >>> offset, loadings = latent.cas
         >>> u = torch.randn(3, latent.means.shape[1]).double()
         >>> np.allclose(offset + u.numpy() @ loadings, latent.curves.scaled_profiles(u)[1])
@@ -50,8 +119,8 @@ class LatentDensity:
     log_probs: Array
     means: Array
     roots: Array
-    curves: LinearCurves
     prior: Prior
+    curves: LinearCurves
     residuals: Residuals | None = None
 
     @cached_property
@@ -80,71 +149,142 @@ class LatentDensity:
         """Log of the density over what proposes (n,), at (n, D); zero where both are the same."""
         if self.prior.exact is None:
             return np.zeros(len(u))
-        return self.prior.log_ratio(u[:, : self.curves.n_weights]).numpy()
+        return self.prior.log_ratio(u[:, : self.prior.mixture.locs.shape[1]]).numpy()
+
+    def draw(self, n: int, generator: torch.Generator) -> tuple[Tensor, float]:
+        """Draw (n, D), and the number of effective draws behind them.
+
+        Raises:
+            SamplingError: If what was observed has no finite density, or a density that needs weighting leaves too few
+                effective draws.
+        """
+        if self.prior.exact is None:
+            return self._proposed(n, generator), float(n)
+        proposed = self._proposed(PROPOSED_FOR_ONE * n, generator)
+        shares = torch.from_numpy(self.log_ratio(proposed)).softmax(0)
+        effective = float(1 / shares.square().sum())
+        if effective < MIN_EFFECTIVE:
+            raise SamplingError(
+                f"{effective:.0f} effective of {len(shares)} draws: flights like this one have a low density",
+                expected=f"at least {MIN_EFFECTIVE}",
+                mend="draw more, or check that the flight is of the type and kind that the density was trained on",
+            )
+        chosen = torch.multinomial(shares, n, replacement=True, generator=generator)
+        return proposed[chosen], effective
+
+    def _proposed(self, n: int, generator: torch.Generator) -> Tensor:
+        shares = torch.from_numpy(self.log_probs).softmax(0)
+        if not bool(shares.isfinite().all()):
+            raise SamplingError(
+                "what was observed of a flight is more than numbers can hold away from all that the density knows",
+                expected="a flight of the type and kind that it was trained on",
+                mend="look at the flight's own values",
+            )
+        component = torch.multinomial(shares, n, replacement=True, generator=generator)
+        drawn = torch.randn(n, self.means.shape[1], dtype=torch.float64, generator=generator)
+        for k, (mean, root) in enumerate(zip(self.means, self.roots, strict=True)):
+            here = component == k
+            drawn[here] = torch.from_numpy(mean) + drawn[here] @ torch.from_numpy(root).T
+        return drawn
 
 
-def latent_density(density: Density, context: Tensor = NO_CONTEXT, seed: int = 0) -> LatentDensity:
-    """The density before anything was flown.
+def posterior_of(prior: Prior, precision: Tensor, shift: Tensor, curves: LinearCurves) -> LatentDensity:
+    """Condition a prior on evidence.
+
+    Args:
+        prior: Over the d weights, with the law of the residual numbers.
+        precision: (D, D) information of the observed levels, see
+            :meth:`~descentflow.representation.linear_curves.LinearCurves.information`.
+        shift: (D,).
+        curves: Profiles of u.
+
+    Returns:
+        Each mixture component in closed form: precision ``P_k + J``, mean ``(P_k + J)^-1 (P_k m_k + h)``, and
+        probability in proportion to ``p_k`` and the evidence under that component.
+
+    Example:
+        >>> mixture = Mixture(torch.ones(1).double(), torch.zeros(1, 2).double(), torch.eye(2)[None].double())
+        >>> curves = LinearCurves(torch.zeros(2).double(), torch.eye(2).double(), torch.ones(2).double(), 2)
+        >>> # A standard normal, observed with precision 3 at 4/3: mean 3/4 of that.
+        >>> evidence = 3 * torch.eye(2).double(), torch.tensor([4.0, 0.0]).double()
+        >>> posterior = posterior_of(Prior(mixture, None), *evidence, curves)
+        >>> drawn, effective = posterior.draw(5, torch.Generator().manual_seed(0))
+        >>> posterior.means, drawn.shape, effective
+        (array([[1., 0.]]), torch.Size([5, 2]), 5.0)
+    """
+    alone = WeightEvidence.of_information(precision[None], shift[None], torch.zeros(1, dtype=torch.long))
+    found = posteriors(prior.joint(len(shift)), alone)
+    # Precision L L': the transposed inverse of L is a root of the covariance.
+    roots = torch.linalg.inv(found.precision_trils[0]).mT
+    log_probs = found.log_joint[0].log_softmax(0)
+    return LatentDensity(*map(_numbers, (log_probs, found.means[0], roots)), prior, curves)
+
+
+class LatentDensities:
+    """A density as Gaussians given contexts and flown parts; what several requests have in common is computed once.
 
     Args:
         density: A mixture, or one that Gaussians stand in for.
-        context: (1, c) if it takes one.
         seed: Of the draws to which Gaussians are fitted that stand in for a density that is no mixture.
-
-    Example:
-        >>> from descentflow.densities.checkpoint import load_model
-        >>> model = load_model("best.ckpt")
-        >>> decoder, latent = model.representation.decoder, latent_density(model)
-        >>> d = decoder.dimension
-        >>> root = model.mixture.scale_trils[0].detach().numpy()  # of the weights
-        >>> bool((latent.roots[0, :d, :d] == root).all()), latent.means.shape[1] == d + decoder.residuals.n_numbers
-        (True, True)
-    """
-    decoder, prior = density.representation.decoder, prior_of(density, seed, context)
-    mixture = prior.joint(decoder.dimension + decoder.residuals.n_numbers)
-    return LatentDensity(
-        _numbers(mixture.probs.log()),
-        _numbers(mixture.locs),
-        _numbers(mixture.scale_trils),
-        _sample_curves(decoder),
-        prior,
-        decoder.residuals,
-    )
-
-
-def latent_density_after(density: Density, context: Tensor, seed: int, flown: Profiles, noise: float) -> LatentDensity:
-    """The density after one flight has flown some levels.
-
-    Args:
-        density: As before.
-        context: (1, c) if it takes one.
-        seed: As before.
-        flown: One flight; its mask is true at the levels flown.
-        noise: Multiple of the variance of the noise about the components.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
         >>> from descentflow.representation.encode_flights import encode_flights
         >>> from descentflow.surveillance.descents.prepared_descents import read_descents
         >>> model = load_model("best.ckpt")
+        >>> latent, d = LatentDensities(model), model.dimension
+        >>> root = model.mixture.scale_trils[0].detach().numpy()  # of the weights
+        >>> bool((latent.before().roots[0, :d, :d] == root).all())
+        True
         >>> one = encode_flights(read_descents("descents.parquet").frame, model.representation)["test"].profiles
-        >>> after = latent_density_after(model, None, 0, one.subset([0]), 1.0)
+        >>> after = latent.after(one.subset([0]))
         >>> bool(np.linalg.norm(after.roots[0], axis=1)[:4].max() < 1)  # less is open than before
         True
     """
-    decoder, prior = density.representation.decoder, prior_of(density, seed, context)
-    curves = linear_curves(decoder)
-    noisier = replace(curves, noise_variance=noise * curves.noise_variance)
-    seen = noisier.information(decoder.drag_scale.observed(flown))
-    posterior = posterior_of(prior, seen.precisions[0], seen.shift[0])
-    return LatentDensity(
-        _numbers(posterior.log_probs),
-        _numbers(posterior.means),
-        # Precision L L': the transposed inverse of L is a root of the covariance.
-        _numbers(torch.linalg.inv(posterior.precision_trils).mT),
-        curves,
-        prior,
-    )
+
+    def __init__(self, density: Density, seed: int = 0) -> None:
+        """Hold the density, and no prior yet."""
+        self.density, self.seed = density, seed
+        self.decoder: DescentDecoder = density.representation.decoder
+        self._priors: dict[tuple[float, ...], Prior] = {}
+        self._before: dict[tuple[float, ...], LatentDensity] = {}
+
+    @cached_property
+    def curves(self) -> LinearCurves:
+        """Profiles of weights and residual components, with the noise about them.
+
+        Raises:
+            ConfigError: If the components were fitted by the paper's iteration.
+        """
+        return linear_curves(self.decoder)
+
+    def _prior(self, context: Tensor) -> tuple[tuple[float, ...], Prior]:
+        key = tuple(context.flatten().tolist())
+        if key not in self._priors:
+            self._priors[key] = prior_of(self.density, self.seed, context)
+        return key, self._priors[key]
+
+    def before(self, context: Tensor = NO_CONTEXT) -> LatentDensity:
+        """The density before anything was flown, given a context (1, c) if it takes one."""
+        key, prior = self._prior(context)
+        if key not in self._before:
+            residuals = self.decoder.residuals
+            joint = prior.joint(self.decoder.dimension + residuals.n_numbers)
+            numbers = map(_numbers, (joint.probs.log(), joint.locs, joint.scale_trils))
+            self._before[key] = LatentDensity(*numbers, prior, _sample_curves(self.decoder), residuals)
+        return self._before[key]
+
+    def after(self, flown: Profiles, context: Tensor = NO_CONTEXT, noise: float = 1.0) -> LatentDensity:
+        """The density after one flight has flown the levels at which its mask is true.
+
+        Args:
+            flown: One flight on the decoder's grid.
+            context: As before.
+            noise: Multiple of the variance of the noise about the components.
+        """
+        noisier = replace(self.curves, noise_variance=noise * self.curves.noise_variance)
+        seen = noisier.information(self.decoder.drag_scale.observed(flown))
+        return posterior_of(self._prior(context)[1], seen.precisions[0], seen.shift[0], self.curves)
 
 
 def _sample_curves(decoder: DescentDecoder) -> LinearCurves:

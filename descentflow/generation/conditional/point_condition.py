@@ -1,6 +1,6 @@
 r"""A time or a distance at a level: not linear in the latent numbers, so met along a line and weighted.
 
-Minus its logarithm, T, is nearly linear in drag on its scale: that is what is met. With the slope g of T at the mean of
+Minus its logarithm, T, is nearly linear in drag on its scale: so T is met. With the slope g of T at the mean of
 a Gaussian and the covariance $\Sigma$ that is left by the rows of
 :mod:`~descentflow.generation.conditional.speed_conditions`, the direction $v = \Sigma g$ leaves the rows as they are,
 and the coordinate s along it is independent of the rest, with variance $1 / g^T v$. A draw keeps its rest; its s is
@@ -56,21 +56,21 @@ class PointCondition:
     """A time or a distance at a level, for C Gaussians whose descents start at one level.
 
     ``log_probs`` (C,) are the shares of the Gaussians given the rows and, as far as the slope implies, the point;
-    ``tail`` is how probable what is asked is then.
+    ``tail`` is the probability of the point then.
 
     Args:
         latent: The C Gaussians.
         decoder: Flies them.
-        request: What is asked, with the level where descents start.
+        request: The request, with the level where descents start.
         speeds: The speeds among it.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
         >>> from descentflow.generation.conditional.constraints import PointAsked
-        >>> from descentflow.generation.conditional.latent_density import latent_density
+        >>> from descentflow.generation.conditional.latent_density import LatentDensities
         >>> from descentflow.generation.conditional.speed_conditions import Rows, conditions
         >>> model = load_model("best.ckpt")
-        >>> decoder, latent = model.representation.decoder, latent_density(model)
+        >>> decoder, latent = model.representation.decoder, LatentDensities(model).before()
         >>> u = np.zeros_like(latent.means)
         >>> free = conditions(latent.log_probs, latent.means, latent.roots, Rows(u[:, None][:, :0], *[u[:, :0]] * 3))
         >>> request = DescentRequest(180, points=(PointAsked("time_s", 400.0, 400.0, (160.0, 160.0)),))
@@ -183,12 +183,12 @@ class PointCondition:
         return (self.low - expected) / sd, (self.high - expected) / sd, sd
 
     def _log_share(self, level: float) -> Array:
-        """Log probability (C,) of what is asked at a level."""
+        """Log probability (C,) of the point at a level."""
         low, high, sd = self._off(level)
         return log_between(low, high) if self.low < self.high else -0.5 * low**2 - np.log(sd) - 0.5 * log(2 * pi)
 
     def _tail(self, level: float) -> float:
-        """Probability of the band, or of what is at least as far out as the value, on its side; at a level."""
+        """Probability of the band, or of values at least as far out as that asked, on its side; at a level."""
         low, high, _ = self._off(level)
         shares, infinite = np.exp(self.speeds.log_probs), np.full_like(low, np.inf)
         if self.low < self.high:

@@ -113,7 +113,7 @@ class Prediction(WithTable):
         return continuations_table(self.flights, self.plan)
 
     def coverage(self) -> pl.DataFrame:
-        """Errors of the forecasts by level, beside least squares on CAS and rate as a control.
+        """Errors of the forecasts by level, and of least squares on CAS and rate as a control.
 
         Only flights that were observed at every level below ``from_fl`` are counted; there may be none.
 

@@ -11,12 +11,11 @@ from descentflow.core.counter_random import seed_for_name
 from descentflow.core.errors import DataError, SamplingError
 from descentflow.densities.density import Density
 from descentflow.densities.mixture_parameters import NO_CONTEXT
+from descentflow.generation.conditional.latent_density import LatentDensities
 from descentflow.generation.given_temperature import given_deviation_k, in_given_air
-from descentflow.generation.prediction.posterior import Prior, posterior_of, prior_of
 from descentflow.generation.prediction.time_calibration import Control, TimeCalibration
 from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.representation.encode_flights import EncodedFlights
-from descentflow.representation.linear_curves import LinearCurves, linear_curves
 from descentflow.representation.own_air import check_standard_air
 from descentflow.representation.profiles import Profiles
 
@@ -81,21 +80,11 @@ class DescentPredictor:
             seed: Of the proposal mixture for a density without a closed form.
         """
         check_standard_air(density.representation, "a prediction of the rest of a descent")
-        self.representation = density.representation
-        self.curves: LinearCurves = linear_curves(self.representation.decoder)
-        self.density, self.seed = density, seed
-        self._priors: dict[tuple[float, ...], Prior] = {}
-        if density.n_context == 0:
-            self._prior(NO_CONTEXT)
+        self.density, self.representation, self.seed = density, density.representation, seed
+        self.latent = LatentDensities(density, seed)
+        self.curves = self.latent.curves
         self.calibration: TimeCalibration | None = None
         self.control: Control | None = None
-
-    def _prior(self, context: Tensor) -> Prior:
-        """The prior given a context (1, c), made once for each context: a flow's proposal takes part of a second."""
-        key = tuple(context.flatten().tolist())
-        if key not in self._priors:
-            self._priors[key] = prior_of(self.density, self.seed, context)
-        return self._priors[key]
 
     def calibrated(self, from_fl: float, *parts: EncodedFlights, seed: int = 0) -> "DescentPredictor":
         """The predictor with times calibrated on flights (:mod:`~descentflow.generation.prediction.time_calibration`).
@@ -153,16 +142,14 @@ class DescentPredictor:
             SamplingError: If fewer than 50 continuations descend all the way.
         """
         mask = self._observed(flight, from_fl)
-        so_far = replace(flight, mask=mask[None])
-        seen = self.curves.information(self.representation.decoder.drag_scale.observed(so_far))
-        posterior = posterior_of(self._prior(context), seen.precisions[0], seen.shift[0])
+        posterior = self.latent.after(replace(flight, mask=mask[None]), context)
         # With the same numbers for all, what the ends of one flight's interval are off by, all flights' would be.
         generator = torch.Generator().manual_seed(seed_for_name(seed, flight.flight_ids[0]))
         drawn, effective = posterior.draw(n, generator)
         entry = torch.full((n,), int(mask.nonzero()[0]))
         flown = self.representation.decoder.fly_scaled(self.curves.scaled_profiles(drawn), entry)
         # Not the sampler's bounds: an observed flight may lie outside what training flights did, and still goes on.
-        good = ((flown.rate_mps < 0) | ~flown.mask).all(1)
+        good = flown.descends
         kept = int(good.sum())
         if kept < MIN_CONTINUATIONS:
             raise SamplingError(

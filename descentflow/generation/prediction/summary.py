@@ -52,7 +52,7 @@ def _intervals(one: Continuations, plan: GroundPlan) -> pl.DataFrame:
     below = torch.arange(int(flown.entry[0]) - 1, -1, -1)
     times = _quantiles(flown.time_s[:, below], "s")
     for q in QUANTILES:
-        # Standard normals of reports, beside continuations about their median.
+        # Errors of reports are normal; continuations spread about their median as drawn.
         off = times[_name(q, "s")] - times["q50_s"]
         noise = one.noise_s[below].numpy() * abs(NormalDist().inv_cdf(q)) / NormalDist().inv_cdf(QUANTILES[-1])
         times[_name(q, "s")] = times["q50_s"] + np.sign(q - 0.5) * np.hypot(off, noise)

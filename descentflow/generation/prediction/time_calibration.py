@@ -8,7 +8,7 @@ and Tibshirani 2021, doi:10.1214/20-AOS1965): of n flights the share :math:`0.9 
 
 of its forecast, where :math:`d_{il}` is half the interval of its continuations as drawn, and the bar is a median over
 flights. At the level just below, a few seconds away, all of it is what reports are off by. That is added to the
-intervals of all levels; continuations are spread about their median by what is left of h. Rates follow, so that every
+intervals of all levels; continuations are spread about their median by the rest of h. Rates follow, so that every
 continuation is flown in the times that it has; speeds and drag stay as they were drawn.
 """
 
@@ -252,7 +252,7 @@ def _moved(flown: Trajectories, shift_s: Tensor, half_s: Tensor) -> Trajectories
     steps = torch.maximum(moved.diff(dim=1), LEAST_STEP * before)
     found, slower = flown.time_s.clone(), (steps / before).flip(1)
     found[:, :last] = steps.cumsum(1).flip(1)
-    beside = torch.nn.functional.pad(slower[:, None], (1, 1), mode="replicate")[:, 0]
+    neighbours = torch.nn.functional.pad(slower[:, None], (1, 1), mode="replicate")[:, 0]
     rate_mps = flown.rate_mps.clone()
-    rate_mps[:, : last + 1] /= 0.5 * (beside[:, 1:] + beside[:, :-1])
+    rate_mps[:, : last + 1] /= 0.5 * (neighbours[:, 1:] + neighbours[:, :-1])
     return replace(flown, time_s=found, rate_mps=rate_mps)

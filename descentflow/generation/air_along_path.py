@@ -49,7 +49,7 @@ class AirAlongPath:
         plan: With a path, and with the time of the end where the field has several.
 
     Raises:
-        ConfigError: If there is no path, a wind beside the field's, or no time where one is needed.
+        ConfigError: If there is no path, a second wind, or no time where one is needed.
 
     Warns:
         DescentflowWarning: If the field has no wind.
@@ -77,7 +77,7 @@ class AirAlongPath:
     """
 
     def __init__(self, field: WeatherField, plan: GroundPlan) -> None:
-        """Check what is said of the ground against the field."""
+        """Check path, wind and time of the ground against the field."""
         if plan.path is None:
             raise ConfigError(
                 "the air of a weather field without a path",

@@ -1,4 +1,4 @@
-"""The temperature that a context gives: true airspeed in it, and no second one beside it.
+"""The temperature that a context gives: true airspeed in it, and no second temperature.
 
 A model that was fitted with the context ``deviation_k`` and drag in standard air has learnt what temperature does to
 the rate: its drag holds it. CAS, Mach number, rate and time of its samples are those of the context's air as they are.

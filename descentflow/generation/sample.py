@@ -69,7 +69,7 @@ def sample(
     Raises:
         CheckpointError: If the checkpoint cannot be used.
         ConfigError: If ``n`` is not positive, or the context, the entry levels or the air do not fit the model, the air
-            has a temperature beside the context's, or the plan does not fit the weather field.
+            and the context both have a temperature, or the plan does not fit the weather field.
         DataError: If a table or a weather field cannot be read, or a descent leaves the field.
         SamplingError: If too few draws are plausible.
 

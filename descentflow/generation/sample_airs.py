@@ -28,7 +28,7 @@ NAMES = ("deviation_k", GROWTH)
 TABLES = (".csv", ".parquet")
 LEVEL = "level_fl"
 COLUMNS = ("deviation_k", "tailwind")
-"""Columns of a table beside ``level_fl``: kelvins, and knots from behind; the second may be absent."""
+"""Columns of a table, with ``level_fl``: kelvins, and knots from behind; the second may be absent."""
 HIGHEST_FL = 1000.0
 """Beyond 100,000 ft nothing of air traffic flies: such levels are feet or metres."""
 BEYOND_FL = 10.0
@@ -46,7 +46,7 @@ def airs_of(asked: Airs | None, representation: Representation) -> LevelAir | No
         representation: The model's.
 
     Raises:
-        ConfigError: If there is no such air, a value cannot be, or there is a temperature beside the context's.
+        ConfigError: If there is no such air, a value cannot be, or it and the context both have a temperature.
         DataError: If the table cannot be read, lacks a column, or has one that is not known.
 
     Warns:
@@ -98,7 +98,7 @@ def _airs(asked: Airs | None, representation: Representation) -> LevelAir | None
 
 
 def _check_one_temperature(representation: Representation, asked: "Airs | None", air: LevelAir | None) -> None:
-    """Refuse a temperature beside that of the context, whose rate would have both; tell where one is not flown."""
+    """Refuse a second temperature, for the rate would have both; warn where the context's is not flown."""
     warm = names_weather(asked) or (air is not None and bool(air.deviation_k.any()))
     if gives_temperature(representation) and warm:
         raise ConfigError(

@@ -50,7 +50,7 @@ def burn(
         cas_gradient_per_s: dCAS/dHp.
         deviation_k: Temperature deviation from ISA.
         mass_kg: Mass; the reference mass when None.
-        acceleration_mps2: Of the TAS in time, beside what the slope of the CAS gives: of level flight, which has none.
+        acceleration_mps2: Of the TAS in time, added to that by the slope of the CAS: of level flight, which has none.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft

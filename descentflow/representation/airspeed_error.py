@@ -52,7 +52,7 @@ class AirspeedErrors:
     Attributes:
         wind_mps: Of the wind.
         temperature_k: Of the temperature.
-        measured: Whether they were measured on flights that report airspeeds beside; else published.
+        measured: Whether they were measured on flights that report airspeeds too; else published.
         flight_ids: Flights of which most levels are derived.
     """
 
@@ -192,7 +192,7 @@ def _to_less(spread: Tensor, added: Tensor) -> Tensor:
     values, vectors = torch.linalg.eigh(spread)
     root, back = (vectors * values.clamp(min=1e-12).sqrt() @ vectors.T for vectors, values in
                   ((vectors, values), (vectors, 1 / values.clamp(min=1e-12))))  # fmt: skip
-    # In units of the spread, what is left is one less what was added, and never nothing.
+    # In units of the spread one less the added variance is left, and never nothing.
     shares, axes = torch.linalg.eigh(back @ (spread - added) @ back)
     less = root @ (axes * shares.clamp(min=LEAST) @ axes.T) @ root
     values, vectors = torch.linalg.eigh(root @ less @ root)

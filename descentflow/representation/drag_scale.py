@@ -4,7 +4,7 @@ What slows a descending flight down is drag minus idle thrust, :math:`F = D - T_
 as one over BADA's energy share factor, which steps where a type hands over from a Mach number to a CAS, and at the
 tropopause. Flights do not: the inferred force steps there so that the observed rates come back. So a force is taken
 over the one with which training flights descend at that level and CAS at one and the same angle, :math:`F_l(v)`, which
-steps alike. What is left is smooth from level to level, and so are the rates of whatever is made of it:
+steps alike. The rest is smooth from level to level, and so are the rates of whatever is made of it:
 
 .. math:: z = \bar F \log \frac{F}{F_l(v)}, \qquad F_l(v) = F_l \left(1 + s_l (v - v_l)\right).
 

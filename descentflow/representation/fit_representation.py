@@ -94,7 +94,7 @@ def fit_representation(
         split: The split that ``train`` comes from, to be recorded.
         settings: How.
         mass_kg: Mass that inferred the drag, if not the reference mass.
-        **known: What is not fitted: other arguments of :class:`~.representation.Representation`.
+        **known: Parts that are not fitted: other arguments of :class:`~.representation.Representation`.
 
     Raises:
         DataError: If the flights do not vary or a level is observed by fewer than two of them.

@@ -1,4 +1,4 @@
-"""Bases, scaler, bounds and split: what a density needs beside itself."""
+"""Bases, scaler, bounds and split: all that a density needs but itself."""
 
 from dataclasses import asdict, dataclass
 from typing import Any

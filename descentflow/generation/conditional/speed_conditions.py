@@ -48,7 +48,7 @@ class Conditions:
     """C Gaussians with what their rows need.
 
     Attributes:
-        rows: What is asked.
+        rows: The rows with their bounds.
         factor: (C, J, J) lower Cholesky factors of the rows' covariances.
         gain: (C, D, J) what moves a draw to the rows' values.
         is_band: (J,) whether a row is a band.
@@ -113,7 +113,7 @@ def conditions(log_probs: Array, means: Array, roots: Array, rows: Rows) -> Cond
         log_probs: (C,) log shares, up to a constant.
         means: (C, D); only their number counts, for rows know their own centres.
         roots: (C, D, D) of the covariances.
-        rows: What is asked of each.
+        rows: Those of each Gaussian, with their bounds.
 
     Example:
         >>> ones, means, value = np.ones((2, 1, 1)), np.array([[0.0], [2.0]]), np.full((2, 1), 2.0)
@@ -147,7 +147,7 @@ def gain_of(roots: Array, rows: Rows) -> tuple[Array, Array]:
 
     Args:
         roots: (C, D, D) of the covariances.
-        rows: What is asked of each.
+        rows: Those of each Gaussian, with their bounds.
 
     Example:
         >>> rows = Rows(np.ones((1, 1, 2)), np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1)))
@@ -204,7 +204,7 @@ def cut_normal(low: Array, high: Array, uniform: Array) -> Array:
 
 
 def _tail(weights: Array, low: Array, high: Array) -> float:
-    """Probability of a band, or of what is at least as far out as a value, on its side."""
+    """Probability of a band, or of numbers at least as far out as a value, on its side."""
     if (low < high).any():
         return float(weights @ np.exp(log_between(low, high)))
     below = float(weights @ ndtr(low))

@@ -1,4 +1,4 @@
-"""Gappy functional PCA: components of profiles from what is observed of each."""
+"""Gappy functional PCA: components of profiles from the observed levels of each."""
 
 import math
 from contextlib import nullcontext
@@ -30,7 +30,7 @@ ALIKE, LEAST_NOISE = 1e-9, 1e-4
 
 
 def gappy_profiles(values: Tensor, mask: Tensor) -> Centred:
-    """Profiles centred by the mean of what is observed at each level, and divided by their spread.
+    """Profiles centred by the mean of the values observed at each level, and divided by their spread.
 
     Args:
         values: (n, L) float64, zero where missing.

@@ -162,7 +162,7 @@ def posterior_given(
 def em(centred: Tensor, mask: Tensor, q: int, *, max_iterations: int, tolerance: float) -> PPCA:
     """Fit by EM on the observed values alone.
 
-    The mean is one more parameter: where what is missing depends on what is seen (slow flights that show no top), the
+    The mean is one more parameter: where gaps depend on the values seen (slow flights that show no top), the
     mean of the observed values at a level is not that of all flights. Each M step takes the mean of the posteriors of z
     into it (Liu, Rubin and Wu 1998, doi:10.1093/biomet/85.4.755): the same maximum, in fewer steps. Their covariance is
     not taken into the loadings: the likelihood trusts each level as one observation, and at its maximum, which that

@@ -1,7 +1,7 @@
 r"""A prior against rough mean and components, for flights that are few.
 
 Probabilistic PCA takes every level for itself. Where few flights show a level, its mean and loadings are those of other
-flights than one level below, and what is flown with them changes speed faster than any flight does. The prior of a
+flights than one level below, and samples of them change speed faster than any flight does. The prior of a
 curve f over the levels is that of a smoothing spline, $p(f) \propto \exp(-\lambda \sum_l (\Delta^2 f_l)^2 / 2)$, and
 each level counts as many times as flights show it (Whittaker 1923; Green and Silverman 1994, chapter 2). The weight
 $\lambda$ is learnt, and the length of the noise with it, from flights that a model was not fitted to: flights are dealt
@@ -191,7 +191,7 @@ def spared(mask: Tensor, hidden: Tensor) -> Tensor:
 
 
 def missed(centred: Tensor, seen: Tensor, hidden: Tensor, loadings: Tensor, noise: Tensor) -> list[float]:
-    """Sum of the squared errors on hidden levels, of what is expected there given the others, for each length.
+    """Sum of the squared errors on hidden levels, of their expectation given the others, for each length.
 
     A probabilistic PCA takes the residual of its components for white noise, independent from level to level. It is
     smooth: neighbouring levels carry the same information, and a flight's weights, trusted to a precision that they do

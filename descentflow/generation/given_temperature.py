@@ -43,13 +43,13 @@ def given_deviation_k(representation: Representation, encoded: Tensor) -> Tensor
         >>> given_deviation_k(load_model("best.ckpt").representation, torch.zeros(1, 0))
         tensor([0.], dtype=torch.float64)
     """
-    place, found = 0, torch.zeros(len(encoded), dtype=torch.float64)
+    place, deviation_k = 0, torch.zeros(len(encoded), dtype=torch.float64)
     for column in representation.context.columns if gives_temperature(representation) else ():
         if column.name == NAME:
-            found = encoded[:, place].detach().cpu().double() * column.scale + column.mean
-            return torch.where(encoded[:, place + 1].cpu() > 0, 0.0, found) if column.indicator else found
+            deviation_k = encoded[:, place].detach().cpu().double() * column.scale + column.mean
+            return torch.where(encoded[:, place + 1].cpu() > 0, 0.0, deviation_k) if column.indicator else deviation_k
         place += column.width
-    return found
+    return deviation_k
 
 
 def in_given_air(flown: Trajectories, deviation_k: Tensor) -> Trajectories:

@@ -87,7 +87,7 @@ def sample(
     contexts = context_rows(context, representation.context)
     encoded, airs = representation.context.encode(contexts), airs_of(air, representation)
     with _along_path(air, plan) if names_weather(air) else nullcontext() as along:
-        found = sample_descents(
+        samples = sample_descents(
             density,
             representation,
             n,
@@ -99,13 +99,13 @@ def sample(
             progress=progress,
         )
         if along is not None:
-            there = along.found(found.trajectories)
-            found = replace(found, air=there.air, flown_at=there.positions)
+            there = along.found(samples.trajectories)
+            samples = replace(samples, air=there.air, flown_at=there.positions)
     given_k = given_deviation_k(representation, encoded)
     own_k = given_k[torch.arange(n) % len(given_k)]
-    flown = in_given_air(found.trajectories, own_k)
-    own = None if found.air is None else LevelAir(found.air.deviation_k + own_k[:, None], found.air.tailwind_mps)
-    return replace(found, trajectories=flown, air=own, context=contexts, plan=plan, origin=origin_of(density, seed))
+    flown = in_given_air(samples.trajectories, own_k)
+    own = None if samples.air is None else LevelAir(samples.air.deviation_k + own_k[:, None], samples.air.tailwind_mps)
+    return replace(samples, trajectories=flown, air=own, context=contexts, plan=plan, origin=origin_of(density, seed))
 
 
 @contextmanager

@@ -63,9 +63,9 @@ def airs_of(asked: Airs | None, representation: Representation) -> LevelAir | No
         >>> bool(airs_of(table, known).deviation_k[0, 0] == 12.0)  # at FL150
         True
     """
-    found = None if names_weather(asked) else _airs(asked, representation)
-    _check_one_temperature(representation, asked, found)
-    return found
+    airs = None if names_weather(asked) else _airs(asked, representation)
+    _check_one_temperature(representation, asked, airs)
+    return airs
 
 
 def _airs(asked: Airs | None, representation: Representation) -> LevelAir | None:

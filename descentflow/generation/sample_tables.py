@@ -56,7 +56,7 @@ def flown_quantities(flown: Trajectories) -> dict[str, Tensor]:
         >>> round(float((found["co2_kg"] / found["fuel_kg"])[0, 0]), 2)
         3.16
     """
-    found = {
+    quantities = {
         "time_s": flown.time_s,
         "altitude_ft": (flown.levels_fl * 100).expand(flown.time_s.shape),
         "CAS": flown.cas_mps / KT_MPS,
@@ -67,32 +67,32 @@ def flown_quantities(flown: Trajectories) -> dict[str, Tensor]:
     }
     burnt = burn_of(flown)
     if burnt is None:
-        return found
+        return quantities
     fuel_kg = burnt_kg(burnt.flow_kg_s, flown.time_s, flown.mask)
     fuel = {"thrust_n": burnt.thrust_n, "fuel_flow_kg_s": burnt.flow_kg_s, "fuel_kg": fuel_kg}
-    return {**found, **fuel, "co2_kg": CO2_PER_FUEL * fuel_kg}
+    return {**quantities, **fuel, "co2_kg": CO2_PER_FUEL * fuel_kg}
 
 
 def _quantities(flown: Trajectories, positions: Positions | None, air: LevelAir | None) -> dict[str, np.ndarray]:
     """Each quantity of :data:`UNITS` as (n, L) float64, on ascending levels."""
-    found = {name: tensor.detach().cpu().double().numpy() for name, tensor in flown_quantities(flown).items()}
+    quantities = {name: tensor.detach().cpu().double().numpy() for name, tensor in flown_quantities(flown).items()}
     tailwind: Tensor | float = 0.0
     if air is not None:
         tailwind = air.tailwind_mps
-        found |= {"deviation_k": air.deviation_k.numpy(), "tailwind": tailwind.numpy() / KT_MPS}
-    return found | _over_ground(place(flown, tailwind_mps=tailwind) if positions is None else positions)
+        quantities |= {"deviation_k": air.deviation_k.numpy(), "tailwind": tailwind.numpy() / KT_MPS}
+    return quantities | _over_ground(place(flown, tailwind_mps=tailwind) if positions is None else positions)
 
 
 def _over_ground(positions: Positions) -> dict[str, np.ndarray]:
     """Distances, groundspeed, and the place and time where they are known."""
-    found = {
+    distances = {
         "distance_nm": positions.distance_m / NM_M,
         "distance_to_go_nm": positions.to_go_m / NM_M,
         "top_of_descent_nm": np.broadcast_to(positions.top_of_descent_m[:, None] / NM_M, positions.to_go_m.shape),
         "groundspeed": positions.groundspeed_mps / KT_MPS,
     }
     places = {name: getattr(positions, name) for name in ("latitude", "longitude", "track", "unix_s")}
-    return found | {name: values for name, values in places.items() if values is not None}
+    return distances | {name: values for name, values in places.items() if values is not None}
 
 
 def to_frame(

@@ -175,12 +175,12 @@ def _groundspeed(
             expected=f"up to {STRONGEST_MPS / KT_MPS:.0f} kt, beyond which no wind on earth is",
             mend="check its speed and unit: it is FROM/KT as 270/35 on the command line, m/s in a file",
         )
-    found: Array = np.sqrt(np.clip(speed**2 - across**2, 0, None)) + along
-    if (np.abs(across) >= speed).any() or (found <= 0).any():
+    groundspeed: Array = np.sqrt(np.clip(speed**2 - across**2, 0, None)) + along
+    if (np.abs(across) >= speed).any() or (groundspeed <= 0).any():
         strongest = float(strength.max()) / KT_MPS
         raise ConfigError(
             f"a wind of {strongest:.0f} kt at FL{air.levels_fl[level]:.0f}, in which a flight cannot hold its track",
             expected="less wind than airspeed",
             mend="check the wind's unit: it is kt on the command line, m/s in a file",
         )
-    return found
+    return groundspeed

@@ -75,12 +75,12 @@ def wind_of_text(text: str) -> WindByLevel:
         >>> (wind.at(200.0, np.zeros(1), np.zeros(1), None)[0] / 0.514444).round(6)  # towards east, kt
         array([40.])
     """
-    found = [_WIND.fullmatch(part.strip()) for part in text.split(",")]
-    rows = [(float(one["level"] or 0), float(one["direction"]), float(one["speed"]) * KT_MPS) for one in found if one]
+    matches = [_WIND.fullmatch(part.strip()) for part in text.split(",")]
+    rows = [(float(one["level"] or 0), float(one["direction"]), float(one["speed"]) * KT_MPS) for one in matches if one]
     levels = [level for level, _, _ in rows]
-    by_level = len(found) > 1
-    odd = len(rows) < len(found) or any(direction > 360 for _, direction, _ in rows) or levels != sorted(set(levels))
-    if odd or (by_level and any(one is not None and one["level"] is None for one in found)):
+    by_level = len(matches) > 1
+    odd = len(rows) < len(matches) or any(direction > 360 for _, direction, _ in rows) or levels != sorted(set(levels))
+    if odd or (by_level and any(one is not None and one["level"] is None for one in matches)):
         raise ConfigError(
             f"the wind {text!r}",
             expected="DIRECTION/KNOTS, or LEVEL:DIRECTION/KNOTS,... with ascending flight levels",

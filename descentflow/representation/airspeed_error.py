@@ -197,5 +197,5 @@ def _to_less(spread: Tensor, added: Tensor) -> Tensor:
     less = root @ (axes * shares.clamp(min=LEAST) @ axes.T) @ root
     values, vectors = torch.linalg.eigh(root @ less @ root)
     middle = vectors * values.clamp(min=1e-12).sqrt() @ vectors.T
-    found: Tensor = back @ middle @ back
-    return found
+    moved: Tensor = back @ middle @ back
+    return moved

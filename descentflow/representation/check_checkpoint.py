@@ -126,9 +126,9 @@ def check_flies(decoder: DescentDecoder, plausibility: Plausibility) -> None:
         raise _wrong("the decoder does not fly the mean weights", "bases on one grid of levels")
 
 
-def _check_type(found: Any, kind: type, place: str) -> None:
-    if not isinstance(found, kind):
-        raise _wrong(f"{place} is of type {type(found).__name__}", NAMES[kind])
+def _check_type(value: Any, kind: type, place: str) -> None:
+    if not isinstance(value, kind):
+        raise _wrong(f"{place} is of type {type(value).__name__}", NAMES[kind])
 
 
 def _at(tree: dict[str, Any], place: str) -> Any:

@@ -96,11 +96,11 @@ def flight_context(descents: pl.DataFrame, names: Sequence[str], table: pl.DataF
             expected=f"different columns among {', '.join(sorted({*known, *top.columns, *DERIVED} - {'flight_id'}))}",
             mend="change data.context, or pass data.context_table with flight_id and the column",
         )
-    found = top.select("flight_id", *[_expression(n, top) for n in elsewhere]).sort("flight_id")
+    context = top.select("flight_id", *[_expression(n, top) for n in elsewhere]).sort("flight_id")
     if table is not None:
         joined = [name for name in names if name in known]
-        found = found.join(table.select("flight_id", *joined), on="flight_id", how="left", maintain_order="left")
-    return found.select("flight_id", *names)
+        context = context.join(table.select("flight_id", *joined), on="flight_id", how="left", maintain_order="left")
+    return context.select("flight_id", *names)
 
 
 def _derivable(name: str, top: pl.DataFrame) -> bool:

@@ -135,12 +135,12 @@ class Correction:
         """Part of ln TAS (n, L) by the air of the training flights, to which effects' changes are added."""
         from descentflow.effects import EFFECTS
 
-        found = torch.zeros_like(state.cas_mps)
+        shift = torch.zeros_like(state.cas_mps)
         for name, had in self.of_training.items():
             effect, own = EFFECTS[name], torch.tensor(had, dtype=torch.float64)
             added = torch.tensor(self.effects.get(name, [0.0] * len(had)), dtype=torch.float64)
-            found = found + effect.shift(state, own + added)["tas"] - effect.shift(state, added)["tas"]
-        return found
+            shift = shift + effect.shift(state, own + added)["tas"] - effect.shift(state, added)["tas"]
+        return shift
 
     def to_state(self) -> dict[str, Any]:
         """Primitives for a checkpoint."""

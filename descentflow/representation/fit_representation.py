@@ -156,8 +156,8 @@ def standardised_decoder(
         >>> bool(torch.allclose(again.weight_scale, known.decoder.weight_scale))
         True
     """
-    found = drag_scale.observed(train)
-    raw = torch.cat([basis.encode(one, found.mask) for basis, one in zip(bases, found.values, strict=True)], 1)
+    observed = drag_scale.observed(train)
+    raw = torch.cat([basis.encode(one, observed.mask) for basis, one in zip(bases, observed.values, strict=True)], 1)
     scale = raw.std(0)
     if not bool((scale > 0).all()):
         raise DataError(

@@ -197,8 +197,8 @@ def evidence_of(decoder: DescentDecoder, flights: Profiles, gaps: Gaps = "margin
     if gaps == "filled" or not has_noise_model(decoder):
         return WeightEvidence.of_weights(decoder.encode(flights))
     curves = linear_curves(decoder)
-    found = curves.information(decoder.drag_scale.observed(flights))
-    return WeightEvidence.of_information(*found.marginal(curves.n_weights), found.group)
+    seen = curves.information(decoder.drag_scale.observed(flights))
+    return WeightEvidence.of_information(*seen.marginal(curves.n_weights), seen.group)
 
 
 def _blocks(parts: list[Tensor]) -> Tensor:

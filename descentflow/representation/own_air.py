@@ -62,13 +62,13 @@ def with_own_air(
     drag_n = drag_in_air(aircraft, chosen.cas_mps, chosen.rate_mps, chosen.drag_n, chosen.altitude_m, air)
     mask = chosen.mask & known
     levels_left = int(chosen.mask.sum() - mask.sum())
-    found = replace(chosen, drag_n=torch.where(mask, drag_n, 0.0), mask=mask, air=air)
-    found = found.subset(torch.nonzero(mask.sum(1) >= MIN_LEVELS)[:, 0])
-    if len(found) < len(profiles):
-        say(f"left out {len(profiles) - len(found)} of {len(profiles)} flight(s) of whose air nothing is known")
+    kept = replace(chosen, drag_n=torch.where(mask, drag_n, 0.0), mask=mask, air=air)
+    kept = kept.subset(torch.nonzero(mask.sum(1) >= MIN_LEVELS)[:, 0])
+    if len(kept) < len(profiles):
+        say(f"left out {len(profiles) - len(kept)} of {len(profiles)} flight(s) of whose air nothing is known")
     if levels_left:
         say(f"left out {levels_left:,} of {int(chosen.mask.sum()):,} levels at which the air is not known")
-    return found
+    return kept
 
 
 def airs_by(air: AirSource, frame: pl.DataFrame, levels_fl: Tensor, *, wind: bool | None = None) -> "FlightAirs":
@@ -189,9 +189,9 @@ def flown_in(aircraft: PerformanceModel, flown: Trajectories, air: LevelAir) -> 
         True
     """
     altitude_m = (flown.levels_fl * FL_M).to(flown.cas_mps)
-    found = in_air(aircraft, flown.cas_mps, altitude_m, air)
-    rate = rate_in_air(aircraft, flown.rate_mps, flown.drag_n, found)
-    tas = flown.tas_mps * found.tas_mps / found.standard_tas_mps
+    state = in_air(aircraft, flown.cas_mps, altitude_m, air)
+    rate = rate_in_air(aircraft, flown.rate_mps, flown.drag_n, state)
+    tas = flown.tas_mps * state.tas_mps / state.standard_tas_mps
     slower = flown.rate_mps / rate
     legs = (flown.time_s[:, :-1] - flown.time_s[:, 1:]) * (slower[:, 1:] + slower[:, :-1]) / 2
     return replace(flown, time_s=summed_from_entry(legs, flown.entry), tas_mps=tas, rate_mps=rate)

@@ -281,5 +281,5 @@ def moved_outward(extreme: Tensor, mean: Tensor, n: Tensor) -> Tensor:
 
 def _expected_extreme(n: Tensor) -> Tensor:
     n = n.to(torch.float64)
-    found: Tensor = torch.special.ndtri((n - 0.375) / (n + 0.25))
-    return found
+    extreme: Tensor = torch.special.ndtri((n - 0.375) / (n + 0.25))
+    return extreme

@@ -175,11 +175,11 @@ def profiles_from_frame(
     # A plausible speed keeps the arithmetic finite at missing levels; the mask hides the result.
     cas_mps = cas_kt.masked_fill_(~mask, 250.0).mul_(KT_MPS)
     rate_mps = rate_fpm.mul_(FPM_MPS)
-    found = observed_profiles(aircraft, tuple(flight_ids), levels, time_s, cas_mps, rate_mps, mask, mass_kg)
+    profiles = observed_profiles(aircraft, tuple(flight_ids), levels, time_s, cas_mps, rate_mps, mask, mass_kg)
     if not burns:
-        return found
+        return profiles
     flow = frame["fuel_flow"].cast(pl.Float64).fill_null(float("nan")).to_numpy()
-    return replace(found, fuel_flow_kg_s=_scatter(flow, index, len(flight_ids), len(levels)))
+    return replace(profiles, fuel_flow_kg_s=_scatter(flow, index, len(flight_ids), len(levels)))
 
 
 def observed_profiles(

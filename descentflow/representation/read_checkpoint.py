@@ -48,11 +48,11 @@ def read_checkpoint(path: str | Path) -> dict[str, Any]:
         raise CheckpointError(f"{path}: not a checkpoint of descentflow", expected=f"a {SECTION!r} section", mend=MEND)
     section = content[SECTION]
     if not isinstance(section, dict) or section.get("format") != FORMAT:
-        found = section if isinstance(section, dict) else {}
+        known = section if isinstance(section, dict) else {}
         raise CheckpointError(
-            f"{path}: checkpoint format {found.get('format')!r}",
+            f"{path}: checkpoint format {known.get('format')!r}",
             expected=f"format {FORMAT}",
-            mend=f"fit again, or use the descentflow version that wrote it ({found.get('version')})",
+            mend=f"fit again, or use the descentflow version that wrote it ({known.get('version')})",
         )
     with usable(path):
         check_section(section, content.get("state_dict"))

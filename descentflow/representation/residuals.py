@@ -139,7 +139,7 @@ class Residuals(nn.Module):
         which = (uniform.to(self.weights) * n_near).long().clamp(max=n_near - 1)
         parts = [(weights.to(self.weights), entry)]
         if not torch.compiler.is_compiling():
-            parts = list(zip(parts[0][0].split(AT_ONCE), entry.split(AT_ONCE), strict=True))
+            parts = list(zip(*(torch.split(values, AT_ONCE) for values in parts[0]), strict=True))
         near = torch.cat([self._squares(*part).topk(n_near, dim=1, largest=False).indices for part in parts])
         return self.numbers[near.gather(1, which[:, None])[:, 0]]
 

@@ -69,11 +69,11 @@ class SeenFlights:
         kinds = {"flight_id": pl.String, "part": pl.Int64}
         names = pl.DataFrame({"flight_id": [*train, *validation], "part": parts}, schema=kinds)
         # Some flights at a time: a year of flights has more rows than a copy should be made of.
-        found = [
+        marked = [
             _passed(some).group_by("flight_id").agg(pl.col("icao24").first(), *_marks("level_fl"), *_marks("passed_s"))
             for some in batches(descents.select("flight_id", "icao24", "level_fl", "timestamp"), "flight_id")
         ]
-        flights = pl.concat(found)
+        flights = pl.concat(marked)
         flights = flights.join(names, on="flight_id").join(_addresses(flights["icao24"]), on="icao24").sort("flight_id")
         return cls(
             torch.from_numpy(flights["address"].to_numpy().copy()),
@@ -221,10 +221,10 @@ def _addresses(texts: pl.Series) -> pl.DataFrame:
 
 
 def _tensor(state: dict[str, Any], name: str) -> Tensor:
-    found = state.get(name)
-    if not isinstance(found, Tensor):
-        raise _wrong(f"{name} of type {type(found).__name__}")
-    return found
+    value = state.get(name)
+    if not isinstance(value, Tensor):
+        raise _wrong(f"{name} of type {type(value).__name__}")
+    return value
 
 
 def _wrong(got: str) -> CheckpointError:

@@ -201,8 +201,8 @@ def entry_shares(bounds: Plausibility) -> Array:
     """
     counts = bounds.entry_counts.cpu().double().numpy()
     with np.errstate(divide="ignore"):
-        found: Array = np.log(counts / counts.sum())
-    return found
+        log_shares: Array = np.log(counts / counts.sum())
+    return log_shares
 
 
 def _entries(request: DescentRequest, log_entries: Array) -> np.ndarray:

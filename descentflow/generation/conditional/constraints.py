@@ -222,7 +222,7 @@ def speeds_asked(name: str, asked: BySpeed | None, default: int, levels_fl: "lis
         return []
     if not isinstance(asked, Mapping):
         return [SpeedAsked(name, default, *_band(name, asked))]
-    found: list[SpeedAsked] = []
+    speeds: list[SpeedAsked] = []
     for level, band in asked.items():
         if not levels_fl[0] <= level <= levels_fl[-1]:
             raise ConfigError(
@@ -231,14 +231,14 @@ def speeds_asked(name: str, asked: BySpeed | None, default: int, levels_fl: "lis
                 mend="choose a level of the model's grid",
             )
         nearest = min(range(len(levels_fl)), key=lambda k: abs(levels_fl[k] - level))
-        if any(one.level == nearest for one in found):
+        if any(one.level == nearest for one in speeds):
             raise ConfigError(
                 f"{name} twice at FL{levels_fl[nearest]:g}, the nearest to level {level:g}",
                 expected="each level of the model's grid once",
                 mend="leave one of them out, or ask for a band",
             )
-        found.append(SpeedAsked(name, nearest, *_band(name, band)))
-    return found
+        speeds.append(SpeedAsked(name, nearest, *_band(name, band)))
+    return speeds
 
 
 def points_asked(time_s: Band | None, distance_nm: Band | None, level: Band | None) -> tuple[PointAsked, ...]:

@@ -78,8 +78,8 @@ def judge_of(representation: Representation, seed: int, *, flown: bool) -> Judge
 
     def broken(descents: Trajectories, numbers: np.ndarray) -> np.ndarray:
         whole = corrected(representation, seed, descents, numbers)
-        found: np.ndarray = representation.plausibility.broken_rules(whole).numpy()
-        return found
+        rules: np.ndarray = representation.plausibility.broken_rules(whole).numpy()
+        return rules
 
     def rises(descents: Trajectories, numbers: np.ndarray) -> np.ndarray:
         rules = np.zeros((len(numbers), len(RULES)), dtype=bool)
@@ -138,8 +138,8 @@ def uniform_of(seed: int, numbers: np.ndarray, count: int, stream: int) -> Array
     """
     runs = np.split(numbers, np.flatnonzero(np.diff(numbers) != 1) + 1)
     parts = [DrawNumbers(seed, int(run[0]) * count).uniform(len(run) * count, stream) for run in runs]
-    found: Array = np.maximum(torch.cat(parts).numpy().reshape(len(numbers), count), LEAST_UNIFORM)
-    return found
+    uniform: Array = np.maximum(torch.cat(parts).numpy().reshape(len(numbers), count), LEAST_UNIFORM)
+    return uniform
 
 
 def accepted(target: LatentTarget, seed: int, numbers: np.ndarray, judge: Judge) -> Accepted:
@@ -213,8 +213,8 @@ class _Search:
         tried = 0
         while len(waiting) and tried < size:
             some = order[waiting, tried : max(2 * tried, 1)]
-            found = self._fly(proposed, group[waiting], waiting[:, None] * size + some, tried)
-            waiting, tried = waiting[~found], tried + some.shape[1]
+            met = self._fly(proposed, group[waiting], waiting[:, None] * size + some, tried)
+            waiting, tried = waiting[~met], tried + some.shape[1]
         self.none[group[waiting]] = True
 
     def _fly(self, proposed: Proposed, owners: np.ndarray, rows: np.ndarray, tried: int) -> np.ndarray:
@@ -225,15 +225,15 @@ class _Search:
         rules = self.judge(descents, self.numbers[owners].repeat(rows.shape[1]))
         bad = np.asarray(rules.any(1))
         good = np.asarray(~bad & np.isfinite(proposed.log_weight[rows.ravel()])).reshape(rows.shape)
-        place, found = good.argmax(1), np.asarray(good.any(1))
+        place, met = good.argmax(1), np.asarray(good.any(1))
         # Of the j flown until one is plausible, about 2 in j + 1 are: so many fewer are effective.
-        enough = found & (self.equal | (self.effective[owners] >= LEAST_EFFECTIVE * (tried + place + 2) / 2))
+        enough = met & (self.equal | (self.effective[owners] >= LEAST_EFFECTIVE * (tried + place + 2) / 2))
         first = np.flatnonzero(enough) * rows.shape[1] + place[enough]
         self.owners = np.concatenate([self.owners, owners[enough]])
         self.found.append((u[first], descents.subset(torch.from_numpy(first))))
         self.flown, self.rejected = self.flown + len(bad), self.rejected + int(bad.sum())
         self.broken += rules.sum(0)
-        return found
+        return met
 
     def result(self) -> Accepted:
         """All of them in the order of their numbers."""
@@ -253,5 +253,5 @@ def effective_number(log_weight: Array) -> Array:
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         shares = np.exp(log_weight - log_weight.max(1, keepdims=True))
-        found: Array = shares.sum(1) ** 2 / (shares**2).sum(1)
-    return np.nan_to_num(found)
+        effective: Array = shares.sum(1) ** 2 / (shares**2).sum(1)
+    return np.nan_to_num(effective)

@@ -65,10 +65,10 @@ def flown_so_far(decoder: DescentDecoder, flown: FlownSoFar, bounds: Plausibilit
     cas[0, index], rate[0, index] = cas_kt[on], rate_fpm[on]
     cas_mps, rate_mps = torch.from_numpy(cas * KT_MPS), torch.from_numpy(rate * FPM_MPS)
     seen, levels, time_s = torch.from_numpy(mask), decoder.levels_fl.cpu(), torch.zeros_like(cas_mps)
-    found = observed_profiles(decoder.aircraft, ("flown",), levels, time_s, cas_mps, rate_mps, seen)
+    so_far = observed_profiles(decoder.aircraft, ("flown",), levels, time_s, cas_mps, rate_mps, seen)
     if bounds is not None:
-        _check_units(found, bounds)
-    return found
+        _check_units(so_far, bounds)
+    return so_far
 
 
 def _check_one_descent(level: np.ndarray, rate_fpm: np.ndarray) -> None:
@@ -116,13 +116,13 @@ def _check_units(so_far: Profiles, bounds: Plausibility) -> None:
 
 def _column(values: Any, name: str) -> np.ndarray:
     try:
-        found = np.asarray(values, dtype=np.float64)
+        numbers = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
-        found = np.array([np.nan])
-    if found.ndim != 1 or not np.isfinite(found).all() or (name in ("CAS", "IAS") and (found <= 0).any()):
+        numbers = np.array([np.nan])
+    if numbers.ndim != 1 or not np.isfinite(numbers).all() or (name in ("CAS", "IAS") and (numbers <= 0).any()):
         raise DataError(
             f"flown {name} that is no list of numbers, or holds one that no aircraft flies",
             expected="finite numbers, speeds above zero",
             mend="leave those levels out",
         )
-    return found
+    return numbers

@@ -201,18 +201,18 @@ class Generator:
             if number is None:
                 number, self._next = self._next, self._next + n
         numbers = np.arange(number, number + n)
-        found = self._accepted(request, numbers)
-        descents = corrected(self.representation, self.seed, found.flown, numbers)
+        drawn = self._accepted(request, numbers)
+        descents = corrected(self.representation, self.seed, drawn.flown, numbers)
         return GeneratedSamples(
-            found.u[:, : self.decoder.dimension].clone(),
+            drawn.u[:, : self.decoder.dimension].clone(),
             in_given_air(descents, torch.full((n,), request.deviation_k)),
-            found.report,
+            drawn.report,
             contexts,
             origin=origin_of(self.density, self.seed),
             asked=request.words(self.levels_fl),
             first=number,
-            effective=found.effective,
-            proposals=found.proposals,
+            effective=drawn.effective,
+            proposals=drawn.proposals,
         )
 
     def _request(

@@ -213,11 +213,11 @@ def posterior_of(prior: Prior, precision: Tensor, shift: Tensor, curves: LinearC
         (array([[1., 0.]]), torch.Size([5, 2]), 5.0)
     """
     alone = WeightEvidence.of_information(precision[None], shift[None], torch.zeros(1, dtype=torch.long))
-    found = posteriors(prior.joint(len(shift)), alone)
+    given = posteriors(prior.joint(len(shift)), alone)
     # Precision L L': the transposed inverse of L is a root of the covariance.
-    roots = torch.linalg.inv(found.precision_trils[0]).mT
-    log_probs = found.log_joint[0].log_softmax(0)
-    return LatentDensity(*map(_numbers, (log_probs, found.means[0], roots)), prior, curves)
+    roots = torch.linalg.inv(given.precision_trils[0]).mT
+    log_probs = given.log_joint[0].log_softmax(0)
+    return LatentDensity(_numbers(log_probs), _numbers(given.means[0]), _numbers(roots), prior, curves)
 
 
 class LatentDensities:
@@ -270,8 +270,9 @@ class LatentDensities:
         if key not in self._before:
             residuals = self.decoder.residuals
             joint = prior.joint(self.decoder.dimension + residuals.n_numbers)
-            numbers = map(_numbers, (joint.probs.log(), joint.locs, joint.scale_trils))
-            self._before[key] = LatentDensity(*numbers, prior, _sample_curves(self.decoder), residuals)
+            log_probs, means, roots = map(_numbers, (joint.probs.log(), joint.locs, joint.scale_trils))
+            curves = _sample_curves(self.decoder)
+            self._before[key] = LatentDensity(log_probs, means, roots, prior, curves, residuals)
         return self._before[key]
 
     def after(self, flown: Profiles, context: Tensor = NO_CONTEXT, noise: float = 1.0) -> LatentDensity:
@@ -296,5 +297,5 @@ def _sample_curves(decoder: DescentDecoder) -> LinearCurves:
 
 
 def _numbers(values: Tensor) -> Array:
-    found: Array = values.detach().cpu().double().contiguous().numpy()
-    return found
+    array: Array = values.detach().cpu().double().contiguous().numpy()
+    return array

@@ -63,12 +63,12 @@ def implausible(
     off = np.maximum(np.maximum(low - values, values - high), 0.0)
     nearest, digits = float(values[off.argmin()]), DIGITS[name]
     others = "; ".join(rest.words(levels_fl)) or "nothing else asked"
-    found = f"{text}, which no descent of the model has with {others}"
+    got = f"{text}, which no descent of the model has with {others}"
     least, most, step = float(values.min()), float(values.max()), 10.0**-digits
     if most - least < step:  # a rounded value would be refused again
         band = f"({floor(least / step) * step:.{digits}f}, {ceil(most / step) * step:.{digits}f})"
         return ImplausibleError(
-            found,
+            got,
             expected=f"{nearest:.{digits + 3}f}, which follows from what else is asked",
             mend=f"leave {name} out there, or ask for the band {band}",
             constraint=name,
@@ -77,7 +77,7 @@ def implausible(
     suggested = min(max(nearest, ceil(least / step) * step), floor(most / step) * step)
     ends = f"{least:.{digits}f} to {most:.{digits}f}"
     return ImplausibleError(
-        found,
+        got,
         expected=f"{ends}, as {LOOKED_AT:,} plausible draws have (rarer ones lie beyond)",
         mend=f"ask for the nearest of theirs, {name} {suggested:.{digits}f}, or for a band that holds it",
         constraint=name,

@@ -169,8 +169,8 @@ def log_total(values: Array) -> Array:
     """
     most = values.max(0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        found: Array = most + np.log(np.exp(values - most).sum(0))
-    return np.where(np.isfinite(most), found, most)
+        total: Array = most + np.log(np.exp(values - most).sum(0))
+    return np.where(np.isfinite(most), total, most)
 
 
 def log_between(low: Array, high: Array) -> Array:
@@ -184,8 +184,8 @@ def log_between(low: Array, high: Array) -> Array:
     lower, upper = np.where(flip, -high, low), np.where(flip, -low, high)
     top, bottom = log_ndtr(upper), log_ndtr(lower)
     with np.errstate(divide="ignore"):
-        found: Array = top + np.log1p(-np.exp(np.minimum(bottom - top, 0.0)))
-    return found
+        log_share: Array = top + np.log1p(-np.exp(np.minimum(bottom - top, 0.0)))
+    return log_share
 
 
 def cut_normal(low: Array, high: Array, uniform: Array) -> Array:
@@ -199,8 +199,8 @@ def cut_normal(low: Array, high: Array, uniform: Array) -> Array:
     flip = low > 0
     lower, upper = np.where(flip, -high, low), np.where(flip, -low, high)
     drawn = ndtri_exp(np.logaddexp(log_ndtr(lower), np.log(uniform) + log_between(lower, upper)))
-    found: Array = np.where(flip, -1.0, 1.0) * np.clip(drawn, lower, upper)
-    return found
+    cut: Array = np.where(flip, -1.0, 1.0) * np.clip(drawn, lower, upper)
+    return cut
 
 
 def _tail(weights: Array, low: Array, high: Array) -> float:

@@ -122,11 +122,11 @@ class Prediction(WithTable):
             control with names that end in ``_control`` where times were calibrated.
         """
         actual = actual_times(self.flights, self.observed)
-        found = coverage(self._intervals, actual)
+        errors = coverage(self._intervals, actual)
         if self.control is None:
-            return found
+            return errors
         control = coverage(control_intervals(self.flights, self.observed, self.control), actual)
-        return found.join(control, on="level_fl", how="left", suffix="_control")
+        return errors.join(control, on="level_fl", how="left", suffix="_control")
 
     @checked_arguments
     def write(self, path: Output) -> None:
@@ -278,11 +278,11 @@ def predict(
 def _calibrated(predictor: DescentPredictor, from_fl: float, *parts: EncodedFlights) -> tuple[DescentPredictor, str]:
     """The predictor calibrated on the flights of its fit where there are enough, and what was done."""
     try:
-        found = predictor.calibrated(from_fl, *parts, seed=predictor.seed)
+        calibrated = predictor.calibrated(from_fl, *parts, seed=predictor.seed)
     except DataError as error:
         return predictor, f"not calibrated, intervals are likely to be too narrow: {error}"
-    assert found.calibration is not None
-    return found, f"times calibrated on {found.calibration.n_flights} flights of the fit, each by the others"
+    assert calibrated.calibration is not None
+    return calibrated, f"times calibrated on {calibrated.calibration.n_flights} flights of the fit, each by the others"
 
 
 def _chosen(held_out: EncodedFlights, names: Sequence[str] | None) -> EncodedFlights:

@@ -98,8 +98,8 @@ class DescentPredictor:
         Raises:
             DataError: If fewer than ten flights can be used.
         """
-        found = copy(self)
-        found.calibration = None
+        calibrated = copy(self)
+        calibrated.calibration = None
         last = int((self.representation.decoder.levels_fl < from_fl).sum())
         whole = [(part, i) for part in parts for i in _whole_below(part.profiles, last)]
         # Neighbours in a file were flown on one day, by one operator: those taken are spread over all of it.
@@ -108,7 +108,7 @@ class DescentPredictor:
         for part, i in whole:
             one = part.subset([i])
             with suppress(SamplingError):
-                ahead = found.predict(one.profiles, from_fl, CALIBRATION_CONTINUATIONS, seed, context=one.context)
+                ahead = calibrated.predict(one.profiles, from_fl, CALIBRATION_CONTINUATIONS, seed, context=one.context)
                 drawn.append(ahead.trajectories)
                 observed.append(observed_at(one.profiles, last))
                 flown_s.append(one.profiles.time_s[:, :last] - one.profiles.time_s[:, last, None])
@@ -119,11 +119,11 @@ class DescentPredictor:
                 mend="pass descents that hold more of the flights that the model was fitted to",
             )
         known, times = torch.cat(observed), torch.cat(flown_s).double()
-        found.calibration, found.control = (
+        calibrated.calibration, calibrated.control = (
             TimeCalibration.of_flights(drawn, known, times),
             Control.of_flights(known, times),
         )
-        return found
+        return calibrated
 
     def predict(
         self, flight: Profiles, from_fl: float, n: int = 500, seed: int = 0, *, context: Tensor = NO_CONTEXT
@@ -183,8 +183,8 @@ class DescentPredictor:
 
 
 def _whole_below(flights: Profiles, last: int) -> list[int]:
-    found: list[int] = flights.mask[:, : last + 1].all(1).nonzero()[:, 0].tolist()
-    return found
+    positions: list[int] = flights.mask[:, : last + 1].all(1).nonzero()[:, 0].tolist()
+    return positions
 
 
 def observed_at(flights: Profiles, level: int) -> Tensor:

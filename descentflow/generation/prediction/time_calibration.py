@@ -250,9 +250,9 @@ def _moved(flown: Trajectories, shift_s: Tensor, half_s: Tensor) -> Trajectories
     moved = torch.nn.functional.pad(middle + shift_s + factor * (time_s[:, 1:] - middle), (1, 0))
     before = time_s.diff(dim=1)
     steps = torch.maximum(moved.diff(dim=1), LEAST_STEP * before)
-    found, slower = flown.time_s.clone(), (steps / before).flip(1)
-    found[:, :last] = steps.cumsum(1).flip(1)
+    time_from_entry_s, slower = flown.time_s.clone(), (steps / before).flip(1)
+    time_from_entry_s[:, :last] = steps.cumsum(1).flip(1)
     neighbours = torch.nn.functional.pad(slower[:, None], (1, 1), mode="replicate")[:, 0]
     rate_mps = flown.rate_mps.clone()
     rate_mps[:, : last + 1] /= 0.5 * (neighbours[:, 1:] + neighbours[:, :-1])
-    return replace(flown, time_s=found, rate_mps=rate_mps)
+    return replace(flown, time_s=time_from_entry_s, rate_mps=rate_mps)

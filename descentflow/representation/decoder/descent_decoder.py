@@ -83,12 +83,12 @@ class DescentDecoder(nn.Module):
             like: A tensor of the precision and on the device wanted.
         """
         key = (like.dtype, like.device)
-        aircraft, found = self._grids.get(key, (None, None))
-        if found is None or aircraft is not self.aircraft:
-            found = flight_grid(self.aircraft, (self.levels_fl * FL_M).to(like))
-            if found.is_plain:
-                self._grids[key] = (self.aircraft, found)
-        return found
+        aircraft, grid = self._grids.get(key, (None, None))
+        if grid is None or aircraft is not self.aircraft:
+            grid = flight_grid(self.aircraft, (self.levels_fl * FL_M).to(like))
+            if grid.is_plain:
+                self._grids[key] = (self.aircraft, grid)
+        return grid
 
     @property
     def dimension(self) -> int:
@@ -112,9 +112,9 @@ class DescentDecoder(nn.Module):
 
     def encode(self, profiles: Profiles) -> Tensor:
         """Standardised weights (n, d) of observed profiles on this decoder's grid, gaps allowed."""
-        found = self.drag_scale.observed(profiles)
-        parts = zip(self.bases.values(), found.values, strict=True)
-        raw = torch.cat([basis.encode(values, found.mask) for basis, values in parts], 1)
+        observed = self.drag_scale.observed(profiles)
+        parts = zip(self.bases.values(), observed.values, strict=True)
+        raw = torch.cat([basis.encode(values, observed.mask) for basis, values in parts], 1)
         standardised: Tensor = (raw - self.weight_mean) / self.weight_scale
         return standardised
 

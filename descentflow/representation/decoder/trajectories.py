@@ -224,10 +224,10 @@ def integrate(
     drag, cas = (grid.breaks.continued(values) for values in (drag_n, cas_mps))
     extra_s = level_rate(grid.sides, drag, cas, shares[1])[3] * grid.breaks.extra_m
     if differentiated or shares[0] is not None or torch.compiler.is_compiling():
-        found = _on_levels(grid, drag_n, cas_mps, entry, extra_s, shares[0])
+        arrays = _on_levels(grid, drag_n, cas_mps, entry, extra_s, shares[0])
     else:
-        found = _in_chunks(grid, drag_n, cas_mps, entry, extra_s, out)
-    time_s, mach, tas_mps, rate_mps = found
+        arrays = _in_chunks(grid, drag_n, cas_mps, entry, extra_s, out)
+    time_s, mach, tas_mps, rate_mps = arrays
     own: PerformanceModel | None = aircraft
     if mass_kg is not None:
         own = aircraft.at_mass(mass_kg) if grid.is_plain else None

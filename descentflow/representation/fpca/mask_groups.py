@@ -49,10 +49,10 @@ class MaskGroups:
         if not self._few:
             parts = zip(torch.split(self.group, CHUNK), torch.split(rows, CHUNK), strict=True)
             return torch.cat([(part[:, None] @ matrices[index])[:, 0] for index, part in parts])
-        found = rows.new_empty(len(rows), matrices.shape[2])
+        products = rows.new_empty(len(rows), matrices.shape[2])
         moved = torch.cat([part @ matrices[one] for one, part in self._one_by_one(rows)])
-        found[self._order] = moved
-        return found
+        products[self._order] = moved
+        return products
 
     def moments(self, rows: Tensor) -> Tensor:
         """Products of each two columns of rows (n, k), summed over the flights of each mask: (U, k, k).
@@ -63,14 +63,14 @@ class MaskGroups:
             tensor([10.,  4.])
         """
         k = rows.shape[1]
-        found = rows.new_zeros(len(self.masks), k, k)
+        moments = rows.new_zeros(len(self.masks), k, k)
         if self._few:
             for one, part in self._one_by_one(rows):
-                torch.mm(part.T, part, out=found[one])
-            return found
+                torch.mm(part.T, part, out=moments[one])
+            return moments
         for index, part in zip(torch.split(self.group, CHUNK), torch.split(rows, CHUNK), strict=True):
-            found.index_add_(0, index, part[:, :, None] * part[:, None])
-        return found
+            moments.index_add_(0, index, part[:, :, None] * part[:, None])
+        return moments
 
     @cached_property
     def _few(self) -> bool:

@@ -255,11 +255,11 @@ def noise_given_loadings(centred: Tensor, mask: Tensor, loadings: Tensor, noise:
     # For given loadings the flights of a mask say no more than the sum of the products of their projections.
     groups = group_masks(mask)
     energy, n_observed = centred.square().sum(), mask.sum()
-    grams, found = level_products(groups, loadings), groups.moments(centred @ loadings)
+    grams, moments = level_products(groups, loadings), groups.moments(centred @ loadings)
     eye = torch.eye(loadings.shape[1], dtype=grams.dtype, device=grams.device)
     for _ in range(NOISE_STEPS):
         gain = torch.cholesky_inverse(torch.linalg.cholesky(grams + noise * eye))  # means are projections times it
-        explained = gain @ found
+        explained = gain @ moments
         missing = energy + ((grams @ explained) * gain).sum() - 2 * explained.diagonal(dim1=-2, dim2=-1).sum()
         spread = noise * (groups.counts @ (grams * gain).sum((1, 2)))
         noise = ((missing + spread) / n_observed).clamp(min=float(LEAST_NOISE * energy / n_observed))

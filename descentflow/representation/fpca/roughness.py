@@ -140,18 +140,18 @@ def roughness_and_length(flights: Centred, q: int) -> tuple[float, float]:
         parts.append((model, rest, centred[judge], mask[judge] & mask[rest].any(0)))
 
     def candidates(weight: float) -> list[tuple[PPCA, Tensor, Tensor]]:
-        found = []
+        smoothed_parts = []
         for model, rest, judged, seen in parts:
             smooth = smoothed(model, weight, centred[rest], mask[rest], mean) if weight else model
-            found.append((smooth, judged - smooth.shift, seen))
-        return found
+            smoothed_parts.append((smooth, judged - smooth.shift, seen))
+        return smoothed_parts
 
     def fit_of(weight: float) -> float:
-        found = 0.0
+        total = 0.0
         for model, values, seen in candidates(weight):
             shown = torch.where(seen, values, 0.0)
-            found += float(ppca.log_likelihood(shown, seen, model.loadings, model.noise_variance))
-        return found
+            total += float(ppca.log_likelihood(shown, seen, model.loadings, model.noise_variance))
+        return total
 
     # Where nothing is missing, all levels are of the same flights, and the closed form stands as it is.
     weight = 0.0 if bool(mask.all()) else max(WEIGHTS, key=fit_of)

@@ -32,7 +32,7 @@ def gives_temperature(representation: Representation) -> bool:
         False
     """
     own = representation.air is not None or representation.correction is not None
-    return not own and any((one.name, one.kind) == (NAME, "number") for one in representation.context.columns)
+    return not own and any((column.name, column.kind) == (NAME, "number") for column in representation.context.columns)
 
 
 def given_deviation_k(representation: Representation, encoded: Tensor) -> Tensor:

@@ -101,9 +101,9 @@ def entry_levels(
     if entry_fl is None:
         wanted = contexts["entry_fl"].cast(pl.Float64, strict=False).to_list() if own else []
         return _nearest(levels, [] if None in wanted else wanted)
-    asked = [float(one) for one in np.atleast_1d(entry_fl)]
+    asked = [float(level_fl) for level_fl in np.atleast_1d(entry_fl)]
     # At the lowest level nothing is left to descend.
-    wrong = [one for one in asked if not float(levels[0] + levels[1]) / 2 < one <= float(levels[-1])]
+    wrong = [level_fl for level_fl in asked if not float(levels[0] + levels[1]) / 2 < level_fl <= float(levels[-1])]
     one_each = len(contexts) if len(asked) == 1 and contexts.width else 1
     if own or wrong or not asked or (contexts.width and len(contexts) != len(asked) * one_each):
         raise ConfigError(

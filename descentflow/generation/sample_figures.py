@@ -56,9 +56,9 @@ def draw_bands(ax: Axes, levels_fl: np.ndarray, values: np.ndarray, *, seed: int
         ax.fill_betweenx(levels, low, high, color=OUTER, linewidth=0, label="5 to 95 % of samples")
         ax.fill_betweenx(levels, lower, upper, color=INNER, linewidth=0, label="25 to 75 %")
     picked = np.random.default_rng(seed).permutation(len(values))[:lines]
-    for number, one in enumerate(picked):
+    for number, sample in enumerate(picked):
         label = "single samples" if number == 0 else None
-        ax.plot(values[one], levels_fl, color=GREY, linewidth=0.5, alpha=0.6, label=label)
+        ax.plot(values[sample], levels_fl, color=GREY, linewidth=0.5, alpha=0.6, label=label)
     if there.any():
         ax.plot(middle, levels, color=RED, linestyle="--", linewidth=2.0, label="median")
 

@@ -76,11 +76,11 @@ def wind_of_text(text: str) -> WindByLevel:
         array([40.])
     """
     matches = [_WIND.fullmatch(part.strip()) for part in text.split(",")]
-    rows = [(float(one["level"] or 0), float(one["direction"]), float(one["speed"]) * KT_MPS) for one in matches if one]
+    rows = [(float(m["level"] or 0), float(m["direction"]), float(m["speed"]) * KT_MPS) for m in matches if m]
     levels = [level for level, _, _ in rows]
     by_level = len(matches) > 1
     odd = len(rows) < len(matches) or any(direction > 360 for _, direction, _ in rows) or levels != sorted(set(levels))
-    if odd or (by_level and any(one is not None and one["level"] is None for one in matches)):
+    if odd or (by_level and any(m is not None and m["level"] is None for m in matches)):
         raise ConfigError(
             f"the wind {text!r}",
             expected="DIRECTION/KNOTS, or LEVEL:DIRECTION/KNOTS,... with ascending flight levels",

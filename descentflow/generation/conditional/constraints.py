@@ -231,7 +231,7 @@ def speeds_asked(name: str, asked: BySpeed | None, default: int, levels_fl: "lis
                 mend="choose a level of the model's grid",
             )
         nearest = min(range(len(levels_fl)), key=lambda k: abs(levels_fl[k] - level))
-        if any(one.level == nearest for one in speeds):
+        if any(speed.level == nearest for speed in speeds):
             raise ConfigError(
                 f"{name} twice at FL{levels_fl[nearest]:g}, the nearest to level {level:g}",
                 expected="each level of the model's grid once",
@@ -265,7 +265,7 @@ def points_asked(time_s: Band | None, distance_nm: Band | None, level: Band | No
         )
     name = next(iter(given))
     (low, high), levels = _band(name, given[name]), _band("level", given["level"])
-    if high <= 0 or (low < high and levels[0] < levels[1]) or not all(isfinite(one) for one in levels):
+    if high <= 0 or (low < high and levels[0] < levels[1]) or not all(isfinite(end) for end in levels):
         raise ConfigError(
             f"{name} {band_text((low, high))} at level {band_text(levels)}",
             expected="a positive value or band of it at a level, or a positive value within a band of levels",

@@ -238,7 +238,8 @@ class _Search:
     def result(self) -> Accepted:
         """All of them in the order of their numbers."""
         n, order = len(self.numbers), torch.from_numpy(self.owners.argsort(kind="stable"))
-        u, flown = torch.cat([one for one, _ in self.found]), concatenate([one for _, one in self.found])
+        of_groups, flown_of_groups = zip(*self.found, strict=True)
+        u, flown = torch.cat(of_groups), concatenate(flown_of_groups)
         counts = dict(zip(RULES, self.broken.tolist(), strict=True))
         report = RejectionReport(self.flown, n, self.rejected, self.flown - n - self.rejected, counts)
         return Accepted(u[order], flown.subset(order), self.effective, self.target.proposals, report)

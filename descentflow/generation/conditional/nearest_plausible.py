@@ -52,8 +52,8 @@ def implausible(
         >>> error.constraint, round(error.nearest, 6), error.got
         ('cas_kt', 280.0, 'cas_kt 300 to 310 at FL200, which no descent of the model has with entry at FL330')
     """
-    speeds = tuple(one for one in request.speeds if one is not culprit)
-    rest = replace(request, speeds=speeds, points=tuple(one for one in request.points if one is not culprit))
+    speeds = tuple(speed for speed in request.speeds if speed is not culprit)
+    rest = replace(request, speeds=speeds, points=tuple(point for point in request.points if point is not culprit))
     flown, name, low, high = draws(rest, LOOKED_AT), culprit.name, culprit.low, culprit.high
     if isinstance(culprit, SpeedAsked):
         values = _speeds(culprit, flown, levels_fl)

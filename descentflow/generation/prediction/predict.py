@@ -153,9 +153,9 @@ class Prediction(WithTable):
             f"{len(self)} flights predicted from FL{self.from_fl:.0f}, {len(self.reasons)} not"
             + f"; {self.n_seen} left out: the checkpoint was trained or validated on them" * bool(self.n_seen)
         ]
-        fewest = min(len(one.trajectories) for one in self.flights)
+        fewest = min(len(ahead.trajectories) for ahead in self.flights)
         lines += [f"intervals rest on {fewest} continuations or more"]
-        aside = sum(abs(int(one.trajectories.entry[0]) - self._level) > NEAR_LEVELS for one in self.flights)
+        aside = sum(abs(int(ahead.trajectories.entry[0]) - self._level) > NEAR_LEVELS for ahead in self.flights)
         if self.control is not None and aside:
             lines += [f"times of {aside} last observed above FL{self.from_fl + NEAR_LEVELS:.0f} are not calibrated"]
         lines += [f"  {reason}" for reason in sorted(set(self.reasons))[:3]]
@@ -248,9 +248,9 @@ def predict(
         total(len(chosen))
     predicted, reasons = [], []
     for i in range(len(chosen)):
-        one = chosen.subset([i])
+        flight = chosen.subset([i])
         try:
-            predicted.append(predictor.predict(one.profiles, from_fl, n, seed, context=one.context))
+            predicted.append(predictor.predict(flight.profiles, from_fl, n, seed, context=flight.context))
         except (DataError, SamplingError) as error:
             reasons.append(str(error))
         if progress is not None:

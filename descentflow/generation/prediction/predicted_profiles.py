@@ -51,9 +51,9 @@ def prediction_figure(
     figure = Figure(figsize=(10.5, 1.2 + 3.4 * len(shown)), layout="constrained")
     axes = figure.subplots(len(shown), 3, sharey=True, sharex="col", squeeze=False)
     tidy(axes.flat)
-    for row, one in zip(axes, shown, strict=True):
-        flight = observed.subset([observed.flight_ids.index(one.flight_id)])
-        _draw_flight(row, one, flight, seed, lines)
+    for row, ahead in zip(axes, shown, strict=True):
+        flight = observed.subset([observed.flight_ids.index(ahead.flight_id)])
+        _draw_flight(row, ahead, flight, seed, lines)
     for ax, name in zip(axes[-1], (CAS, RATE, "Time since the last observed level (min)"), strict=True):
         ax.set_xlabel(name)
     levels = shown[0].trajectories.levels_fl
@@ -64,11 +64,11 @@ def prediction_figure(
     return figure
 
 
-def _draw_flight(row: np.ndarray, one: Continuations, flight: Profiles, seed: int, lines: int) -> None:
-    levels = one.trajectories.levels_fl.cpu().double().numpy()
-    curves = curves_of(one.trajectories)
+def _draw_flight(row: np.ndarray, ahead: Continuations, flight: Profiles, seed: int, lines: int) -> None:
+    levels = ahead.trajectories.levels_fl.cpu().double().numpy()
+    curves = curves_of(ahead.trajectories)
     panels = (curves[CAS], curves[RATE], curves["time_s"] / 60)
-    start = int(one.trajectories.entry[0])
+    start = int(ahead.trajectories.entry[0])
     seen = flight.mask[0].cpu().numpy()
     since = flight.time_s[0] - flight.time_s[0, start]
     flown = (flight.cas_mps[0] / KT_MPS, flight.rate_mps[0] / FPM_MPS, since / 60)
@@ -79,7 +79,7 @@ def _draw_flight(row: np.ndarray, one: Continuations, flight: Profiles, seed: in
         _draw_line(ax, line[: start + 1], levels[: start + 1], "flown, not used", color=BLUE, linestyle="-.")
         ax.axhline(levels[start], color=BLACK, linewidth=0.6, linestyle=(0, (1, 3)))
     row[0].set_ylabel("Flight level")
-    row[0].set_title(one.flight_id, fontsize=9, loc="left")
+    row[0].set_title(ahead.flight_id, fontsize=9, loc="left")
 
 
 def _draw_line(ax: Axes, values: np.ndarray, levels: np.ndarray, label: str, **style: Any) -> None:

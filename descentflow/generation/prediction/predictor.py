@@ -106,12 +106,14 @@ class DescentPredictor:
         whole = whole[:: max(-(-len(whole) // CALIBRATION_FLIGHTS), 1)]
         drawn, observed, flown_s = [], [], []
         for part, i in whole:
-            one = part.subset([i])
+            flight = part.subset([i])
             with suppress(SamplingError):
-                ahead = calibrated.predict(one.profiles, from_fl, CALIBRATION_CONTINUATIONS, seed, context=one.context)
+                ahead = calibrated.predict(
+                    flight.profiles, from_fl, CALIBRATION_CONTINUATIONS, seed, context=flight.context
+                )
                 drawn.append(ahead.trajectories)
-                observed.append(observed_at(one.profiles, last))
-                flown_s.append(one.profiles.time_s[:, :last] - one.profiles.time_s[:, last, None])
+                observed.append(observed_at(flight.profiles, last))
+                flown_s.append(flight.profiles.time_s[:, :last] - flight.profiles.time_s[:, last, None])
         if len(drawn) < FEWEST_TO_CALIBRATE:
             raise DataError(
                 f"{len(drawn)} flights observed from FL{from_fl:.0f} to the bottom",

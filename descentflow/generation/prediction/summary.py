@@ -44,17 +44,17 @@ def time_intervals(predictions: Sequence[Continuations], plan: GroundPlan = NOWH
         >>> bool((table["q50_nm"] > 0).all())
         True
     """
-    return pl.concat([_intervals(one, plan) for one in predictions])
+    return pl.concat([_intervals(ahead, plan) for ahead in predictions])
 
 
-def _intervals(one: Continuations, plan: GroundPlan) -> pl.DataFrame:
-    flown, positions = one.trajectories, plan.place(one.trajectories)
+def _intervals(ahead: Continuations, plan: GroundPlan) -> pl.DataFrame:
+    flown, positions = ahead.trajectories, plan.place(ahead.trajectories)
     below = torch.arange(int(flown.entry[0]) - 1, -1, -1)
     times = _quantiles(flown.time_s[:, below], "s")
     for q in QUANTILES:
         # Errors of reports are normal; continuations spread about their median as drawn.
         off = times[_name(q, "s")] - times["q50_s"]
-        noise = one.noise_s[below].numpy() * abs(NormalDist().inv_cdf(q)) / NormalDist().inv_cdf(QUANTILES[-1])
+        noise = ahead.noise_s[below].numpy() * abs(NormalDist().inv_cdf(q)) / NormalDist().inv_cdf(QUANTILES[-1])
         times[_name(q, "s")] = times["q50_s"] + np.sign(q - 0.5) * np.hypot(off, noise)
     distances = _quantiles(torch.from_numpy(positions.distance_m / NM_M)[:, below], "nm")
     to_go_m = np.median(positions.to_go_m, 0)[below]
@@ -66,7 +66,7 @@ def _intervals(one: Continuations, plan: GroundPlan) -> pl.DataFrame:
     if plan.path is not None:
         ground |= dict(zip(("latitude", "longitude", "track"), plan.path.at(to_go_m), strict=True))
     levels = flown.levels_fl[below].to(torch.int32).numpy()
-    known = {"flight_id": one.flight_id, "level_fl": levels, **times, "continuations": len(flown)}
+    known = {"flight_id": ahead.flight_id, "level_fl": levels, **times, "continuations": len(flown)}
     return pl.DataFrame({**known, **distances, **ground})
 
 
@@ -104,10 +104,10 @@ def continuations_table(predictions: Sequence[Continuations], plan: GroundPlan =
     """
     return pl.concat(
         [
-            to_frame(one.trajectories, positions=plan.place(one.trajectories)).select(
-                pl.lit(one.flight_id).alias("flight_id"), pl.all()
+            to_frame(ahead.trajectories, positions=plan.place(ahead.trajectories)).select(
+                pl.lit(ahead.flight_id).alias("flight_id"), pl.all()
             )
-            for one in predictions
+            for ahead in predictions
         ]
     )
 
@@ -129,12 +129,12 @@ def actual_times(predictions: Sequence[Continuations], flights: Profiles) -> pl.
     """
     position = {name: i for i, name in enumerate(flights.flight_ids)}
     parts = [pl.DataFrame(schema={"flight_id": pl.String, "level_fl": pl.Int32, "actual_s": pl.Float64})]
-    for one in predictions:
-        i, entry = position[one.flight_id], int(one.trajectories.entry[0])
+    for ahead in predictions:
+        i, entry = position[ahead.flight_id], int(ahead.trajectories.entry[0])
         if bool(flights.mask[i, :entry].all()):
             times = flights.time_s[i, :entry] - flights.time_s[i, entry]
             levels = flights.levels_fl[:entry].to(torch.int32).numpy()
-            parts.append(pl.DataFrame({"flight_id": one.flight_id, "level_fl": levels, "actual_s": times.numpy()}))
+            parts.append(pl.DataFrame({"flight_id": ahead.flight_id, "level_fl": levels, "actual_s": times.numpy()}))
     return pl.concat(parts)
 
 
@@ -176,7 +176,7 @@ def control_intervals(predictions: Sequence[Continuations], flights: Profiles, c
         Columns ``flight_id level_fl q05_s q50_s q95_s``.
     """
     last, position = len(control.half_s), {name: i for i, name in enumerate(flights.flight_ids)}
-    names = [one.flight_id for one in predictions if int(one.trajectories.entry[0]) == last]
+    names = [ahead.flight_id for ahead in predictions if int(ahead.trajectories.entry[0]) == last]
     middle = control.time_s(observed_at(flights.subset([position[name] for name in names]), last)).numpy()
     half, levels = control.half_s.numpy(), flights.levels_fl[:last].to(torch.int32).numpy()
     return pl.DataFrame(

@@ -145,9 +145,9 @@ class TimeCalibration:
         last = int(drawn[0].entry[0])
         ahead = torch.linspace(0, torch.tensor(float(last)).log(), DEPTHS, dtype=torch.float64).exp().round().unique()  # type: ignore[no-untyped-call]
         to = last - ahead.long()
-        seen = [_seen(one, known, to) for one, known in zip(drawn, observed, strict=True)]
-        features = torch.stack([one.features for one in seen], 1)
-        half = torch.stack([one.half_s for one in seen], 1)
+        seen = [_seen(flown, known, to) for flown, known in zip(drawn, observed, strict=True)]
+        features = torch.stack([flight.features for flight in seen], 1)
+        half = torch.stack([flight.half_s for flight in seen], 1)
         fitted = least_squares(features, flown_s[:, to].T[:, :, None], PRIOR_FLIGHTS)
         typical = half.square().median(1).values
         factor = held_within(fitted.residuals[:, :, 0].abs() / _spread(half.T, typical).T)

@@ -5,7 +5,8 @@ python scripts/withheld_effects.py diagnose FOLDER   # resumable; seals every di
 python scripts/withheld_effects.py score FOLDER [FOLDER ...]  # checks the seals, writes score.json and score.md
 python scripts/withheld_effects.py all FOLDER        # the three in order
 
-Foreign sets are flown by JSBSim (the extra jsbsim). Several folders are studies of keys of their own, scored as one.
+Foreign sets are flown by JSBSim (the extra jsbsim). `--forms flights bare` compares simulators in the same weather and
+in none, without checkpoints, which cost most. Several folders are studies of keys of their own, scored as one.
 Every step prints how long each set takes and what is left.
 """
 
@@ -19,7 +20,7 @@ from typing import Any
 from descentflow.core.errors import ConfigError, DescentflowError
 from descentflow.core.files import whole_file
 from studies.blind_diagnosis.blind_draw import draw_plan
-from studies.blind_diagnosis.blind_plan import Plan
+from studies.blind_diagnosis.blind_plan import FORMS, Plan
 from studies.blind_diagnosis.blind_run import diagnose_all, generate, how_long, measure_closures
 from studies.blind_diagnosis.outcome import Outcome, outcomes
 from studies.blind_diagnosis.seal import KEY, MANIFEST, open_key, read_json, write_json
@@ -40,14 +41,18 @@ def do_generate(args: argparse.Namespace) -> None:
         # A seed that anyone could guess would be no seal; it is in the key and repeats the study once that is open.
         seed = secrets.randbits(32) if args.seed is None else args.seed
         plan = draw_plan(args.own, seed, n_foreign=args.foreign, withheld=not args.no_withheld)
-    generate(folder, plan, processes=args.processes, progress=say)
+    generate(folder, plan, forms=args.forms, until=until(args), processes=args.processes, progress=say)
     say(f"key sealed: SHA-256 {read_json(folder / MANIFEST)['key_sha256']}")
+
+
+def until(args: argparse.Namespace) -> float | None:
+    """Time after which nothing more is begun."""
+    return None if args.minutes is None else time.time() + 60 * args.minutes
 
 
 def do_diagnose(args: argparse.Namespace) -> None:
     (folder,) = args.folders
-    until = None if args.minutes is None else time.time() + 60 * args.minutes
-    done = diagnose_all(folder, processes=args.processes, until=until, parts=args.first, progress=say)
+    done = diagnose_all(folder, processes=args.processes, until=until(args), parts=args.first, progress=say)
     say(f"{done} diagnoses sealed\n{how_long(folder)}")
 
 
@@ -79,7 +84,8 @@ def main() -> int:
     parser.add_argument("--no-withheld", action="store_true", help="blind sets alone, no effect withheld by name")
     parser.add_argument("--seed", type=int, help="repeats a study whose key is open (default: not to be guessed)")
     parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--minutes", type=float, help="begin no diagnosis after this time")
+    parser.add_argument("--minutes", type=float, help="begin no flights and no diagnosis after this time")
+    parser.add_argument("--forms", nargs="*", choices=FORMS, default=FORMS, help="of the simulators (default: all)")
     parser.add_argument("--first", nargs="*", default=[], help="jobs whose names begin so come first")
     args = parser.parse_args()
     steps = {"generate": do_generate, "diagnose": do_diagnose, "score": do_score}

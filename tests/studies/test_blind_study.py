@@ -141,9 +141,9 @@ def test_a_worker_left_over_from_another_study_writes_nothing_into_this_one(tmp_
     write_json(tmp_path / MANIFEST, {"key_sha256": "b" * 64, "jobs": []})
     path = tmp_path / "blind_0000.parquet"
     with pytest.raises(DataError, match="a folder of its own"):
-        _of_key(tmp_path, "a" * 64, lambda one, where: where.write_text(one), ("flights",), path)
+        _of_key(tmp_path, "a" * 64, None, lambda one, where: where.write_text(one), ("flights",), path)
     assert not path.exists()
-    _of_key(tmp_path, "b" * 64, lambda one, where: where.write_text(one), ("flights",), path)
+    _of_key(tmp_path, "b" * 64, None, lambda one, where: where.write_text(one), ("flights",), path)
     assert path.read_text() == "flights"
 
 

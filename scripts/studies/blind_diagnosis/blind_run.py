@@ -38,6 +38,8 @@ def generate(
     folder: Path,
     plan: Plan,
     *,
+    forms: Sequence[Form] = FORMS,
+    until: float | None = None,
     processes: int = 1,
     progress: Progress = print,
 ) -> None:
@@ -46,6 +48,8 @@ def generate(
     Args:
         folder: Of the study.
         plan: Its key.
+        forms: Of the simulators; only with all of them are closures measured.
+        until: Time (s since 1970) after which nothing more is flown; sets come in random order.
         processes: How many work at once.
         progress: Progress callback, called with a line of text.
 
@@ -65,31 +69,35 @@ def generate(
     if not (folder / MANIFEST).is_file():
         write_json(folder / MANIFEST, started)
     work: list[tuple[Any, ...]] = []
-    for form in (*FORMS[1:], FORMS[0]):  # the checkpoint is trained on the flights
+    for form in sorted(forms, key=lambda form: form == "checkpoint"):  # which is trained on the flights
         for simulator in plan.simulators:
             path = simulator_path(folder / "simulators", simulator.name, form)
             if not path.is_file():
-                work.append((_of_key, folder, seal, write_simulator, (simulator, form), path))
+                work.append((_of_key, folder, seal, until, write_simulator, (simulator, form), path))
     for one in plan.sets:
         path = folder / "sets" / f"{one.name}.parquet"
         if not path.is_file():
-            work.append((_of_key, folder, seal, write_set, (one,), path))
+            work.append((_of_key, folder, seal, until, write_set, (one,), path))
     begun = time.monotonic()
 
     def count(done: int) -> None:
         progress(f"flown and trained: {done} of {len(work)}, {pace(begun, done, len(work))}")
         if done % PUBLISH_EVERY == 0:
-            _publish(folder, plan)
+            _publish(folder, plan, forms)
 
     spread(work, processes, count)
-    _publish(folder, plan)
+    _publish(folder, plan, forms)
 
 
-def _of_key(folder: Path, seal: str, write: Callable[..., None], what: tuple[Any, ...], path: Path) -> None:
-    """Write a file of the study, if its folder still holds the study that was begun.
+def _of_key(
+    folder: Path, seal: str, until: float | None, write: Callable[..., None], what: tuple[Any, ...], path: Path
+) -> None:
+    """Write a file of the study in time, if its folder still holds the study that was begun.
 
     Sets and simulators of any two keys have the same names.
     """
+    if until is not None and time.time() > until:
+        return
     found = read_json(folder / MANIFEST)["key_sha256"]
     if found != seal:
         raise DataError(
@@ -100,13 +108,13 @@ def _of_key(folder: Path, seal: str, write: Callable[..., None], what: tuple[Any
     write(*what, path)
 
 
-def _publish(folder: Path, plan: Plan) -> None:
+def _publish(folder: Path, plan: Plan, forms: Sequence[Form]) -> None:
     """Write what is there into the manifest, so that diagnosis may begin before all is flown."""
     manifest = read_json(folder / MANIFEST)
-    write_json(folder / MANIFEST, {**manifest, "jobs": _jobs(folder, plan)})
+    write_json(folder / MANIFEST, {**manifest, "jobs": _jobs(folder, plan, forms)})
 
 
-def _jobs(folder: Path, plan: Plan) -> list[dict[str, Any]]:
+def _jobs(folder: Path, plan: Plan, forms: Sequence[Form]) -> list[dict[str, Any]]:
     """Diagnoses to make: without what was injected, except effects that are left out of the catalogue."""
     jobs = []
     for one in plan.sets:
@@ -114,8 +122,8 @@ def _jobs(folder: Path, plan: Plan) -> list[dict[str, Any]]:
         if not rows.is_file():
             continue
         common = {"rows_sha256": digest(rows), "set": one.name, "simulator": one.simulator, "without": None}
-        for form in FORMS:
-            closure = one.closure and form in OF_CLOSURE
+        for form in forms:
+            closure = one.closure and form in OF_CLOSURE and len(forms) == len(FORMS)
             jobs.append({**common, "name": f"{one.name}_{form}", "form": form, "closure": closure})
         if one.part == "withheld":
             without = {"name": f"{one.name}_without", "form": "flights", "without": next(iter(one.causes))}

@@ -32,8 +32,8 @@ class Outcome:
         >>> one = SetPlan("blind_0", "blind", "single", {"mass": {}}, 1.0, "all", 400, "simulator_0", 1, "own", "A320")
         >>> groups = (frozenset({"drag_polar", "mass"}),)
         >>> outcome = Outcome("blind_0", one, "bare", None, "effect", groups, ("mass",), (), {}, 9.0)
-        >>> outcome.kind, outcome.right_first, outcome.exact, outcome.wrong
-        ('single', True, True, False)
+        >>> outcome.kind, outcome.right_first, outcome.exact, outcome.right, outcome.wrong
+        ('single', True, True, True, False)
     """
 
     job: str
@@ -62,6 +62,13 @@ class Outcome:
     def exact(self) -> bool:
         """True if the causes are all named, each in a group, nothing else is, and nothing is reported to remain."""
         return not self.says_more and matched(self.groups, self.planted)
+
+    @property
+    def right(self) -> bool:
+        """True if the answer is the truth: nothing of a null, unknown of what is outside, else all causes."""
+        if self.kind == "null":
+            return self.verdict == NONE
+        return self.says_more if self.kind == "outside" else self.exact
 
     @property
     def wrong(self) -> bool:

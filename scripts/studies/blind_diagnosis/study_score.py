@@ -88,6 +88,7 @@ GOALS: Final = (
         {"own": 0.03, "foreign": 0.08, "bare": 0.1},
     ),
     Goal("a wrong name, of all", lambda o: True, lambda o: o.wrong, {"own": 0.04, "foreign": 0.08, "bare": 0.08}),
+    Goal("right, of all", lambda o: True, lambda o: o.right, at_least=True),
     Goal("refused", lambda o: True, lambda o: o.verdict == REFUSED),
 )
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M, KT_MPS
+from descentflow.simulation.weather import draw_weather
 from descentflow.simulation.world_config import WorldConfig
 from studies.jsbsim_world.airframes import Airframe
 
@@ -57,7 +58,7 @@ class JsbsimConfig:
     alike: bool = False
     """True for one mass and one planned speed, the means of the fleet."""
     radar: WorldConfig = field(default_factory=WorldConfig)
-    """Jitter, losses and noise of the reports; nothing else of it is used."""
+    """Jitter, losses and noise of the reports, and the winds of days in layers; nothing else of it is used."""
 
     def __post_init__(self) -> None:
         """Refuse values that make no flights."""
@@ -109,6 +110,8 @@ class FlightPlan:
     cruise_s: float
     wander: tuple[tuple[float, float, float], ...]
     """Amplitude (m/s), rate (rad/s) and phase of each wave of the speed's wander."""
+    layered_mps: tuple[float, ...] = ()
+    """Tailwind of the day beside that, at :data:`descentflow.simulation.weather.HEIGHT_M`; none where empty."""
     cdi_factor: float = 1.0
     """Of the model's induced drag."""
     wave_factor: float = 1.0
@@ -201,7 +204,21 @@ def _drawn_plan(airframe: Airframe, number: int, seed: int, config: JsbsimConfig
         bottom_m=config.bottom_fl * FL_M,
         cruise_s=float(round(_between(config.cruise_s, uniform[2]))),
         wander=tuple((size, rate, 2 * math.pi * phase) for size, rate, phase in waves),
+        layered_mps=tuple(
+            draw_weather([number], [day_of(number, config)], seed, config.radar).tailwind_mps[0].tolist()
+        ),
     )
+
+
+def day_of(number: int, config: JsbsimConfig) -> int:
+    """Day of a flight: those of one aircraft fly on consecutive days, from one of its own.
+
+    Example:
+        >>> [day_of(number, JsbsimConfig()) for number in (0, 4, 5)]
+        [0, 4, 0]
+    """
+    aircraft, own = divmod(number, config.flights_per_aircraft)
+    return own + aircraft % max(config.radar.days - config.flights_per_aircraft + 1, 1)
 
 
 def _between(limits: tuple[float, float], share: float) -> float:

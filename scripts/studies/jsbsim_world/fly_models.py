@@ -20,7 +20,7 @@ from descentflow.simulation.injected import Injected, neutral
 from descentflow.simulation.observe import observe
 from descentflow.simulation.truth import Flight, name_flights
 from studies.jsbsim_world.airframes import Airframe, airframe_of
-from studies.jsbsim_world.flight_plans import OPERATORS, FlightPlan, JsbsimConfig, draw_plans
+from studies.jsbsim_world.flight_plans import OPERATORS, FlightPlan, JsbsimConfig, day_of, draw_plans
 from studies.jsbsim_world.model_aircraft import FlightFailed
 from studies.jsbsim_world.model_effects import inject
 from studies.jsbsim_world.model_files import jsbsim
@@ -121,7 +121,9 @@ def fly(
         config.flights_per_aircraft,
     )
     prefixes = [OPERATORS[p.operator] for p in plans]
-    named = name_flights(typecode or airframe.typecode, range(n_flights), seed, config.flights_per_aircraft, prefixes)
+    days = [day_of(number, config) for number in range(n_flights)]
+    flown_type, each = typecode or airframe.typecode, config.flights_per_aircraft
+    named = name_flights(flown_type, range(n_flights), seed, each, prefixes, days)
     outcomes = _flown(airframe, plans, config, workers, progress)
     reasons = [one if isinstance(one, str) else None for one in outcomes]
     failures = pl.DataFrame(
@@ -214,7 +216,7 @@ def _flights_table(named: Sequence[Flight], plans: Sequence[FlightPlan]) -> pl.D
     in_field_units |= {f"{k}_m": (f"{k}_fl", FL_M) for k in ("top", "bottom", *_WINDOWS)}
     columns: dict[str, object] = {"operator": [OPERATORS[p.operator] for p in plans]}
     for name in FlightPlan.__dataclass_fields__:
-        if name not in ("operator", "wander"):
+        if name not in ("operator", "wander", "layered_mps"):
             new, unit = in_field_units.get(name, (name, None))
             columns[new] = [getattr(p, name) if unit is None else getattr(p, name) / unit for p in plans]
     return pl.DataFrame({**about, **columns}).with_columns(pl.col(pl.Float64).fill_nan(None))

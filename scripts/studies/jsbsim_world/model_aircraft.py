@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from descentflow.core.units import FT_M
+from descentflow.simulation.weather import SPACING_M
 from studies.jsbsim_world.airframes import Airframe
 from studies.jsbsim_world.flight_plans import FlightPlan
 from studies.jsbsim_world.model_files import FACTORS, jsbsim
@@ -177,7 +178,10 @@ class ModelAircraft:
 
     def wind_mps(self, height_m: float) -> float:
         """Tailwind at a geometric altitude."""
-        return self._plan.wind_mps + self._plan.wind_slope_per_s * height_m
+        layers, place = self._plan.layered_mps, max(height_m / SPACING_M, 0.0)
+        below = min(int(place), len(layers) - 2)
+        layered = layers[below] + (place - below) * (layers[below + 1] - layers[below]) if layers else 0.0
+        return self._plan.wind_mps + self._plan.wind_slope_per_s * height_m + layered
 
     def read(self) -> Seen:
         """Read the present state."""

@@ -78,21 +78,12 @@ def in_standard_air(
 
 def _times(grid: LevelGrid, rate_mps: Tensor, still_mps: Tensor) -> Tensor:
     """Times (n, L) at levels; a gap changes by what its height alone takes."""
-    n, n_levels = grid.mask.shape
-    number = torch.arange(n_levels).expand(n, -1)
-    below = torch.where(grid.mask, number, -1).cummax(1).values
-    previous = torch.nn.functional.pad(below[:, :-1], (1, 0), value=-1)
-    step = grid.mask & (previous >= 0)
-    at = previous.clamp(min=0)
-    # Seconds from the upper of two seen levels to the lower one.
-    elapsed = torch.where(step, grid.time_s.gather(1, at) - grid.time_s, 0.0)
-    ratio = rate_mps / still_mps
-    ratio = (ratio + ratio.gather(1, at)) / 2
-    fall = ((rate_mps + rate_mps.gather(1, at)) / 2).abs().clamp(min=SLOWEST_MPS)
-    by_height = (number - previous).double() * FL_M / fall
-    adjacent = number - previous == 1
-    still = torch.where(adjacent, elapsed * ratio, elapsed + by_height * (ratio - 1))
-    climbed = torch.where(step, still, 0.0).cumsum(1)
+    legs = grid.legs()
+    ratio = legs.mean(rate_mps / still_mps)
+    by_height = legs.steps.double() * FL_M / legs.mean(rate_mps).abs().clamp(min=SLOWEST_MPS)
+    in_gap = legs.elapsed_s + by_height * (ratio - 1)
+    still = torch.where(legs.steps == 1, legs.elapsed_s * ratio, in_gap)
+    climbed = torch.where(legs.there, still, 0.0).cumsum(1)
     top = torch.where(grid.mask, grid.time_s, torch.inf).amin(1, keepdim=True)
     return top + climbed[:, -1:] - climbed
 

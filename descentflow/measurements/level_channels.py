@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from descentflow.core.mode_s_steps import STEPS
-from descentflow.core.units import FL_M, FT_M
+from descentflow.core.units import FL_M, FPM_MPS, FT_M
 
 STENCIL = 5
 """Levels on either side whose mean is compared with the level between: noise is shorter, flight is longer."""
@@ -69,6 +69,15 @@ class LevelGrid:
         """(n, L) levels that were seen."""
         return self.time_s.isfinite()
 
+    def legs(self) -> "Legs":
+        """Legs from each level that a flight shows to the next that it shows below."""
+        number = torch.arange(self.mask.shape[1]).expand(self.mask.shape)
+        seen = torch.where(self.mask, number, -1).cummax(1).values
+        previous = torch.nn.functional.pad(seen[:, :-1], (1, 0), value=-1)
+        there, below = self.mask & (previous >= 0), previous.clamp(min=0)
+        elapsed_s = torch.where(there, self.time_s.gather(1, below) - self.time_s, 0.0)
+        return Legs(there, below, number - previous, elapsed_s)
+
     @classmethod
     def of_frame(
         cls, frame: pl.DataFrame, low_fl: float, high_fl: float, channels: Sequence[str]
@@ -104,6 +113,30 @@ class LevelGrid:
         middle = low + height_fl * (torch.arange(count, dtype=torch.float64) + 0.5)
         away = (self.levels_fl[:, None] - middle).abs()
         return Bands(self, middle * FL_M, (away <= height_fl / 2).double(), (away <= height_fl).double(), height_fl)
+
+
+@dataclass(frozen=True)
+class Legs:
+    """Legs of flights on levels, (n, L) each: ``there`` is true at an upper end, ``below`` has the place of the lower.
+
+    Example:
+        >>> times = torch.tensor([[30.0, torch.nan, 8.0, 0.0]])
+        >>> legs = LevelGrid(torch.arange(150.0, 154.0), times, {}, torch.zeros(1), ("one",)).legs()
+        >>> legs.steps[legs.there], legs.elapsed_s[legs.there], legs.mean(times)[legs.there]
+        (tensor([2, 1]), tensor([22.,  8.]), tensor([19.,  4.]))
+    """
+
+    there: Tensor
+    below: Tensor
+    steps: Tensor
+    """Levels from one end to the other."""
+    elapsed_s: Tensor
+    """Zero where there is none."""
+
+    def mean(self, values: Tensor) -> Tensor:
+        """Mean (n, L) of the values at both ends."""
+        found: Tensor = (values + values.gather(1, self.below)) / 2
+        return found
 
 
 @dataclass(frozen=True)
@@ -267,6 +300,22 @@ def _alike(lag: Tensor) -> Tensor:
     return torch.where(lag < 1, near, (2 - lag).clamp(min=0.0) ** 3 / 6)
 
 
+def lost_in_jumps(grid: LevelGrid) -> tuple[Tensor, Tensor, Tensor]:
+    """Legs (n, L) over levels that are missing, how many are, and the time lost there beyond that of the descent.
+
+    Example:
+        >>> falls = {"vertical_rate": torch.full((1, 3), -600.0)}  # 100 ft in 10 s
+        >>> times = torch.tensor([[50.0, torch.nan, 0.0]])
+        >>> lost_in_jumps(LevelGrid(torch.arange(150.0, 153.0), times, falls, torch.zeros(1), ("one",)))[2].round()
+        tensor([[ 0.,  0., 30.]])
+    """
+    legs = grid.legs()
+    jump = legs.there & (legs.steps > 1)
+    typical = legs.mean(-grid.values["vertical_rate"] * FPM_MPS).nan_to_num(10.0).clamp(min=2.0)
+    lost = torch.where(jump, legs.elapsed_s - legs.steps * FL_M / typical, 0.0)
+    return jump, torch.where(jump, legs.steps - 1, 0).double(), lost
+
+
 def gaps_of(grid: LevelGrid) -> dict[str, Tensor]:
     """Time lost and levels missing (n,) in the gaps of each flight, short gaps of altitude apart from longer ones.
 
@@ -277,23 +326,12 @@ def gaps_of(grid: LevelGrid) -> dict[str, Tensor]:
         >>> sorted(gaps), len(gaps["level"])
         (['level', 'level_gaps', 'missing', 'slow'], 120)
     """
-    mask = grid.mask
-    n, n_levels = mask.shape
-    number = torch.arange(n_levels).expand(n, -1)
-    below = torch.where(mask, number, -1).cummax(1).values
-    # For each seen level: the seen level next below, its time and its rate.
-    previous = torch.nn.functional.pad(below[:, :-1], (1, 0), value=-1)
-    jump = mask & (previous >= 0) & (number - previous > 1)
-    at = previous.clamp(min=0)
-    missing = torch.where(jump, number - previous - 1, 0).double()
-    elapsed = (grid.time_s.gather(1, at) - grid.time_s).nan_to_num(0.0)
-    fall = -grid.values["vertical_rate"] / 60.0 * FT_M
-    typical = ((fall + fall.gather(1, at)) / 2).nan_to_num(10.0).clamp(min=2.0)
-    lost = torch.where(jump, elapsed - (missing + 1) * FL_M / typical, 0.0)
+    mask, jump, missing, lost = grid.mask, *lost_in_jumps(grid)
     counts = lost > LOST_S
     short = counts & (missing <= SHORT_GAP_LEVELS)
     longer = jump & ~short & ~((lost < LOST_S) & (missing <= 5))
-    span = mask.any(1) * (below[:, -1] - mask.to(torch.int8).argmax(1) + 1).clamp(min=1)
+    ends = (torch.where(mask, torch.arange(mask.shape[1]), -1).amax(1), mask.to(torch.int8).argmax(1))
+    span = mask.any(1) * (ends[0] - ends[1] + 1).clamp(min=1)
     return {
         "level": torch.where(short, lost, 0.0).sum(1).clamp(max=900.0),
         "level_gaps": short.sum(1).double(),

@@ -157,22 +157,16 @@ def _flown(grid: LevelGrid, state: FlightState, change: dict[str, Tensor]) -> Le
 
 def _times(grid: LevelGrid, factor: Tensor) -> Tensor:
     """Times (n, L) of flights whose rate is larger by a factor (n, L), the same as before at the highest level."""
-    mask, number = grid.mask, torch.arange(grid.mask.shape[1]).expand(grid.mask.shape)
-    below = torch.where(mask, number, -1).cummax(1).values
-    previous = torch.nn.functional.pad(below[:, :-1], (1, 0), value=-1)
-    leg = mask & (previous >= 0)
-    at = previous.clamp(min=0)
-    fall = (-grid.values["vertical_rate"] * FPM_MPS).clamp(min=0.5)
-    typical = ((fall + fall.gather(1, at)) / 2).nan_to_num(10.0)
-    steps = number - previous
-    lasted = torch.where(leg, grid.time_s.gather(1, at) - grid.time_s, 0.0)
+    legs = grid.legs()
+    typical = legs.mean((-grid.values["vertical_rate"] * FPM_MPS).clamp(min=SLOWEST_MPS)).nan_to_num(10.0)
     # In a gap, only as much of the time as the descent takes; from level to level, all of it.
-    descending = torch.where(steps > 1, torch.minimum(lasted, steps * FL_M / typical), lasted)
-    slower = (1 / factor + (1 / factor).gather(1, at)) / 2
-    legs = torch.where(leg, descending * slower + lasted - descending, 0.0)
-    fallen = legs.sum(1, keepdim=True) - legs.cumsum(1)
-    top = torch.where(mask, number, -1).amax(1, keepdim=True).clamp(min=0)
-    return torch.where(mask, grid.time_s.gather(1, top) + fallen, torch.nan)
+    whole = torch.minimum(legs.elapsed_s, legs.steps * FL_M / typical)
+    descending = torch.where(legs.steps > 1, whole, legs.elapsed_s)
+    lasts = torch.where(legs.there, descending * legs.mean(1 / factor) + legs.elapsed_s - descending, 0.0)
+    fallen = lasts.sum(1, keepdim=True) - lasts.cumsum(1)
+    return torch.where(
+        grid.mask, torch.where(grid.mask, grid.time_s, torch.inf).amin(1, keepdim=True) + fallen, torch.nan
+    )
 
 
 def _moved(grid: LevelGrid, change: Mapping[str, Tensor]) -> dict[str, Tensor]:

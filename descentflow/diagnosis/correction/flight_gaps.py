@@ -8,7 +8,7 @@ from torch import Tensor
 
 from descentflow.core.counter_random import DrawNumbers
 from descentflow.core.units import FL_M, FPM_MPS
-from descentflow.measurements.level_channels import SHORT_GAP_LEVELS, LevelGrid, gaps_of
+from descentflow.measurements.level_channels import SHORT_GAP_LEVELS, LevelGrid, gaps_of, lost_in_jumps
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 
 FIRST_STREAM = 1_000_000
@@ -100,16 +100,8 @@ def _scaled(grid: LevelGrid, seconds: Tensor, kind: str) -> LevelGrid:
     if has <= 0:
         return grid
     keep = max(1 + float(seconds.mean()) / has, 0.0)
-    mask, number = grid.mask, torch.arange(grid.mask.shape[1]).expand(grid.mask.shape)
-    below = torch.where(mask, number, -1).cummax(1).values
-    previous = torch.nn.functional.pad(below[:, :-1], (1, 0), value=-1)
-    at = previous.clamp(min=0)
-    steps = number - previous
-    fall = -grid.values["vertical_rate"] * FPM_MPS
-    typical = ((fall + fall.gather(1, at)) / 2).nan_to_num(10.0).clamp(min=2.0)
-    jump = mask & (previous >= 0) & (steps > 1)
-    lost = torch.where(jump, (grid.time_s.gather(1, at) - grid.time_s).nan_to_num(0.0) - steps * FL_M / typical, 0.0)
-    of_kind = (steps - 1 <= SHORT_GAP_LEVELS) if kind == "level" else (steps - 1 > SHORT_GAP_LEVELS)
+    _, missing, lost = lost_in_jumps(grid)
+    of_kind = (missing <= SHORT_GAP_LEVELS) if kind == "level" else (missing > SHORT_GAP_LEVELS)
     off = torch.where(of_kind & (lost > 0), lost * (1 - keep), 0.0)
     # All below a gap comes earlier by what it loses.
     earlier = off.sum(1, keepdim=True) - off.cumsum(1)

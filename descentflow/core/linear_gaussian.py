@@ -83,12 +83,11 @@ class Precisions:
         """
         patterns, index = np.unique(seen, axis=0, return_inverse=True)
         index = index.ravel()
-        precision, half_log = np.zeros((len(patterns), *covariance.shape)), np.zeros(len(patterns))
-        for k, pattern in enumerate(patterns):
-            at = np.ix_(pattern, pattern)
-            precision[k][at] = np.linalg.inv(covariance[at])
-            half_log[k] = 0.5 * np.linalg.slogdet(precision[k][at])[1]
-        self.precision, self.half_log = precision[index], half_log[index]
+        # Entries that are missing are of unit variance and go with no other: nothing of them is left in the inverse.
+        missing = ~patterns[:, None] * np.eye(seen.shape[1])
+        whole = covariance * (patterns[:, :, None] & patterns[:, None]) + missing
+        self.precision = (np.linalg.inv(whole) - missing)[index]
+        self.half_log = -0.5 * np.linalg.slogdet(whole)[1][index]
 
     def times(self, values: Array) -> Array:
         """Precision times values (n, m)."""

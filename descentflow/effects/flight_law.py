@@ -130,8 +130,8 @@ class DiffersByFlight(Effect):
     """True if flights that have it fly a rate that thrust, drag and mass do not move."""
 
     @abstractmethod
-    def law_starts(self, state: FlightState, theta: Tensor) -> list[Tensor]:
-        """Parameters (k,) of laws from which to start, given those of the fit in which all flights have the mean."""
+    def law_start(self, state: FlightState) -> Tensor:
+        """Parameters (k,) of the law from which to start."""
 
     @abstractmethod
     def windows(self, state: FlightState, theta: Tensor) -> Windows:

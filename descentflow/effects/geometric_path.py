@@ -77,9 +77,9 @@ class GeometricPath(DiffersByFlight):
         law, beyond = PathLaw(*theta), state.beyond_polar
         return {"rate": law.share * (_to_the_shallowest(state, beyond, beyond) - law.shallower)}
 
-    def law_starts(self, state: FlightState, theta: Tensor) -> list[Tensor]:
-        """Some flights on paths of their own; a law goes on as it is."""
-        return [theta if float(PathLaw(*theta).spread) > 0.0 else torch.tensor(FIRST_LAW, dtype=torch.float64)]
+    def law_start(self, state: FlightState) -> Tensor:
+        """Some flights on paths of their own."""
+        return torch.tensor(FIRST_LAW, dtype=torch.float64)
 
     def windows(self, state: FlightState, theta: Tensor) -> Windows:
         """One window, the whole flight; which angle it holds is its size."""

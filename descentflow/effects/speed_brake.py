@@ -200,18 +200,13 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
         own = law._replace(extra_cd0=law.extra_where_out, share=torch.ones_like(share), ln_ratio_noise=noise)
         return float(share), torch.stack(own)
 
-    def law_starts(self, state: FlightState, theta: Tensor) -> list[Tensor]:
-        """One window for all, as it is, and windows of each flight's own about its middle; a law goes on as it is."""
-        mean = BrakeLaw(*theta)
-        if float(mean.spread_extra) > 0.0:
-            return [theta]
+    def law_start(self, state: FlightState) -> Tensor:
+        """Windows of each flight's own about the middle third of the levels."""
         size, share, middle, height, spread = FIRST_LAW
-        size = max(float(mean.extra_where_out), size) if float(mean.share) < 1.0 else size
-        low, high = float(mean.low_fl), float(mean.high_fl)
-        # Noise that the mean fit gives to brakes may be of anything: flights would get brakes where they are not seen.
-        alike = [size * share, low, high, share, 0.0, 0.0, 0.0, spread * size]
-        own = [size * share, low, high, share, 0.0, middle, height, spread * size]
-        return [torch.tensor(law, dtype=torch.float64) for law in (alike, own)]
+        low, high = self.range_fl(state)
+        third = (high - low) / 3.0
+        law = [size * share, low + third, high - third, share, 0.0, middle, height, spread * size]
+        return torch.tensor(law, dtype=torch.float64)
 
     def windows(self, state: FlightState, theta: Tensor) -> Windows:
         """The law's window, or all windows of the grid where each flight has its own."""

@@ -69,10 +69,3 @@ class WindowedEffect(Effect):
         """Lowest and highest level of the grid."""
         half = state.width_m / 2
         return float(state.altitude_m[0] - half) / FL_M, float(state.altitude_m[-1] + half) / FL_M
-
-    def at_window(self, theta: Tensor, size: float, low_fl: float, high_fl: float) -> Tensor:
-        """The parameters with another size and window."""
-        moved = theta.clone()
-        moved[0] = size
-        moved[list(self.ends)] = torch.tensor([low_fl, high_fl], dtype=theta.dtype)
-        return moved

@@ -92,18 +92,9 @@ class FlightShapes:
         while rest := [name for name in self.effects if name not in chosen]:
             best = max(rest, key=lambda name: self._gain((*chosen, name)))
             larger = (*chosen, best)
-            fit, effect, state = self.fit(self.real, larger), self.effects[best], self.real.windows[best].state
-            share = fit.shares[best]
-            beyond = share - self.fit(self.simulated, larger).shares[best]
-            # As many flights as chance may add are no procedure: the least share is surely passed, not by estimate.
-            chance = NINETY * math.sqrt(share * (1.0 - share) / len(self.real.index))
-            is_shared = beyond - chance > self.assumed.least_share
-            # A law that the effect can have, and that is none of another effect.
-            theta = fit.laws[best].theta
-            possible = is_shared and effect.plausible(state, theta) and not effect.may_be(state, theta)
-            if self._gain(larger) <= self._gain(chosen) or not possible:
+            if self._gain(larger) <= self._gain(chosen) or not self._possible(larger, best):
                 break
-            chosen = (*chosen, best)
+            chosen = larger
         found = []
         for name in chosen:
             without = tuple(other for other in chosen if other != name)
@@ -112,6 +103,15 @@ class FlightShapes:
             law, gain = self.fit(self.real, chosen).laws[name], self._gain(chosen) - self._gain(without)
             found.append(FlightsEffect(name, law, parts, gain, misfit, self._factor_errors(name, parts.shape[1])))
         return found
+
+    def _possible(self, names: tuple[str, ...], name: str) -> bool:
+        """Test for a law that an effect can have, that is none of another, and that enough flights have."""
+        fit, effect, state = self.fit(self.real, names), self.effects[name], self.real.windows[name].state
+        share, theta = fit.shares[name], fit.laws[name].theta
+        # As many flights as chance may add are no procedure: the least share is surely passed, not by estimate.
+        chance = NINETY * math.sqrt(share * (1.0 - share) / len(self.real.index))
+        is_shared = share - self.fit(self.simulated, names).shares[name] - chance > self.assumed.least_share
+        return is_shared and effect.plausible(state, theta) and not effect.may_be(state, theta)
 
     def shifts_by_flight(self, names: Sequence[str]) -> Array:
         """Expected shift (n, m) of ln rate of each real flight by effects, in the flights and bands of ``real``."""
@@ -175,13 +175,15 @@ class FlightShapes:
         """Nats that the shapes gain by effects."""
         if not names:
             return 0.0
-        real, simulated = (
-            self.fit(side, names).log_likelihood - self.fit(side, ()).log_likelihood
-            for side in (self.real, self.simulated)
-        )
         count = len(self.real.index)
-        theirs = max(simulated, 0.0) * count / max(len(self.simulated.index), 1)
-        return real - theirs - 0.5 * LAW_PARAMETERS * len(names) * math.log(count)
+        price = 0.5 * LAW_PARAMETERS * len(names) * math.log(count)
+        real = self._gain_of(self.real, names) - price
+        # The simulator's own flights, of which there may be none, can only lessen what is not gained anyway.
+        theirs = self._gain_of(self.simulated, names) if real > 0.0 else 0.0
+        return real - max(theirs, 0.0) * count / max(len(self.simulated.index), 1)
+
+    def _gain_of(self, side: Side, names: tuple[str, ...]) -> float:
+        return self.fit(side, names).log_likelihood - self.fit(side, ()).log_likelihood
 
     def _mean_shift(self, side: Side, names: tuple[str, ...], name: str) -> Array:
         """Mean shift (p, c) of what is compared, late reports included; c is two where a part has no size."""

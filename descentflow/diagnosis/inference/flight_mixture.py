@@ -77,7 +77,7 @@ def flight_windows(
         seen: (n, m).
         law: About whose mean size shifts are linear in it, and from which EM starts; a wide one if absent.
     """
-    start = effect.law_starts(state, _about_the_middle(effect, state))[-1] if law is None else law
+    start = effect.law_start(state) if law is None else law
     windows = effect.sought_about(start).windows(state, start)
     slots = [windows.slots.index(("rate", int(band))) for band in bands]
     weights = windows.weights[:, slots].numpy()
@@ -95,16 +95,6 @@ def flight_windows(
         weights,
         within | whole,
     )
-
-
-def _about_the_middle(effect: DiffersByFlight, state: FlightState) -> torch.Tensor:
-    """Parameters (k,) with a window in the middle third of the levels, where the effect has one."""
-    start = effect.start().double()
-    if not isinstance(effect, WindowedEffect):
-        return start
-    low, high = effect.range_fl(state)
-    third = (high - low) / 3.0
-    return effect.at_window(start, float(start[0]), low + third, high - third)
 
 
 @dataclass(frozen=True)
@@ -251,15 +241,11 @@ class _EffectWindows:
         self.windows, self.plain, self.law, self.name = windows, plain, windows.start, windows.effect.name
         self._law_flights = law_flights
         self.coarse = windows.effect.sought_about(windows.start)
-        # (n, W, m) shapes are not kept: only their products with the precision, of which there are W a flight.
-        self._square = np.empty(windows.open.shape)
-        self._with_offset = np.empty(windows.open.shape)
-        for k, weight in enumerate(windows.weights):
-            shape = windows.shape * weight
-            carried = plain.times(shape)
-            self._square[:, k] = (carried * shape).sum(1)
-            self._with_offset[:, k] = (carried * windows.offset).sum(1)
-        self._offset_square = (plain.times(windows.offset) * windows.offset).sum(1)
+        carried, weights = plain.times(windows.offset), windows.weights.T
+        squares = plain.precision * (windows.shape[:, :, None] * windows.shape[:, None])
+        self._square = ((squares @ weights) * weights).sum(1)
+        self._with_offset = (carried * windows.shape) @ weights
+        self._offset_square = (carried * windows.offset).sum(1)
         self.taken = self.size = self._variance = np.zeros(windows.open.shape)
         self.share, self.offset_of_mean = 0.0, np.zeros(windows.weights.shape[1])
 

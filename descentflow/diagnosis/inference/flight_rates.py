@@ -14,6 +14,7 @@ learnt whole.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import torch
@@ -50,15 +51,10 @@ def flight_rates(compared: Compared, known: Moments) -> FlightRates:
     """
     entries = np.flatnonzero(known.quantity == "rate")
     bands = np.array([compared.entries[i].band for i in entries], dtype=int)
-    values = known.departures[:, entries] - np.nan_to_num(_departures(compared, known, "lag")[:, bands])
+    late = compared.table("lag", torch.from_numpy(known.departures)).numpy()
+    values = known.departures[:, entries] - np.nan_to_num(late[:, bands])
     seen = np.isfinite(values)
     return FlightRates(np.where(seen, values, 0.0), seen, entries, bands)
-
-
-def _departures(compared: Compared, known: Moments, quantity: str) -> Array:
-    """Departures (n, K) of a quantity, NaN where it is not seen."""
-    found: Array = compared.table(quantity, torch.from_numpy(known.departures)).numpy()
-    return found
 
 
 SPREAD_SWEEPS = 2
@@ -98,15 +94,16 @@ class Spread:
         """
         best = list(first)
 
-        def score(sizes: Sequence[float]) -> float:
+        @cache
+        def score(*sizes: float) -> float:
             return float(weight @ Precisions(self.at(sizes), seen).log_density(values))
 
-        top = score(best)
+        top = score(*best)
         for _ in range(SPREAD_SWEEPS):
             for k in range(len(self.shapes)):
                 for size in self.grid:
                     tried = [*best[:k], size, *best[k + 1 :]]
-                    if tried != best and (found := score(tried)) > top:
+                    if (found := score(*tried)) > top:
                         top, best = found, tried
         return best
 

@@ -20,6 +20,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
 
@@ -35,7 +36,7 @@ GAUSS_NEWTON_ROUNDS = 4
 SCALE_SWEEPS = 2
 """Sweeps over the quantities, of which an unknown cause moves some."""
 
-OF_AIR = frozenset({"tas", "wind", "height"})
+OF_AIR = ("tas", "wind", "height")
 """Quantities that measure the air."""
 
 Names = tuple[str, ...]
@@ -173,12 +174,16 @@ class SetFits:
         every = [name for name in dict.fromkeys(map(str, self.known.quantity)) if QUANTITIES[name].by_band]
         quantities = [name for name in every if name in OF_AIR] if air else every
         sizes = [scale for scale in self.assumed.unknown_scales if not air or scale <= self.assumed.layers]
+
+        @cache
+        def score(*chosen: tuple[str, float]) -> float:
+            return evidence(rest, noise + self.unknown_covariance(dict(chosen))) + self._log_prior(dict(chosen))
+
         scales = dict(fit.unknown)
         for _, name in itertools.product(range(SCALE_SWEEPS), quantities):
             others = {other: scale for other, scale in scales.items() if other != name}
             tries = [others, *({**others, name: scale} for scale in sizes)]
-            scores = [evidence(rest, noise + self.unknown_covariance(one)) + self._log_prior(one) for one in tries]
-            scales = tries[int(np.argmax(scores))]
+            scales = max(tries, key=lambda one: score(*sorted(one.items())))
         return scales
 
     def _air(self, scales: Mapping[str, float]) -> frozenset[str]:

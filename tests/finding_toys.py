@@ -146,7 +146,7 @@ def details() -> Details:
 
 def findings() -> Findings:
     """Two causes, one of which leaves something: every optional field is filled."""
-    where = GapCell("tas", 150.0, 195.0, "below", "all", 0.02, 0.001, "relative", 0.02, 0.005, 0.4)
+    where = GapCell("tas", 150.0, 195.0, "below", 0.02, 0.001, "relative", 0.02, 0.005, 0.4)
     left = LargestDifference("rate", 315.0, 330.0, difference=-0.02, in_negligible_shifts=2.0)
     known = {"version": "0.1.0", "settings": {"bottom_fl": "150"}, "files": ["october.csv"], "fingerprint": "6d14"}
     real = InputUsed("radar.parquet", "rows", 400, 80, "2026-10-01", "2026-10-31", ["A320"], **known)  # type: ignore[arg-type]

@@ -17,15 +17,17 @@ from descentflow.diagnosis.correction.corrected_descents import correction_made
 from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, corrected_entries
 from descentflow.diagnosis.findings.cause_found import Cause, ClosedShare
 from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans
-from descentflow.diagnosis.findings.findings import Details, Findings
+from descentflow.diagnosis.findings.findings import Curve, Details, Findings
 from descentflow.diagnosis.gap.costs import costs_of, profile_of
 from descentflow.diagnosis.gap.measured_gap import MeasuredGap
 from descentflow.diagnosis.gap.practical_size import below_rounding
 from descentflow.diagnosis.gap.what_is_left import (
+    CERTAIN_ERRORS,
     curves,
     flights_worth_a_look,
     not_identifiable,
     remaining_of,
+    standard_errors,
     would_split,
 )
 from descentflow.diagnosis.gap.where import PERMUTATIONS, where
@@ -34,9 +36,6 @@ from descentflow.diagnosis.inference.explain import Explanation, detection_limit
 from descentflow.diagnosis.inference.verdict import verdict_of
 from descentflow.diagnosis.sides.diagnosis_settings import Settings
 from descentflow.diagnosis.sides.two_sides import Compared
-
-CERTAIN_ERRORS = 3.0
-"""Standard errors from which a mean counts among those that a gap is measured over."""
 
 
 def diagnose_compared(
@@ -64,7 +63,7 @@ def diagnose_compared(
     cleaning, seed = settings.simulator.cleaning, settings.seed
     added = AddedEffects(settings.catalogue, theta, compared.state.mass_kg, cleaning, seed)
     left, closure = left_with(compared, added), MeasuredGap(compared, _measured_over(found), seed)
-    floor, after = closure.floor(left), closure.after(left)
+    floor, after, error = closure.floor(left), closure.after(left), standard_errors(compared)
     costs = costs_of(compared, left, seed) if theta else costs
     verdict = verdict_of(found, is_gap=is_gap, costs=costs)
     causes = _causes(found, added, closure.share(left), costs) if theta else []
@@ -81,10 +80,10 @@ def diagnose_compared(
         where=cells,
         causes=causes,
         gap_after=after,
-        remaining=remaining_of(compared, left, after - floor, found.named.unknown),
+        remaining=remaining_of(compared, left, error, after - floor, found.named.unknown),
         would_split=hidden if verdict == "none" else would_split(compared, settings.catalogue, causes),
         dropped=dict(counts),
-        details=_details(found, settings, source, left, closure, profile),
+        details=_details(found, settings, source, curves(compared, left, error), closure, profile),
         costs=costs,
         recipe=recipe_of(causes, settings.catalogue, compared.levels()),
         corrections=made,
@@ -101,7 +100,12 @@ def _causes(found: Explanation, added: AddedEffects, closed: ClosedShare, costs:
 
 
 def _details(
-    found: Explanation, settings: Settings, source: str, left: Tensor, closure: MeasuredGap, profile: list[LevelMeans]
+    found: Explanation,
+    settings: Settings,
+    source: str,
+    by_level: dict[str, Curve],
+    closure: MeasuredGap,
+    profile: list[LevelMeans],
 ) -> Details:
     """Settings, evidence of every effect, and what lies behind the figures."""
     return Details(
@@ -117,7 +121,7 @@ def _details(
         n_permutations=PERMUTATIONS,
         discrepancy=discrepancy_of(found),
         singles=singles_of(found),
-        curves=curves(found.compared, left),
+        curves=by_level,
         labels={name: effect.text for name, effect in settings.catalogue.items()},
         subsets=heaviest_sets(found),
         detection_limits=detection_limits(found),

@@ -14,8 +14,8 @@ from descentflow.aircraft_types.registry import aircraft
 from descentflow.core.linear_gaussian import Precisions, posterior, shrunk
 from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, corrected_entries
 from descentflow.diagnosis.diagnosis_steps import diagnose_compared
-from descentflow.diagnosis.gap.what_is_left import curves
-from descentflow.diagnosis.inference.candidates import FlightsEffect, linearised
+from descentflow.diagnosis.gap.what_is_left import curves, remaining_of, standard_errors
+from descentflow.diagnosis.inference.candidates import FlightsEffect, MeanEffect, linearised
 from descentflow.diagnosis.inference.explain import detection_limits, explain
 from descentflow.diagnosis.inference.flight_mixture import (
     FlightWindows,
@@ -23,9 +23,16 @@ from descentflow.diagnosis.inference.flight_mixture import (
     fit_mixture,
     flight_windows,
 )
-from descentflow.diagnosis.inference.moments import Moments, moments, sums_by_aircraft_and_day, sums_over
+from descentflow.diagnosis.inference.moments import (
+    Moments,
+    left_open_by_coefficients,
+    moments,
+    sums_by_aircraft_and_day,
+    sums_over,
+)
 from descentflow.diagnosis.inference.naming import name_effects, nuisances
 from descentflow.diagnosis.inference.sets import Search, SetFit, SetFits
+from descentflow.diagnosis.inference.signatures import Signatures
 from descentflow.diagnosis.inference.verdict import verdict_of
 from descentflow.diagnosis.sides.assumptions import Assumptions
 from descentflow.diagnosis.sides.diagnosis_settings import Settings
@@ -350,8 +357,43 @@ def test_the_error_of_a_curve_counts_aircraft_and_not_flights() -> None:
         day=one.day[index],
         state=one.state.rows(index),
     )
-    errors = [curves(sides, sides.y)["tas"].error for sides in (one, four)]
+    errors = [curves(sides, sides.y, standard_errors(sides))["tas"].error for sides in (one, four)]
     assert errors[1] == pytest.approx(errors[0], rel=1e-9)
+
+
+def test_the_largest_difference_left_is_one_beyond_chance() -> None:
+    sides = example_sides()
+    cas, rate = sides.columns("cas")[3], sides.columns("rate")[5]
+    left = torch.zeros_like(sides.y)
+    left[sides.real, cas], left[sides.real, rate] = 4.0, 0.01  # eight and five negligible shifts
+    errors = [torch.ones(len(sides.entries)).double() * error for error in (3.0, 0.002)]
+    assert [remaining_of(sides, left, error, 0.0, 0.0).largest.quantity for error in errors] == ["cas", "cas"]
+    errors[0][rate] = 0.002
+    assert remaining_of(sides, left, errors[0], 0.0, 0.0).largest.quantity == "rate"
+
+
+def test_an_interval_that_holds_no_change_is_of_no_cause() -> None:
+    """Idle thrust x 1.44 (0.87 to 2.01) is none; a bias that does not grow with Mach number is one by its constant."""
+    sides = example_sides()
+    signatures = Signatures(sides, moments(sides))
+    idle, bias = (MeanEffect(EFFECTS[name], signatures) for name in ("idle_thrust", "airspeed_bias"))
+    assert not idle.differs(np.array([0.44]), np.array([0.346]))
+    assert idle.differs(np.array([0.68]), np.array([0.255]))
+    assert bias.differs(np.array([-3.0, 0.01]), np.array([0.1, 0.08]))
+
+
+def test_a_simulator_of_one_speed_leaves_its_rate_at_other_speeds_open() -> None:
+    """By as much as the polar's own rate there changes with each part of the coefficients that is not known."""
+    sides = example_sides()
+    quantity = np.array([entry.quantity for entry in sides.entries])
+    alike = replace(sides, state=sides.state.rows(torch.arange(80).repeat(2)))
+    assert np.abs(left_open_by_coefficients(alike, quantity)).max() < 1e-12
+    faster = torch.where(sides.real[:, None], 15.0, 0.0).double() + sides.state.cas_mps[torch.arange(80).repeat(2)]
+    apart = replace(alike, state=replace(alike.state, cas_mps=faster))
+    found = left_open_by_coefficients(apart, quantity)
+    assert np.abs(found[quantity != "rate"]).max() == 0.0
+    of_drag = found[quantity == "rate", np.argmax(np.abs(found).sum(0))]
+    assert 0.003 < np.abs(of_drag).max() < 0.3  # of ln rate
 
 
 @pytest.mark.parametrize(

@@ -104,6 +104,18 @@ def test_costs_and_what_each_cause_takes_away_come_first_and_then_what_to_change
     assert places == sorted(places)
 
 
+def test_a_time_that_may_differ_stands_beside_no_certain_difference() -> None:
+    """A table with +51 s (+27 to +76) must not stand below a headline that knows of no difference at all."""
+    found = replace(of_verdict("none"), p_value=0.062, below_rounding=[])
+    late, early = (
+        replace(found.costs[0], name="time_at_speed", label="time at equal speed", before=Measured(size, 27.0, 76.0))
+        for size in (51.0, 30.0)
+    )
+    text = summary(replace(found, costs=[replace(late, floor=40.0)]))
+    assert "(p = 0.062). Perhaps there is one: +51 s (+27 to +76) in time at equal speed." in text
+    assert "Perhaps" not in summary(replace(found, costs=[replace(early, floor=40.0)]))  # less than chance may give
+
+
 @pytest.mark.parametrize("verdict", VERDICTS)
 def test_words_are_those_of_the_trade_and_sentences_are_short(verdict: str) -> None:
     found = of_verdict(verdict)

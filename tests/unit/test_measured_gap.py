@@ -7,8 +7,9 @@ import torch
 from example_sides import example_sides
 
 from descentflow.diagnosis.findings.gap_found import MeasuredEntry
+from descentflow.diagnosis.gap.labellings import mean_over_quantities
 from descentflow.diagnosis.gap.measured_gap import MeasuredGap, measured_again
-from descentflow.diagnosis.gap.previous_round import achieved_share, mean_of
+from descentflow.diagnosis.gap.previous_round import achieved_share
 from descentflow.effects import EFFECTS
 
 
@@ -16,18 +17,19 @@ def test_the_same_flights_are_measured_the_same_again() -> None:
     sides = example_sides(EFFECTS["temperature"], [10.0])
     chosen = sides.of("tas") | sides.of("rate")
     then = MeasuredGap(sides, chosen, seed=0)
-    again, spreads, kept = measured_again(sides, then.entries())
+    again, spreads, *earlier = measured_again(sides, then.entries())
     now, floor = MeasuredGap(sides, again, 0, spreads), then.floor(sides.y)
-    assert kept == then.entries()
+    assert torch.equal(again, chosen)
     assert (now.before, now.floor(sides.y)) == pytest.approx((then.before, floor), rel=1e-12)
-    assert mean_of(then.entries()) == pytest.approx((then.before, floor), rel=1e-12)
+    means = [float(mean_over_quantities(sides, one, again)) for one in earlier]
+    assert means == pytest.approx([then.before, floor], rel=1e-12)
 
 
 def test_other_spreads_are_those_of_the_round_before() -> None:
     sides = example_sides(EFFECTS["temperature"], [10.0])
     then = MeasuredGap(sides, sides.of("tas"), seed=0)
     wider = [MeasuredEntry(e.quantity, e.low_fl, e.high_fl, 2 * e.spread, e.distance, e.floor) for e in then.entries()]
-    again, spreads, _ = measured_again(sides, wider)
+    again, spreads, *_ = measured_again(sides, wider)
     assert MeasuredGap(sides, again, 0, spreads).before == pytest.approx(then.before / 2, rel=1e-12)
 
 

@@ -43,13 +43,13 @@ def test_fields_with_a_default_may_be_absent(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"schema_version": 4}, "schema version 4; expected version 6; to mend it, diagnose the same flights again"),
+        ({"schema_version": 4}, "schema version 4; expected version 7; to mend it, diagnose the same flights again"),
         ({"schema_version": ...}, "no schema_version"),
         ({"floor": ...}, "floor: nothing; expected a value"),
-        ({"floor": "0.1"}, "floor: 0.1; expected float"),
-        ({"verdict": "perhaps"}, "verdict: perhaps; expected one of 'none', 'effect', 'partial', 'unknown'"),
+        ({"floor": "0.1"}, "floor: 0.1; expected a finite number"),
+        ({"verdict": "perhaps"}, "verdict: perhaps; expected 'none' or 'effect' or 'partial' or 'unknown'"),
         ({"causes": {}}, "causes: dict; expected a list"),
-        ({"where": [{"quantity": 3}]}, r"where\[0\]: quantity: int; expected str"),
+        ({"where": [{"quantity": 3}]}, r"where\[0\]: quantity: int; expected a text"),
         ({"surprise": 1}, "unknown fields surprise"),
     ],
 )

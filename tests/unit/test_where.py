@@ -69,14 +69,6 @@ def test_step_down_is_westfall_and_youngs_algorithm() -> None:
     assert step_down(scores).tolist() == pytest.approx(expected)
 
 
-def test_a_half_that_one_side_has_no_flights_in_is_left_out(compared: Compared) -> None:
-    """A simulator of one speed, faster than every real flight: both halves by speed have flights of one side only."""
-    cas = torch.where(compared.real[:, None], 130.0, 140.0).to(compared.state.cas_mps).expand_as(compared.state.cas_mps)
-    apart = replace(compared, state=replace(compared.state, cas_mps=cas))
-    assert {row.slice for row in where(compared, TRANSITION_FL, 0)} == {"all", "slower half", "faster half"}
-    assert {row.slice for row in where(apart, TRANSITION_FL, 0)} == {"all"}
-
-
 def test_cells_are_called_by_chance_as_often_as_is_said(compared: Compared) -> None:
     """Aircraft of unequal numbers of flights; at 5 %, more than 11 of 100 nulls come once in 230 times."""
     law = FlightLaw.of(compared)

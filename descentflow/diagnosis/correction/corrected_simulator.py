@@ -14,6 +14,7 @@ from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.diagnosis.correction.effects_in_flights import AddedEffects
 from descentflow.diagnosis.findings.correction_found import CHECKPOINT, Corrections
 from descentflow.diagnosis.sides.compared_state import state_of
+from descentflow.diagnosis.sides.measured_sides import NEEDED_CHANNELS
 from descentflow.diagnosis.sides.simulator import Simulator
 from descentflow.effects import EFFECTS
 from descentflow.effects.effect import NONE
@@ -30,8 +31,6 @@ from descentflow.surveillance.descents.store import SCHEMA_VERSION
 
 SAMPLED_FLIGHTS = 400
 """Flights that are sampled: means of these are known to a twentieth of their spread."""
-NEEDED_CHANNELS = ("IAS", "vertical_rate")
-"""Channels of a descent."""
 SAMPLES_BEGIN = datetime(2000, 1, 1, tzinfo=UTC)
 """Start of all samples: they know no date."""
 

@@ -15,7 +15,6 @@ class GapCell:
         level_low_fl: Lowest flight level.
         level_high_fl: Highest.
         regime: ``above`` or ``below`` the transition altitude, ``all`` for a quantity of the whole flight.
-        slice: Flights: ``all``, ``slower half`` or ``faster half``.
         distance: Wasserstein distance, in ``unit``.
         floor: The same between flights of one population.
         unit: Of distance, floor and difference.
@@ -24,7 +23,7 @@ class GapCell:
         share: Share of the whole gap.
 
     Example:
-        >>> GapCell("tas", 150.0, 195.0, "below", "all", 0.02, 0.001, "relative", 0.02, 0.005, 0.4).difference
+        >>> GapCell("tas", 150.0, 195.0, "below", 0.02, 0.001, "relative", 0.02, 0.005, 0.4).difference
         0.02
     """
 
@@ -32,7 +31,6 @@ class GapCell:
     level_low_fl: float
     level_high_fl: float
     regime: str
-    slice: str
     distance: float
     floor: float
     unit: str

@@ -7,12 +7,12 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Literal, Union, cast, get_args, get_origin, get_type_hints
 
+from descentflow.core.arguments import kind_of
 from descentflow.core.errors import DataError
 from descentflow.diagnosis.findings.findings import Findings
 
-SCHEMA_VERSION = 6
+SCHEMA_VERSION = 7
 """Of `gap.json`; files of other versions are refused."""
-NUMBERS = (int, float)
 
 
 def read_gap(path: str | Path) -> Findings:
@@ -52,35 +52,24 @@ def read_gap(path: str | Path) -> Findings:
     return cast("Findings", _built(Findings, content, str(source)))
 
 
-def _built(kind: Any, content: Any, place: str) -> Any:
+def _built(hint: Any, content: Any, place: str) -> Any:
     """A value of a type from plain values, each checked against its type."""
-    if is_dataclass(kind):
-        return _built_dataclass(cast("type[Any]", kind), content, place)
-    origin = get_origin(kind)
+    origin, inside = get_origin(hint), get_args(hint)
     if origin in (Union, UnionType):
-        if content is None and NoneType in get_args(kind):
-            return None
-        (kind,) = (k for k in get_args(kind) if k is not NoneType)
-        return _built(kind, content, place)
-    if origin is Literal:
-        _must(content in get_args(kind), content, f"one of {', '.join(map(repr, get_args(kind)))}", place)
-        return content
+        (hint,) = (one for one in inside if one is not NoneType)
+        return None if content is None else _built(hint, content, place)
+    if is_dataclass(hint):
+        return _built_dataclass(cast("type[Any]", hint), content, place)
     if origin is list:
         _must(isinstance(content, list), content, "a list", place)
-        (inner,) = get_args(kind)
-        return [_built(inner, one, f"{place}[{i}]") for i, one in enumerate(content)]
+        return [_built(inside[0], one, f"{place}[{i}]") for i, one in enumerate(content)]
     if origin is dict:
         _must(isinstance(content, dict), content, "an object", place)
-        inner = get_args(kind)[1]
-        return {key: _built(inner, one, f"{place}.{key}") for key, one in content.items()}
-    return _plain(kind, content, place)
-
-
-def _plain(kind: Any, content: Any, place: str) -> Any:
-    # JSON knows no difference between 1 and 1.0; a bool is no number here.
-    able = NUMBERS if kind is float else (kind,)
-    _must(isinstance(content, able) and (kind is bool or not isinstance(content, bool)), content, kind.__name__, place)
-    return kind(content)
+        return {key: _built(inside[1], one, f"{place}.{key}") for key, one in content.items()}
+    kind = kind_of(hint)
+    _must(kind.takes(content), content, kind.words, place)
+    # JSON knows no difference between 1 and 1.0.
+    return content if origin is Literal else hint(content)
 
 
 def _built_dataclass(kind: type[Any], content: Any, place: str) -> Any:

@@ -120,20 +120,19 @@ def closed_share(before: float, floor_before: float, after: float, floor_after: 
     return None if none else 1.0 - (after - floor_after) / (before - floor_before)
 
 
-def measured_again(compared: Vectors, before: Sequence[MeasuredEntry]) -> tuple[Tensor, Tensor, list[MeasuredEntry]]:
-    """Entries (p,) of an earlier gap that are compared now, the spreads (p,) that they had, and what they were.
+def measured_again(compared: Vectors, before: Sequence[MeasuredEntry]) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Entries (p,) of an earlier gap that are compared now, and the spreads, distances and floors (p,) that they had.
 
     Args:
         compared: Flights of both sides.
         before: Entries of the earlier round; those that are not measured now are left out.
     """
     chosen = torch.zeros(len(compared.entries), dtype=torch.bool)
-    spreads, kept = compared.scale.clone(), []
+    spreads, distance, floor = (compared.scale.clone() for _ in range(3))
     for one in before:
         for i, entry in enumerate(compared.entries):
             low, high = compared.level_range(entry)
             same = abs(low - one.low_fl) < SAME_EDGE_FL and abs(high - one.high_fl) < SAME_EDGE_FL
             if entry.quantity == one.quantity and (entry.band < 0 or same):
-                chosen[i], spreads[i] = True, one.spread
-                kept.append(one)
-    return chosen, spreads, kept
+                chosen[i], spreads[i], distance[i], floor[i] = True, one.spread, one.distance, one.floor
+    return chosen, spreads, distance, floor

@@ -19,7 +19,6 @@ from descentflow.core.mode_s_steps import UNCERTAINTY
 from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
 from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans
 from descentflow.diagnosis.findings.gap_found import BelowRounding, GapCell
-from descentflow.diagnosis.gap.where import ALL
 from descentflow.diagnosis.sides.two_sides import Compared
 from descentflow.diagnosis.sides.vectors import Entry, Vectors
 from descentflow.measurements.quantity_registry import NOISE_CHANNELS, QUANTITIES
@@ -101,8 +100,7 @@ def below_rounding(
         return []
     rounding = rounding_of(compared, profile)
     rows: dict[str, BelowRounding] = {}
-    # The slices of the rate show more of the same, in half of the flights.
-    for cell in (cell for cell in cells if cell.slice == ALL):
+    for cell in cells:
         least = float(rounding[_entries_of(compared, cell)].mean())
         is_count = QUANTITIES[cell.quantity].is_count
         excess = max(cell.distance - cell.floor, 0.0)

@@ -1,17 +1,15 @@
 """The loop closed: what an earlier diagnosis predicted, compared with what the changed simulator does."""
 
-from collections.abc import Sequence
 from pathlib import Path
-from statistics import fmean
 
 from descentflow.core.errors import DataError
 from descentflow.diagnosis.findings.cause_found import ClosedShare
 from descentflow.diagnosis.findings.correction_found import Previous
 from descentflow.diagnosis.findings.costs_found import NINETY
 from descentflow.diagnosis.findings.findings import Findings
-from descentflow.diagnosis.findings.gap_found import MeasuredEntry
 from descentflow.diagnosis.findings.inputs_found import Provenance
 from descentflow.diagnosis.findings.read_gap import read_gap
+from descentflow.diagnosis.gap.labellings import mean_over_quantities
 from descentflow.diagnosis.gap.measured_gap import MeasuredGap, closed_share, measured_again
 from descentflow.diagnosis.sides.vectors import Vectors
 
@@ -92,14 +90,15 @@ def held_against(previous: Findings, name: str, compared: Vectors, seed: int) ->
         DataError: If less than half of what it measured is measured now.
     """
     then = previous.details
-    chosen, spreads, kept = measured_again(compared, then.measured_over)
-    if len(kept) < MIN_SHARE_AGAIN * len(then.measured_over):
+    chosen, spreads, *earlier = measured_again(compared, then.measured_over)
+    if (kept := int(chosen.sum())) < MIN_SHARE_AGAIN * len(then.measured_over):
         raise DataError(
-            f"{len(kept)} of the {len(then.measured_over)} bands and quantities of {name} are measured now",
+            f"{kept} of the {len(then.measured_over)} bands and quantities of {name} are measured now",
             expected=f"at least {100 * MIN_SHARE_AGAIN:.0f} % of them: the same levels and channels in both rounds",
             mend="fly the same levels, and give the channels that the earlier flights had",
         )
-    now, (before, floor) = MeasuredGap(compared, chosen, seed, spreads), mean_of(kept)
+    now = MeasuredGap(compared, chosen, seed, spreads)
+    before, floor = (float(mean_over_quantities(compared, values, chosen)) for values in earlier)
     achieved = achieved_share(before, floor, then.gap_error or 0.0, now.before, now.floor(compared.y), now.error)
     predicted = previous.causes[0].closure.marginal if previous.causes else ClosedShare(None, None, None)
     return Previous(name, [cause.effect for cause in previous.causes], predicted, achieved, before, now.before)
@@ -119,17 +118,3 @@ def achieved_share(
         return ClosedShare(None, None, None)
     half = NINETY * (error_now**2 + ((1 - share) * error) ** 2) ** 0.5 / (before - floor)
     return ClosedShare(share, share - half, share + half)
-
-
-def mean_of(entries: Sequence[MeasuredEntry]) -> tuple[float, float]:
-    """Mean distance and floor over quantities, each of which counts once.
-
-    Example:
-        >>> cas, tas = (MeasuredEntry(q, 150.0, 165.0, 1.0, d, 0.1) for q, d in (("cas", 1.0), ("tas", 3.0)))
-        >>> mean_of([cas, tas, tas])[0]
-        2.0
-    """
-    names = dict.fromkeys(one.quantity for one in entries)
-    of = [[one for one in entries if one.quantity == name] for name in names]
-    distance = fmean(fmean(one.distance for one in part) for part in of)
-    return distance, fmean(fmean(one.floor for one in part) for part in of)

@@ -22,16 +22,24 @@ from descentflow.measurements.quantity_registry import SHOWN_BY
 
 MOST_FLIGHTS = 10
 """Flights that are named."""
+CERTAIN_ERRORS = 3.0
+"""Standard errors from which a difference of means is more than chance, of all that are looked at."""
 NEIGHBOURS = 0.5
 """Bands beside the one with the largest difference belong to it while theirs, of the same sign, is so large a share."""
 
 
-def remaining_of(compared: Vectors, left: Tensor, gap: float, share_unexplained: float) -> Remaining:
+def standard_errors(compared: Compared) -> Tensor:
+    """Standard error (p,) of each difference of means, by whole aircraft and days: their flights are alike."""
+    return torch.from_numpy(moments(compared).covariance.diagonal() ** 0.5)
+
+
+def remaining_of(compared: Vectors, left: Tensor, error: Tensor, gap: float, share_unexplained: float) -> Remaining:
     """Gap that is left once the causes are in the simulator, and its largest part.
 
     Args:
         compared: Flights of both sides.
         left: (n, p) the same once the causes are in the simulator, or off the flights.
+        error: (p,) standard error of each difference.
         gap: Left above the noise floor, in spreads.
         share_unexplained: Of what effects and a free discrepancy explain together.
     """
@@ -39,29 +47,30 @@ def remaining_of(compared: Vectors, left: Tensor, gap: float, share_unexplained:
     standing = (mean.abs() / compared.negligible()).nan_to_num(0.0)
     # What the simulator lacks beside any cause is no part of the difference that is explained.
     standing = torch.where(free_in_every_set(compared), 0.0, standing)
-    most = int(standing.argmax())
+    # The largest of those that are more than chance, where any is.
+    certain = torch.where(mean.abs() > CERTAIN_ERRORS * error, standing, 0.0)
+    most = int((certain if bool(certain.any()) else standing).argmax())
     entry = compared.entries[most]
     low, high = compared.level_range(entry)
     largest = LargestDifference(entry.quantity, low, high, float(mean[most]), float(standing[most]))
     return Remaining(max(gap, 0.0), share_unexplained, largest)
 
 
-def curves(compared: Compared, left: Tensor) -> dict[str, Curve]:
-    """Mean difference by band with its error, before and after, for the figures.
+def curves(compared: Vectors, left: Tensor, error: Tensor) -> dict[str, Curve]:
+    """Mean difference by band with its error (p,), before and after, for the figures.
 
     Args:
         compared: Flights of both sides.
         left: (n, p) the same once the causes are in the simulator, or off the flights.
+        error: (p,) standard error of each difference.
     """
     levels, found = compared.middles_fl(), {}
     before, after = compared.difference(compared.y), compared.difference(left)
-    # By whole aircraft and days: their flights are alike.
-    error = moments(compared).covariance.diagonal() ** 0.5
     for quantity in compared.quantities():
         at = compared.columns(quantity)
         bands = [compared.entries[i].band for i in at.tolist()]
         middles = [levels[b] if b >= 0 else None for b in bands]
-        found[quantity] = Curve(middles, before[at].tolist(), after[at].tolist(), error[at.numpy()].tolist())
+        found[quantity] = Curve(middles, before[at].tolist(), after[at].tolist(), error[at].tolist())
     return found
 
 

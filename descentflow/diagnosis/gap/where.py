@@ -1,4 +1,4 @@
-"""Place of the gap: cells of quantity, altitude and slice, each against permuted flights."""
+"""Place of the gap: cells of quantity and altitude, each against permuted flights."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,8 +21,6 @@ LEAST_EXCESS = 0.5
 """An excess over the floor below this many negligible shifts is not counted as a gap, however significant."""
 
 
-ALL = "all"
-"""Name of the slice that is all flights."""
 BANDS_IN_CELL = 3
 """Neighbouring bands of a cell, some 4,500 ft: fewer would be tests of little power, more would hide where it is."""
 MIN_FLIGHTS_IN_CELL = 3
@@ -74,7 +72,7 @@ def cell_scores(y: Tensor, labels: Labellings, chosen: Sequence[Cell]) -> Tensor
     and spread, the true one among them like any other.
 
     Args:
-        y: (n, p) flights, NaN where an entry is not seen or a flight is left out.
+        y: (n, p) flights, NaN where an entry is not seen.
         labels: Of the aircraft.
         chosen: Cells to score.
     """
@@ -136,90 +134,34 @@ def _one_sided(y: Tensor, seen: Tensor, labels: Labellings) -> Tensor:
     return found
 
 
-@dataclass(frozen=True)
-class Slice:
-    """Some of the flights, by name, and the cells that are looked at in them; ``y`` (n, p) is NaN for the others.
-
-    Example:
-        >>> Slice("slower half", torch.zeros(4, 2), torch.tensor([True, True, False, False]), []).name
-        'slower half'
-    """
-
-    name: str
-    y: Tensor
-    flights: Tensor
-    cells: list[Cell]
-
-
 def where(compared: Compared, transition_fl: float, seed: int) -> list[GapCell]:
     """Distances, noise floors and corrected p-values of every cell, largest share first.
 
-    Labels are permuted by whole aircraft. Slices: all flights, and the slower and faster half (by the flight's mean
-    CAS) for the rate.
+    Labels are permuted by whole aircraft.
     """
-    dealt = labellings_of(compared, PERMUTATIONS, seed)
-    slices = _slices(compared, transition_fl)
-    p_values = step_down(torch.cat([cell_scores(part.y, dealt, part.cells) for part in slices], 1)).tolist()
-    measured = [row for part in slices for row in _measured(compared, part, dealt)]
-    negligible = compared.negligible()
-    # The slices of the rate show more of the same: cells of all flights alone say what differs.
-    counted = []
-    for (row, cell, _), p_value in zip(measured, p_values, strict=True):
-        large = row.distance - row.floor > LEAST_EXCESS * float(negligible[cell.at].mean())
-        counted.append(row.slice == ALL and p_value <= compared.assumed.false_cells and large)
-    total = sum(excess for (_, _, excess), counts in zip(measured, counted, strict=True) if counts)
-    rows = [
-        replace(row, p_value=p_value, share=excess / total if counts else 0.0)
-        for (row, _, excess), p_value, counts in zip(measured, p_values, counted, strict=True)
-    ]
-    return sorted(rows, key=lambda row: (-row.share, row.p_value))
-
-
-def _slices(compared: Compared, transition_fl: float) -> list[Slice]:
-    """All flights with all cells, and the slower and faster half with those of the rate, where both sides have some."""
-    cas = compared.state.cas_mps.mean(1)
-    slow = cas <= cas.median()
-    known = cells(compared, transition_fl)
-    of_rate = [cell for cell in known if cell.quantity == "rate"]
-    found = [Slice(ALL, compared.y, torch.ones_like(slow), known)]
-    for name, part in (("slower half", slow), ("faster half", ~slow)) if of_rate else ():
-        # A simulator of one speed may have no flight in a half.
-        sides = [compared.real[part]] if bool(compared.real.all()) else [compared.real[part], ~compared.real[part]]
-        if min(int(side.sum()) for side in sides) < MIN_FLIGHTS_IN_CELL:
-            continue
-        found.append(Slice(name, torch.where(part[:, None], compared.y, torch.nan), part, of_rate))
-    return found
-
-
-def _measured(compared: Compared, part: Slice, dealt: Labellings) -> list[tuple[GapCell, Cell, float]]:
-    """Each cell of a slice, still without a p-value, and its excess over the floor in spreads."""
-    some = [dealt.flights(1 + k)[part.flights] for k in range(min(FLOOR_PERMUTATIONS, len(dealt) - 1))]
-    y, real = compared.y[part.flights], compared.real[part.flights]
-    apart = distances(y, real, compared.scale, compared.counts())
-    mixed = noise_floor(y, real, some, compared.scale, compared.counts())
-    found = []
-    for cell in part.cells:
-        scale = compared.scale[cell.at]
+    dealt, known = labellings_of(compared, PERMUTATIONS, seed), cells(compared, transition_fl)
+    p_values = step_down(cell_scores(compared.y, dealt, known)).tolist()
+    some = [dealt.flights(1 + k) for k in range(min(FLOOR_PERMUTATIONS, len(dealt) - 1))]
+    y, real, scale, negligible = compared.y, compared.real, compared.scale, compared.negligible()
+    apart = distances(y, real, scale, compared.counts())
+    mixed = noise_floor(y, real, some, scale, compared.counts())
+    excess, found = (apart - mixed).clamp(min=0.0), []
+    for cell, p_value in zip(known, p_values, strict=True):
+        distance, floor = (float((of_entry * scale)[cell.at].mean()) for of_entry in (apart, mixed))
+        large = distance - floor > LEAST_EXCESS * float(negligible[cell.at].mean())
+        counts = large and p_value <= compared.assumed.false_cells
         row = GapCell(
             quantity=cell.quantity,
             level_low_fl=cell.low_fl,
             level_high_fl=cell.high_fl,
             regime=cell.regime,
-            slice=part.name,
-            distance=float((apart[cell.at] * scale).mean()),
-            floor=float((mixed[cell.at] * scale).mean()),
+            distance=distance,
+            floor=floor,
             unit=QUANTITIES[cell.quantity].unit,
-            difference=_difference(y[:, cell.at], real),
-            p_value=1.0,
-            share=0.0,
+            difference=float(compared.difference(y)[cell.at].nanmean().nan_to_num(0.0)),
+            p_value=p_value,
+            share=float(excess[cell.at].sum()) if counts else 0.0,
         )
-        found.append((row, cell, float((apart - mixed)[cell.at].clamp(min=0.0).sum())))
-    return found
-
-
-def _difference(y: Tensor, real: Tensor) -> float:
-    """Mean of the real flights minus that of the simulator's (zero where physics claims so)."""
-    mean = y[real].nanmean(0)
-    if not bool(real.all()):
-        mean = mean - y[~real].nanmean(0).nan_to_num(0.0)
-    return float(mean.nanmean().nan_to_num(0.0))
+        found.append(row)
+    total = sum(row.share for row in found) or 1.0
+    return sorted((replace(row, share=row.share / total) for row in found), key=lambda row: (-row.share, row.p_value))

@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 from descentflow.core.linear_gaussian import Array
+from descentflow.diagnosis.findings.costs_found import NINETY
 from descentflow.diagnosis.inference.flight_mixture import LearntLaw
 from descentflow.diagnosis.inference.signatures import Signature, Signatures
 from descentflow.effects import Effect
@@ -62,6 +63,10 @@ class MeanEffect:
         """True if the effect finds them so."""
         return self.effect.plausible(self._signatures.state, self.theta(sizes))
 
+    def differs(self, sizes: Array, errors: Array) -> bool:
+        """True if the 90 % interval of some size leaves out no change at all."""
+        return bool((np.abs(sizes - self.start) > NINETY * errors).any())
+
 
 @dataclass(frozen=True)
 class FlightsEffect:
@@ -109,6 +114,10 @@ class FlightsEffect:
 
     def plausible(self, sizes: Array) -> bool:
         """Asked of the law already."""
+        return True
+
+    def differs(self, sizes: Array, errors: Array) -> bool:
+        """That some flights have it is shown by their shapes."""
         return True
 
     def theta(self, sizes: Array) -> Tensor:

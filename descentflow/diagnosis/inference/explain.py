@@ -8,12 +8,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from descentflow.core.linear_gaussian import posterior
+from descentflow.core.linear_gaussian import Array, posterior
 from descentflow.diagnosis.findings.findings import DetectionLimit
 from descentflow.diagnosis.findings.gap_found import Nuisance
 from descentflow.diagnosis.inference.candidates import Candidate, MeanEffect
 from descentflow.diagnosis.inference.flight_effects import FlightShapes, differing
-from descentflow.diagnosis.inference.moments import moments
+from descentflow.diagnosis.inference.moments import Moments, moments
 from descentflow.diagnosis.inference.naming import (
     Named,
     free_in_every_set,
@@ -22,7 +22,7 @@ from descentflow.diagnosis.inference.naming import (
     nuisances,
     outweighs_causes,
 )
-from descentflow.diagnosis.inference.sets import Search, SetFit
+from descentflow.diagnosis.inference.sets import OF_AIR, Names, Search, SetFit
 from descentflow.diagnosis.inference.signatures import Signatures
 from descentflow.diagnosis.sides.two_sides import Compared
 from descentflow.effects import Effect
@@ -89,17 +89,28 @@ def explain(
     named = name_effects(sets, assumed, alike=groups)
     heaviest = next((one for one in sets if set(named.groups) <= set(one.names)), sets[0])
     is_none = named.none > 1.0 - assumed.named
-    names = () if is_none or outweighs_causes(named, heaviest, known, fits) else tuple(named.groups)
-    # A gap that the causes do not explain alone keeps all that is unknown; any other what measures the air.
-    keeps_all = not is_none and (not names or named.has_unknown)
-    unknown = {q: scale for q, scale in heaviest.unknown.items() if keeps_all or q in heaviest.air}
-    best = search.sized(fits.fit(names, unknown, heaviest.sizes))
+
+    def at_best(names: Names) -> SetFit:
+        # A gap that the causes do not explain alone keeps all that is unknown; any other what measures the air.
+        keeps_all = not is_none and (not names or named.has_unknown)
+        unknown = {q: scale for q, scale in heaviest.unknown.items() if keeps_all or q in heaviest.air}
+        return search.sized(fits.fit(names, unknown, heaviest.sizes))
+
+    best = at_best(() if is_none or outweighs_causes(named, heaviest, known, fits) else tuple(named.groups))
+    names = tuple(name for name in best.names if fits.candidates[name].differs(best.sizes[name], best.errors[name]))
+    best = best if names == best.names else at_best(names)
     # Edges and changes of single flights raise short-scale noise, and so do some effects by definition.
     raised = any(
         catalogue[name] in by_flight
         or any(quantity.startswith(NOISE) for quantity in catalogue[name].shift(within.state, catalogue[name].start()))
         for name in names
     )
+    theta = {name: fits.candidates[name].theta(best.sizes[name]) for name in names}
+    errors = {name: fits.candidates[name].theta_errors(best.errors[name]) for name in names}
+    for name in names:
+        measured = size_of_air(fits.candidates[name], best.sizes[name], known) if catalogue[name].of_air else None
+        if measured:
+            theta[name][0], errors[name][0] = measured
     return Explanation(
         compared,
         within,
@@ -109,10 +120,31 @@ def explain(
         named,
         is_none,
         best,
-        {name: fits.candidates[name].theta(best.sizes[name]) for name in names},
-        {name: fits.candidates[name].theta_errors(best.errors[name]) for name in names},
+        theta,
+        errors,
         [*nuisances(aside, raised=raised), *layers_of_air(best, known, fits)],
     )
+
+
+def size_of_air(candidate: Candidate, first: Array, known: Moments) -> tuple[float, float] | None:
+    """Size of an effect in the quantity of the air that measures it alone, and its standard error; None without one.
+
+    Layers bend the profiles of either side. By least squares over the levels the size is the mean deviation or slope
+    of both alike, whatever the evidence weighs most.
+
+    Args:
+        candidate: The effect.
+        first: (1,) size about which it is linear.
+        known: Moments of both sides.
+    """
+    about = candidate.at(first)
+    for quantity in OF_AIR:
+        at = (known.quantity == quantity) & (about.jacobian[:, 0] != 0.0)
+        if at.any():
+            weight = about.jacobian[at, 0] / float(about.jacobian[at, 0] @ about.jacobian[at, 0])
+            variance = float(weight @ known.covariance[np.ix_(at, at)] @ weight)
+            return float(first[0] + weight @ (known.difference - about.shift)[at]), math.sqrt(variance)
+    return None
 
 
 POWER_80 = 0.8416

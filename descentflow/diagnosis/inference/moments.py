@@ -11,20 +11,23 @@ differ more than those of separate aircraft would, the error is as much larger. 
 own, so weather, masses and crews that differ between real flights and not between simulated ones need no term. Where
 physics takes the simulator's place, it claims zero. Correlations are shrunk by the weight of Ledoit and Wolf (2004,
 Journal of Multivariate Analysis 88). :math:`\nu` is the negligible shift of each entry. :math:`E` holds what all
-flights of a side share: one error of rounding where they hardly differ, and half of what a wider spread of speeds does
-to the mean CAS, which is the lower of two schedules.
+flights of a side share: one error of rounding where they hardly differ, half of what a wider spread of speeds does
+to the mean CAS, which is the lower of two schedules, and what the simulator's coefficients leave open of the rate at
+speeds that its own flights do not fly.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
 from descentflow.core.linear_gaussian import Array, shrunk
 from descentflow.core.units import KT_MPS
+from descentflow.diagnosis.sides.simulator_coefficients import scaled
 from descentflow.diagnosis.sides.two_sides import Compared
-from descentflow.effects.flight_state import Schedule
+from descentflow.effects.flight_state import Schedule, log_rate
 
 FEWEST_AIRCRAFT = 20
 """Aircraft of a side from which their spread is known well enough for a normal law."""
@@ -64,7 +67,8 @@ def moments(compared: Compared) -> Moments:
     kernel = smooth_kernel(compared, quantity, assumed.length_m)
     bend = spread_of_speeds(compared, quantity)
     negligible = compared.negligible().numpy()
-    error = np.diag(negligible**2) + np.outer(bend, bend) / 4.0
+    open_rate = left_open_by_coefficients(compared, quantity)
+    error = np.diag(negligible**2) + np.outer(bend, bend) / 4.0 + open_rate @ open_rate.T
     step = np.array([assumed.rounding.get(name, 0.0) for name in quantity])
     difference, departures, sums = -bend, np.full_like(y, np.nan), []
     for side, sign in ((real, 1.0), (~real, -1.0)) if compared.has_simulated else ((real, 1.0),):
@@ -145,6 +149,33 @@ def sums_over(departures: Array, group: np.ndarray) -> Array:
     total = np.zeros((groups, departures.shape[1]))
     np.add.at(total, index, np.nan_to_num(departures) / count)
     found: Array = total * np.sqrt(groups / max(groups - 1, 1))
+    return found
+
+
+FLIGHTS_OF_COEFFICIENTS = 40
+"""Flights by whose mean the part of the coefficients is known well enough."""
+
+
+def left_open_by_coefficients(compared: Compared, quantity: np.ndarray) -> Array:
+    """Change (p, d) of the difference by one standard deviation of each independent part of the coefficients.
+
+    Rates are beyond the polar's at each flight's own speed. A simulator of one speed shows little of how drag follows
+    it: as far as both sides' speeds differ, so far does the polar's rate at them stay open.
+    """
+    found = np.zeros((len(quantity), 0))
+    if not compared.has_simulated:
+        return found
+    bands = torch.tensor([entry.band for entry in compared.entries])
+    of_rate = torch.from_numpy(quantity == "rate")
+    for direction in compared.coefficients.directions().T:
+        apart = torch.zeros(len(quantity), dtype=torch.float64)
+        for side, sign in ((compared.real, 1.0), (~compared.real, -1.0)):
+            rows = torch.nonzero(side)[:, 0]
+            state = compared.state.rows_of_fleet(rows[:: max(len(rows) // FLIGHTS_OF_COEFFICIENTS, 1)])
+            moved = (log_rate(scaled(state, direction)) - log_rate(scaled(state, -direction))) / 2.0
+            mean = torch.where(state.mask, moved, 0.0).sum(0) / state.mask.sum(0).clamp(min=1)
+            apart += sign * torch.where(of_rate, mean[bands], 0.0)
+        found = np.concatenate([found, apart.numpy()[:, None]], 1)
     return found
 
 

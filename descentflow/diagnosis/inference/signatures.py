@@ -15,14 +15,12 @@ import torch
 from torch import Tensor
 
 from descentflow.core.linear_gaussian import Array
-from descentflow.diagnosis.inference.moments import Moments
+from descentflow.diagnosis.inference.moments import FLIGHTS_OF_COEFFICIENTS, Moments
 from descentflow.diagnosis.sides.simulator_coefficients import scaled
 from descentflow.diagnosis.sides.two_sides import Compared
 from descentflow.effects import Effect
 from descentflow.effects.flight_state import FlightState
 
-FLIGHTS_OF_COEFFICIENTS = 40
-"""Flights by whose mean the part of the coefficients is known well enough."""
 DERIVATIVE_STEP = 0.02
 """Step of differences, in sizes of a parameter that matter: shifts are smooth, and windows have edges."""
 LEAST_DIRECTION = 1e-3

@@ -7,7 +7,7 @@ from typing import Any
 
 from descentflow.diagnosis.findings.aviation_units import at_level, aviation_value, between, level_range, with_unit
 from descentflow.diagnosis.findings.cause_found import Cause
-from descentflow.diagnosis.findings.costs_found import Measured
+from descentflow.diagnosis.findings.costs_found import Cost, Measured
 from descentflow.diagnosis.findings.findings import SEEN, Curve, DetectionLimit, Findings
 from descentflow.diagnosis.findings.gap_found import FALSE_GAP
 from descentflow.diagnosis.findings.inputs_found import InputUsed, Provenance
@@ -224,6 +224,7 @@ def _shared(found: Findings) -> dict[str, Any]:
         "significant": FALSE_GAP,
         "same": bool(made.real.fingerprint) and made.real.fingerprint == made.simulator.fingerprint,
         "remains": _remaining(found),
+        "perhaps": listed([f"{between(c.before, c.unit)} in {c.label}" for c in whole if _may_differ(c)]),
         "known_flights": found.dropped.get(SEEN, 0),
         "standing": _standing(found),
         "stand_in": str(used) if used and used.stand_in else "",
@@ -240,6 +241,11 @@ def _shared(found: Findings) -> dict[str, Any]:
         "listed": listed,
         "shown": lambda *one: _in_words(found, *one),
     }
+
+
+def _may_differ(cost: Cost) -> bool:
+    """Test for a cost that no speed of crews moves, and that is more than nine of ten differences by chance."""
+    return cost.name in CLOSED and cost.before.excludes_zero and abs(cost.before.estimate) > cost.floor
 
 
 def _remaining(found: Findings) -> list[tuple[str, str, str]]:

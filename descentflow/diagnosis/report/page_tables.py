@@ -131,7 +131,7 @@ def specialist_tables(found: Findings) -> list[Table]:
             ],
             "llr",
         ),
-        ("Where most of the difference lies", ["", "levels", "flights", "difference", "share"], _cells(found), "lllr"),
+        ("Where most of the difference lies", ["", "levels", "difference", "share"], _cells(found), "llr"),
         (
             "Best sets of effects",
             ["set", "weight"],
@@ -176,5 +176,5 @@ def _cells(found: Findings) -> list[list[str]]:
     for cell in [cell for cell in found.where if cell.share > 0][:CELLS_LISTED]:
         levels = (cell.level_low_fl, cell.level_high_fl)
         value = with_unit(*aviation_value(cell.quantity, cell.difference, *levels, found.details.profile), signed=True)
-        rows.append([label_of(cell.quantity), level_range(*levels), cell.slice, value, percent(cell.share)])
+        rows.append([label_of(cell.quantity), level_range(*levels), value, percent(cell.share)])
     return rows

@@ -33,6 +33,7 @@ RUNS: Mapping[str, Sequence[str]] = {
     "package_contents": ["{p.whl}", "{p.tar}"],
     "paper_study": ["{out}/study", "--types", "A320", "--share", "0.005", "--models", "gaussian", "--samples", "200"],
     "positions_figure": ["{model}", "{out}/figure.png"],
+    "qualification_trial": ["--cases", "2", "--flights", "60", "--out", "{out}/trial.json"],
     "recorder_thrust": ["{shared}/real/rj85_recorder_2001.parquet"],
     "sample_descents": ["{model}", "10"],
     "size": [],

@@ -29,7 +29,6 @@ RUNS: Mapping[str, Sequence[str]] = {
     "fly_jsbsim": ["--model", "fokker100", "--flights", "1", "--out", "{out}/rows.parquet"],
     "kill": ["{out}", "--times", "1", "--commands", "sample", "--signals", "KILL"],
     "open_aircraft_page": ["{out}/page.html", "A320"],
-    "open_types_by_flights": ["--types", "AT76"],
     "package_contents": ["{p.whl}", "{p.tar}"],
     "paper_study": ["{out}/study", "--types", "A320", "--share", "0.005", "--models", "gaussian", "--samples", "200"],
     "positions_figure": ["{model}", "{out}/figure.png"],

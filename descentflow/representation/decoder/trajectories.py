@@ -1,7 +1,6 @@
 """Batched integration of BADA's rate equation from drag and CAS on the grid (paper, equation 2)."""
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -220,13 +219,10 @@ def integrate(
         wind = torch.zeros_like(altitude_m) if wind_mps is None else slope_per_m(wind_mps, altitude_m)
         shares = _shares(aircraft, grid, cas_mps, deviation_k, wind, slope, exact_energy_share)
     differentiated = not grid.is_plain or drag_n.requires_grad or cas_mps.requires_grad
-    # Time that the quadrature takes from both sides of each jump, (n, b).
-    drag, cas = (grid.breaks.continued(values) for values in (drag_n, cas_mps))
-    extra_s = level_rate(grid.sides, drag, cas, shares[1])[3] * grid.breaks.extra_m
     if differentiated or shares[0] is not None or torch.compiler.is_compiling():
-        arrays = _on_levels(grid, drag_n, cas_mps, entry, extra_s, shares[0])
+        arrays = _on_levels(grid, drag_n, cas_mps, entry, shares)
     else:
-        arrays = _in_chunks(grid, drag_n, cas_mps, entry, extra_s, out)
+        arrays = _in_chunks(grid, drag_n, cas_mps, entry, out)
     time_s, mach, tas_mps, rate_mps = arrays
     own: PerformanceModel | None = aircraft
     if mass_kg is not None:
@@ -239,17 +235,18 @@ def _on_levels(
     drag_n: Tensor,
     cas_mps: Tensor,
     entry: Tensor,
-    extra_s: Tensor,
-    energy_share: Tensor | None = None,
+    energy_shares: tuple[Tensor | None, Tensor | None] = (None, None),
     out: tuple[Tensor | None, ...] = (None, *NEW),
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Time, Mach number, TAS and rate; the sides of jumps add ``extra_s`` (n, b) to the time of their cells.
+    """Time, Mach number, TAS and rate; energy share factors, at levels and sides of jumps, are the grid's if absent.
 
     Arrays to write into are those of the result, and one more; without them, all is one expression, which can be
     differentiated and traced.
     """
     of_time, *of_rates = out
-    mach, tas_mps, rate_mps, slowness = level_rate(grid.levels, drag_n, cas_mps, energy_share, of_rates)
+    mach, tas_mps, rate_mps, slowness = level_rate(grid.levels, drag_n, cas_mps, energy_shares[0], of_rates)
+    drag, cas = (grid.breaks.continued(values) for values in (drag_n, cas_mps))
+    extra_s = level_rate(grid.sides, drag, cas, energy_shares[1])[3] * grid.breaks.extra_m
     of_legs = None if of_time is None else of_time[:, 1:]
     # Sums and products one by one: a product of matrices would sum in another order in another batch.
     legs = torch.mul(slowness[:, :-1], grid.breaks.lower_m, out=of_legs)
@@ -260,7 +257,7 @@ def _on_levels(
 
 
 def _in_chunks(
-    grid: FlightGrid, drag_n: Tensor, cas_mps: Tensor, entry: Tensor, extra_s: Tensor, out: Trajectories | None
+    grid: FlightGrid, drag_n: Tensor, cas_mps: Tensor, entry: Tensor, out: Trajectories | None
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """The same without gradients, in chunks that the processor's caches hold.
 
@@ -270,21 +267,12 @@ def _in_chunks(
     time_s, mach, tas_mps, rate_mps = (torch.empty_like(drag_n) if one is None else one for one in reused)
     whole = time_s, mach, tas_mps, rate_mps
     size = rows_at_once(drag_n)
-    parts = [slice(start, start + size) for start in range(0, len(drag_n), size)]
-
-    @torch.no_grad()
-    def fly(part: slice) -> None:
-        arrays, spare = [values[part] for values in whole], torch.empty_like(drag_n[part])
-        _on_levels(grid, drag_n[part], cas_mps[part], entry[part], extra_s[part], out=(*arrays, spare))
-
-    threads = min(torch.get_num_threads(), len(parts))
-    if threads <= 1 or drag_n.is_cuda:
-        for part in parts:
-            fly(part)
-    else:
-        # A chunk for each thread: within a chunk, threads would wait for each other at every step.
-        with one_thread(), ThreadPoolExecutor(threads) as pool:
-            list(pool.map(fly, parts))
+    # On one thread: at every step of a chunk, several would wait for each other longer than they work.
+    with one_thread(), torch.no_grad():
+        for start in range(0, len(drag_n), size):
+            part = slice(start, start + size)
+            arrays, spare = [values[part] for values in whole], torch.empty_like(drag_n[part])
+            _on_levels(grid, drag_n[part], cas_mps[part], entry[part], out=(*arrays, spare))
     return whole
 
 

@@ -27,6 +27,7 @@ from descentflow.representation.fpca.gappy import gappy_profiles
 from descentflow.representation.fpca.mask_groups import group_masks
 from descentflow.representation.fpca.ppca import posterior
 from descentflow.representation.profiles import Profiles, infer_drag_n
+from descentflow.surveillance.rows.airspeed_source import REPORTED, derived_flights
 
 WIND_MPS, TEMPERATURE_K = 2.5, 1.0
 """Standard errors of a field's wind along the track and of its temperature: ERA5's vectors err by 2 to 4.5 m/s."""
@@ -38,8 +39,8 @@ OF_CAS, OF_RATE = 16, 6
 """Directions of CAS in which the spread is mapped, and of rates that it is expected from."""
 LEAST = 0.02
 """Share of a direction's variance that is left at least: more error than there is spread was not there."""
-REPORTED, QUIET_KT2, MOST_KT = "reported", 0.17, 40.0
-"""Name of the source of airspeeds that are no derived ones, variance of a reported IAS by its rounding to 1 kt and that
+QUIET_KT2, MOST_KT = 0.17, 40.0
+"""Variance of a reported IAS by its rounding to 1 kt and that
 of groundspeed, and the largest difference of both that counts."""
 SLOWEST_MPS = -0.5
 """Rate whose logarithm is taken at least."""
@@ -89,13 +90,12 @@ class AirspeedErrors:
             >>> found.wind_mps, found.measured, len(found.flight_ids)
             (2.5, False, 120)
         """
-        if "airspeed_source" not in frame.columns:
+        flights = frozenset(derived_flights(frame))
+        if not flights:
             return None
-        shares = frame.group_by("flight_id").agg((pl.col("airspeed_source") != REPORTED).mean())
-        flights = frozenset(shares.filter(pl.col("airspeed_source") > 0.5)["flight_id"].to_list())
         shown = None if wind_mps is not None else _measured_wind_mps(frame, temperature_k)
         size = next(one for one in (wind_mps, shown, WIND_MPS) if one is not None)
-        return cls(size, temperature_k, shown is not None, flights) if flights else None
+        return cls(size, temperature_k, shown is not None, flights)
 
     def __str__(self) -> str:
         """One line for a fit."""

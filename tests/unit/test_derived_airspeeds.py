@@ -16,8 +16,10 @@ from surveillance_toys import written
 from weather_toys import linear, linear_wind, weather
 
 from descentflow.cli import main
-from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.constants import KAPPA, R_AIR
+from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
+from descentflow.diagnosis.sides.input_descriptions import input_of_flights
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.prepare import prepare
 
@@ -287,3 +289,17 @@ def test_the_command_derives_out_of_core_as_in_memory(
     assert "outside_field_place" in capsys.readouterr().out
     whole = prepare(path, airspeeds_from=nc).frame
     assert pl.read_parquet(out).equals(whole)
+
+
+def test_a_diagnosis_leaves_out_what_the_field_made_and_names_its_error(flown: pl.DataFrame, nc: Path) -> None:
+    reports = pl.col("icao24") == "4ca001"
+    tas = pl.col("Mach") * (KAPPA * R_AIR * pl.col("temperature")).sqrt() / KT_MPS
+    rows = flown.with_columns(TAS=tas).with_columns(pl.when(reports).then(name).alias(name) for name in ("IAS", "Mach"))
+    mixed, bare = (prepare(table, airspeeds_from=nc) for table in (rows, rows.drop("IAS", "Mach")))
+    assert {"TAS", "Mach"} <= set(bare.frame.columns)
+    assert not {"TAS", "Mach"} & set(bare.reported.columns)
+    own = mixed.reported.filter(pl.col("Mach").is_not_null())["icao24"].unique().to_list()
+    assert own == ["4ca001"]
+    with pytest.warns(DescentflowWarning, match=r"a.parquet: flights, 3 of them with derived airspeeds: .* field"):
+        found = input_of_flights("a.parquet", mixed)
+    assert "is the error of the weather field that made them, or the simulator's" in found.kind

@@ -8,10 +8,18 @@ import numpy as np
 import polars as pl
 from torch import Tensor
 
+from descentflow.core.errors import warn
 from descentflow.diagnosis.findings.inputs_found import InputUsed
 from descentflow.diagnosis.sides.simulator import Simulator, types_of
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents
+from descentflow.surveillance.rows.airspeed_source import derived_flights
+
+DERIVED = (
+    "derived airspeeds: their TAS and Mach are not compared, and a wind or temperature among the causes is the error "
+    "of the weather field that made them, or the simulator's"
+)
+"""Words on the page and in a warning."""
 
 if TYPE_CHECKING:
     from descentflow.representation.representation import Representation
@@ -33,9 +41,13 @@ def input_of_flights(name: str, descents: Descents) -> InputUsed:
     frame, metadata = descents.frame, descents.metadata
     first, last = frame.select(first=pl.min("timestamp"), last=pl.max("timestamp")).row(0)
     version = metadata.get("descentflow")
+    kind, derived = "flights", len(derived_flights(frame))
+    if derived:
+        kind = f"flights, {derived:,} of them with {DERIVED}"
+        warn(f"{name}: {kind}")
     return InputUsed(
         name=name,
-        kind="flights",
+        kind=kind,
         typecodes=types_of(frame),
         flights=frame["flight_id"].n_unique(),
         aircraft=frame["icao24"].n_unique(),

@@ -18,6 +18,7 @@ from descentflow.surveillance.cleaning.thresholds import Cleaning, differences_i
 from descentflow.surveillance.descents.check_descents import checked_descents
 from descentflow.surveillance.descents.store import KEY, MEND, SCHEMA_VERSION, described, read_store
 from descentflow.surveillance.rows.air_data import IAS_COMPUTED, MACH_COMPUTED
+from descentflow.surveillance.rows.airspeed_source import REPORTED
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import CHANNELS
 from descentflow.surveillance.unpacking import whole_input
@@ -133,7 +134,13 @@ class Descents(WithTable):
             >>> "Mach" in read_descents("descents.parquet").reported.columns
             True
         """
-        return self.frame.drop(self.computed)
+        frame = self.frame.drop(self.computed)
+        if "airspeed_source" not in frame.columns:
+            return frame
+        # Of derived airspeeds both hold the field's temperature, and no measured one.
+        own, names = pl.col("airspeed_source") == REPORTED, [name for name in ("TAS", "Mach") if name in frame.columns]
+        frame = frame.with_columns(pl.when(own).then(name).alias(name) for name in names)
+        return frame.drop(name for name in names if not frame[name].count())
 
     @property
     def cleaning(self) -> Cleaning | None:

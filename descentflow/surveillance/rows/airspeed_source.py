@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import polars as pl
+
 from descentflow.core.errors import ConfigError, DataError
 
 COLUMNS_OF_ROWS, NEIGHBOURS, FIELD = "columns", "neighbours", "field"
@@ -13,6 +15,19 @@ REPORTED = "reported"
 WEATHER_COLUMNS = ("u_component_of_wind", "v_component_of_wind", "temperature")
 """Columns of the wind towards east and north (m/s) and of the temperature (K), as fastmeteo and the PRC name them."""
 PLACED = ("latitude", "longitude")
+
+
+def derived_flights(frame: pl.DataFrame) -> list[str]:
+    """Flights of prepared descents of which most airspeeds are derived.
+
+    Example:
+        >>> derived_flights(pl.DataFrame({"flight_id": ["a", "b"], "airspeed_source": ["field", "reported"]}))
+        ['a']
+    """
+    if "airspeed_source" not in frame.columns:
+        return []
+    shares = frame.group_by("flight_id", maintain_order=True).agg((pl.col("airspeed_source") != REPORTED).mean())
+    return shares.filter(pl.col("airspeed_source") > 0.5)["flight_id"].to_list()
 
 
 @dataclass(frozen=True)

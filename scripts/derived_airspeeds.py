@@ -24,6 +24,7 @@ from descentflow.generation.samples import Samples
 from descentflow.physics.atmosphere import isa_temperature_k
 from descentflow.simulation.world_config import WorldConfig
 from descentflow.surveillance.descents.prepared_descents import Descents
+from descentflow.surveillance.rows.air_data import cas_of_mach_kt
 
 HEIGHT_M = np.linspace(0.0, 14_000.0, 141)
 WEATHER = {"u_component_of_wind": 1, "v_component_of_wind": 1, "temperature": 0}
@@ -100,6 +101,48 @@ def row_of(name: str, found: dict[str, float], true: dict[str, float]) -> str:
     )
 
 
+def by_neighbours(name: str, rows: Path, bottom_fl: int, types: Path | None = None) -> list[str]:
+    """Rows of a table: derived less reported CAS, and less the CAS of the reported Mach number, by 5,000 ft.
+
+    Args:
+        name: Of the receiver.
+        rows: Of aircraft that report TAS, Mach and IAS: each gets the air of the others.
+        bottom_fl: Lowest level.
+        types: Of the aircraft.
+    """
+    found = df.prepare(rows, types=types, bottom_fl=bottom_fl, airspeeds_from="neighbours").frame
+    found = found.drop_nulls(["derived_IAS", "IAS", "Mach"])
+    of_mach = cas_of_mach_kt(found["Mach"].to_numpy(), 100.0 * found["level_fl"].to_numpy())
+    found = found.with_columns(of_mach=pl.Series(of_mach), band=pl.col("level_fl") // 50 * 50)
+    lines = []
+    for band, some in [("all", found), *((f"FL{part['band'][0]}", part) for part in bands(found))]:
+        derived = some["derived_IAS"].to_numpy()
+        off, from_mach = (derived - some[column].to_numpy() for column in ("IAS", "of_mach"))
+        lines.append(
+            f"| {name} | {band} | {some['flight_id'].n_unique()} | {off.mean():+.1f} +- {off.std():.1f} | "
+            f"{from_mach.mean():+.1f} +- {from_mach.std():.1f} |"
+        )
+    return lines
+
+
+def bands(found: pl.DataFrame) -> list[pl.DataFrame]:
+    """Levels by band, the lowest first."""
+    return found.sort("band").partition_by("band", maintain_order=True)
+
+
+def neighbours_of(folder: Path) -> list[str]:
+    """The table of three receivers."""
+    japan, netherlands = folder / "japan_2022_2023.parquet", folder / "ehs_netherlands_2017-01-11.parquet"
+    bengaluru, types = folder / "dump1090fa_bengaluru_2023.jsonl.gz", folder / "bengaluru_typecodes.csv"
+    return [
+        "| rows | from | flights | derived less reported IAS, kt | less the CAS of Mach, kt |",
+        "|---|---|---|---|---|",
+        *by_neighbours("Netherlands", netherlands, 100),
+        *by_neighbours("Bengaluru", bengaluru, 100, types),
+        *by_neighbours("Japan", japan, 150),
+    ]
+
+
 def main() -> None:
     """Fly, derive, fit and write the record."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -107,7 +150,13 @@ def main() -> None:
     parser.add_argument("--flights", type=int, nargs="+", default=[300, 1000], help="of each fleet (default: 300 1000)")
     parser.add_argument("--winds", type=float, nargs="+", default=[2.5, 4.5], help="errors, m/s (default: 2.5 4.5)")
     parser.add_argument("--seed", type=int, default=0, help="of flights, errors and samples (default: 0)")
+    parser.add_argument("--real", type=Path, help="folder of real rows: only the table of neighbours is printed")
     asked = parser.parse_args()
+    if asked.real:
+        table = "\n".join(neighbours_of(asked.real)) + "\n"
+        asked.out.write_text(table, encoding="utf-8")
+        print(table)
+        return
     rows = df.simulate("A320", max(asked.flights), seed=asked.seed, scenario=WorldConfig()).rows
     names = rows["flight_id"].unique().sort()
     lines = [

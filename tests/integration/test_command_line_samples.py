@@ -191,7 +191,9 @@ def test_a_conditional_model_from_fit_to_samples(tmp_path: Path, descents: Path,
         assert message in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("family", "name"), [("BADA3", "J2H"), ("BADA4", "Dummy-TWIN")])
+@pytest.mark.parametrize(
+    ("family", "name"), [pytest.param("BADA3", "J2H", marks=pytest.mark.slow), ("BADA4", "Dummy-TWIN")]
+)
 def test_a_licence_holders_directory_serves_the_whole_path(tmp_path: Path, family: str, name: str) -> None:
     """EUROCONTROL's files as they come (here the dummies, from the folder above): all commands fly that type."""
     release = dummies().parent if family == "BADA4" else dummies(family)

@@ -28,7 +28,7 @@ class FirstStep(Callback):
     [
         pytest.param("gaussian", set(), marks=pytest.mark.slow),
         ("flow", {"normflows"}),
-        ("gmm", {"sklearn", "pyro"}),
+        pytest.param("gmm", {"sklearn", "pyro"}, marks=pytest.mark.slow),
         pytest.param("gmm_svi", {"sklearn", "pyro"}, marks=pytest.mark.slow),
     ],
 )

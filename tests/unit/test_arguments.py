@@ -84,6 +84,8 @@ RIGHT = {
     "path": "x",
     "to": "json",
     "from_fl": 290.0,
+    "days": "days",
+    "state": "watched",
 }
 """Arguments of calls beside the wrong one; those that may be anything are None."""
 CALLS: dict[str, Any] = {

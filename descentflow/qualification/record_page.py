@@ -133,9 +133,9 @@ def _tables(rows: Sequence[Row], *, corrected: bool) -> list[tuple[str, list[str
             for row in own
         ]
         columns = list(zip(_head(corrected)[1:], *lines, strict=True))
-        told = [column for column in columns if set(column[1:]) != {"-"}]
+        shown = [column for column in columns if set(column[1:]) != {"-"}]
         label, unit = UNITS[quantity]
-        tables.append((f"{label[:1].upper()}{label[1:]} ({unit})", *_turned(told)))
+        tables.append((f"{label[:1].upper()}{label[1:]} ({unit})", *_turned(shown)))
     return tables
 
 

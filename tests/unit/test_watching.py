@@ -82,7 +82,7 @@ def test_days_that_show_nothing_leave_the_evidence_as_it_was() -> None:
     gaps.mean[30:33] = np.nan
     found = evidence(gaps, REFERENCE)
     assert np.isfinite(found.log_e).all()
-    # The days of change in the gap cannot be told from the next one that is seen.
+    # A change in the gap looks like one on the next day that is seen.
     assert found.dates(39)[0] in range(24, 28)
 
 

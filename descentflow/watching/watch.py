@@ -84,17 +84,17 @@ def watch(
         files, left_out, new = _files(Path(days)), {}, []
         known = {(line["file"], line["file_bytes"]) for line in folder.days().iter_rows(named=True)}
         settings = folder.settings
-        for path in files:
-            if (path.name, path.stat().st_size) in known:
+        for name, path in files.items():
+            if (name, path.stat().st_size) in known:
                 continue
-            say(f"measuring {path.name}")
+            say(f"measuring {name}")
             try:
                 opened = Inputs(path, simulator, typecode, bada_dir, columns=columns).open()
             except DataError as error:
-                left_out[path.name] = str(error)
+                left_out[name] = str(error)
                 continue
             settings = folder.begin(_settings(opened, reference_days, false_alarms))
-            lines = list(_measured(opened, path, folder.days(), left_out))
+            lines = list(_measured(opened, path, name, folder.days(), left_out))
             folder.add(lines)
             new += [line["day"] for line in lines]
         if settings is None:
@@ -106,13 +106,14 @@ def watch(
         return _judged(folder, settings, new, left_out, files, typecode, bada_dir, say)
 
 
-def _files(days: Path) -> list[Path]:
-    """Files of days, by name."""
+def _files(days: Path) -> dict[str, Path]:
+    """Files by their paths within the folder, for partitions have files of one name."""
     if not days.exists():
         raise DataError(f"no folder {days}", expected="files of rows or of prepared descents", mend="check the path")
     if days.is_file():
-        return [days]
-    return sorted(path for path in days.rglob("*") if path.is_file() and not path.name.startswith((".", "_")))
+        return {days.name: days}
+    paths = sorted(path for path in days.rglob("*") if path.is_file() and not path.name.startswith((".", "_")))
+    return {path.relative_to(days).as_posix(): path for path in paths}
 
 
 def _settings(opened: Opened, reference_days: int, false_alarms: float) -> WatchSettings:
@@ -121,7 +122,9 @@ def _settings(opened: Opened, reference_days: int, false_alarms: float) -> Watch
 
 
 @torch.inference_mode()
-def _measured(opened: Opened, path: Path, known: pl.DataFrame, left_out: dict[str, str]) -> Iterator[dict[str, Any]]:
+def _measured(
+    opened: Opened, path: Path, name: str, known: pl.DataFrame, left_out: dict[str, str]
+) -> Iterator[dict[str, Any]]:
     """Lines of the days of a file that are new."""
     frame = opened.frame.with_columns(day=pl.col("timestamp").min().over("flight_id").dt.date().cast(pl.String))
     before = dict(zip(known["day"].to_list(), known["fingerprint"].to_list(), strict=True))
@@ -129,14 +132,14 @@ def _measured(opened: Opened, path: Path, known: pl.DataFrame, left_out: dict[st
         made = fingerprint(part)
         if day in before:
             if before[day] != made:
-                left_out[f"{day} of {path.name}"] = "another file gave other flights of this day before"
+                left_out[f"{day} of {name}"] = "another file gave other flights of this day before"
             continue
         try:
             record = day_record(opened.simulator, part.drop("day"))
         except DataError as error:
-            left_out[f"{day} of {path.name}"] = str(error)
+            left_out[f"{day} of {name}"] = str(error)
             continue
-        yield {"day": day, "file": path.name, "file_bytes": path.stat().st_size, "fingerprint": made, **record}
+        yield {"day": day, "file": name, "file_bytes": path.stat().st_size, "fingerprint": made, **record}
 
 
 def _judged(
@@ -144,7 +147,7 @@ def _judged(
     settings: WatchSettings,
     new: list[str],
     left_out: dict[str, str],
-    files: list[Path],
+    files: dict[str, Path],
     typecode: str | None,
     bada_dir: str | Path | None,
     say: Callable[[str], None],
@@ -191,17 +194,16 @@ def _lines(days: pl.DataFrame, found: Evidence | None, settings: WatchSettings, 
 
 
 def _cause(
-    alarm: dict[str, Any], days: pl.DataFrame, files: list[Path], typecode: str | None, bada_dir: str | Path | None
+    alarm: dict[str, Any], days: pl.DataFrame, files: dict[str, Path], typecode: str | None, bada_dir: str | Path | None
 ) -> dict[str, Any]:
     """The diagnosis of flights after the change against those before it, where their files are still there."""
     last_before, first_after = alarm["change"]["before"], alarm["change"]["after"]
-    there = {path.name: path for path in files}
     sides = []
     for part in (
         days.filter(pl.col("day") >= first_after).head(DIAGNOSED_DAYS),
         days.filter(pl.col("day") <= last_before).tail(DIAGNOSED_DAYS),
     ):
-        paths = [there[name] for name in part["file"].unique(maintain_order=True) if name in there]
+        paths = [files[name] for name in part["file"].unique(maintain_order=True) if name in files]
         if not paths:
             return {"verdict": "unknown", "why": "the files of the days before or after are no longer there"}
         descents = FlightSource(paths).descents()

@@ -130,3 +130,11 @@ def test_an_empty_folder_is_refused(tmp_path: Path) -> None:
     (tmp_path / "days").mkdir()
     with pytest.raises(DataError, match="no day"):
         watch("A320", tmp_path / "days", state=tmp_path / "state")
+
+
+def test_partitions_have_files_of_one_name(fleet: Path, tmp_path: Path) -> None:
+    for path in sorted(fleet.iterdir())[5:7]:
+        (tmp_path / "days" / f"day={path.stem}").mkdir(parents=True)
+        shutil.copy(path, tmp_path / "days" / f"day={path.stem}" / "part-0.parquet")
+    found = watch("A320", tmp_path / "days", state=tmp_path / "state", reference_days=REFERENCE)
+    assert found.days["file"].n_unique() == len(found.new_days) == 2

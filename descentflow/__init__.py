@@ -110,9 +110,9 @@ def __getattr__(name: str) -> Any:
     if name not in _PLACES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, own_name = _PLACES[name]
-    found = getattr(import_module(f"{__name__}.{module}"), own_name)
-    globals()[name] = found
-    return found
+    public = getattr(import_module(f"{__name__}.{module}"), own_name)
+    globals()[name] = public
+    return public
 
 
 def __dir__() -> list[str]:

@@ -76,8 +76,8 @@ def smoothed(reports: AirReports, departure: float, altitude_m: Tensor) -> Smoot
         >>> from descentflow.measurements.quantity_registry import CHANNELS
         >>> import polars as pl
         >>> grid = grid_of(pl.read_parquet("descents.parquet"), 150, 340, CHANNELS)
-        >>> found = smoothed(temperature_reports(grid), 2.0, grid.altitude_m)
-        >>> found.values.shape, bool((found.error > 0).all())
+        >>> air = smoothed(temperature_reports(grid), 2.0, grid.altitude_m)
+        >>> air.values.shape, bool((air.error > 0).all())
         (torch.Size([120, 191]), True)
     """
     enough = torch.nonzero(reports.seen.sum(1) >= MIN_BANDS)[:, 0]

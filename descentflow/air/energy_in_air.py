@@ -104,21 +104,21 @@ def drag_in_air(
         >>> bool(torch.isclose(drag, infer_drag_n(a320, cas, rate, altitude_m, deviation_k=10.0)).all())
         True
     """
-    found = in_air(aircraft, cas_mps, altitude_m, air)
-    through = found.metres_of_pressure * found.tas_mps
-    excess = (found.standard_thrust_n - standard_drag_n) * found.standard_tas_mps
+    terms = in_air(aircraft, cas_mps, altitude_m, air)
+    through = terms.metres_of_pressure * terms.tas_mps
+    excess = (terms.standard_thrust_n - standard_drag_n) * terms.standard_tas_mps
     weight = aircraft.mass_reference_kg * G0_MPS2
-    return found.thrust_n - (excess + weight * found.more_share * rate_mps) / through
+    return terms.thrust_n - (excess + weight * terms.more_share * rate_mps) / through
 
 
-def rate_in_air(aircraft: PerformanceModel, rate_mps: Tensor, drag_n: Tensor, found: InAir) -> Tensor:
+def rate_in_air(aircraft: PerformanceModel, rate_mps: Tensor, drag_n: Tensor, terms: InAir) -> Tensor:
     """Rate (n, L) in an air of flights whose drag and rate in standard air are known, the inverse of `drag_in_air`.
 
     Args:
         aircraft: Coefficients; its reference mass is the mass.
         rate_mps: (n, L) rate of pressure altitude in standard air.
         drag_n: (n, L).
-        found: From :func:`in_air`.
+        terms: From :func:`in_air`.
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
@@ -129,6 +129,6 @@ def rate_in_air(aircraft: PerformanceModel, rate_mps: Tensor, drag_n: Tensor, fo
         >>> rate_in_air(a320, rate, torch.full((1, 11), 38e3).double(), warm)[0, 0].round(decimals=2)
         tensor(-9.8000, dtype=torch.float64)
     """
-    excess = (found.standard_thrust_n - drag_n) * found.standard_tas_mps
-    through = found.metres_of_pressure * found.tas_mps * (found.thrust_n - drag_n)
-    return rate_mps * through / (excess + aircraft.mass_reference_kg * G0_MPS2 * found.more_share * rate_mps)
+    excess = (terms.standard_thrust_n - drag_n) * terms.standard_tas_mps
+    through = terms.metres_of_pressure * terms.tas_mps * (terms.thrust_n - drag_n)
+    return rate_mps * through / (excess + aircraft.mass_reference_kg * G0_MPS2 * terms.more_share * rate_mps)

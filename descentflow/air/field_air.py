@@ -121,7 +121,7 @@ def paths_of_flights(grid: LevelGrid, unix_s: Array) -> FlightPaths:
     track = np.radians(grid.values["track"].numpy()) if "track" in grid.values else np.full_like(latitude, np.nan)
     shape = latitude.shape
     unix, north, east, towards = (np.full(shape, np.nan) for _ in range(4))
-    found = FlightPaths(unix, north, east, towards, np.zeros(shape, dtype=bool))
+    paths = FlightPaths(unix, north, east, towards, np.zeros(shape, dtype=bool))
     level = np.arange(shape[1], dtype=np.float64)
     for i in range(shape[0]):
         placed = np.isfinite(latitude[i]) & np.isfinite(longitude[i]) & np.isfinite(unix_s[i])
@@ -130,22 +130,22 @@ def paths_of_flights(grid: LevelGrid, unix_s: Array) -> FlightPaths:
         at = level[placed]
         # Times by level first, then all else by time: a level-off takes time and way, and no level.
         time = np.interp(level, level[np.isfinite(unix_s[i])], unix_s[i][np.isfinite(unix_s[i])])
-        found.unix_s[i] = time = np.clip(time, time[int(at[-1])], time[int(at[0])])
-        found.latitude[i] = _by_time(time, placed, latitude[i][placed])
-        found.longitude[i] = _by_time(time, placed, np.unwrap(longitude[i][placed], period=360.0))
-        found.known[i, int(at[0]) : int(at[-1]) + 1] = True
+        paths.unix_s[i] = time = np.clip(time, time[int(at[-1])], time[int(at[0])])
+        paths.latitude[i] = _by_time(time, placed, latitude[i][placed])
+        paths.longitude[i] = _by_time(time, placed, np.unwrap(longitude[i][placed], period=360.0))
+        paths.known[i, int(at[0]) : int(at[-1]) + 1] = True
         reported = np.isfinite(track[i]) & np.isfinite(unix_s[i])
         if reported.any():
-            found.track[i] = _by_time(time, reported, np.unwrap(track[i][reported]))
+            paths.track[i] = _by_time(time, reported, np.unwrap(track[i][reported]))
         else:
-            found.track[i] = _course(found.latitude[i], found.longitude[i])
-    return found
+            paths.track[i] = _course(paths.latitude[i], paths.longitude[i])
+    return paths
 
 
 def _by_time(time: Array, at: NDArray[np.bool_], values: Array) -> Array:
     """Values (L,) linear in time between those given at some levels, held outside; times fall with the level."""
-    found: Array = np.interp(-time, -time[at], values)
-    return found
+    interpolated: Array = np.interp(-time, -time[at], values)
+    return interpolated
 
 
 def _course(latitude: Array, longitude: Array) -> Array:
@@ -172,8 +172,8 @@ def along_track(east_mps: Array, north_mps: Array, track: Array) -> Array:
     whole = np.pad(np.nan_to_num(grown).cumsum(1), ((0, 0), (1, 0)))
     seen = np.isfinite(along)
     count = seen.sum(1, keepdims=True).clip(min=1)
-    found: Array = whole + np.where(seen, along - whole, 0.0).sum(1, keepdims=True) / count
-    return found
+    wind: Array = whole + np.where(seen, along - whole, 0.0).sum(1, keepdims=True) / count
+    return wind
 
 
 def _airs_of(

@@ -98,8 +98,8 @@ def held(values: Tensor, known: Tensor) -> Tensor:
     below = torch.where(known, number, -1).cummax(1).values
     above = torch.where(known, number, values.shape[1]).flip(1).cummin(1).values.flip(1)
     nearest = torch.where((below < 0) | ((above - number < number - below) & (above < values.shape[1])), above, below)
-    found = values.gather(1, nearest.clamp(0, values.shape[1] - 1))
-    return torch.where(known.any(1, keepdim=True), found, 0.0)
+    nearest_known = values.gather(1, nearest.clamp(0, values.shape[1] - 1))
+    return torch.where(known.any(1, keepdim=True), nearest_known, 0.0)
 
 
 def _grid(frame: pl.DataFrame, low_fl: float, high_fl: float) -> LevelGrid | None:
@@ -129,8 +129,8 @@ def air_table(frame: pl.DataFrame) -> pl.DataFrame:
         DataError: If no flight reports its air.
 
     Example:
-        >>> found = air_table(pl.read_parquet("descents.parquet"))
-        >>> found["flight_id"].n_unique(), bool((found["deviation_error_k"] < 10).all())
+        >>> table = air_table(pl.read_parquet("descents.parquet"))
+        >>> table["flight_id"].n_unique(), bool((table["deviation_error_k"] < 10).all())
         (120, True)
     """
     low, high = frame["level_fl"].to_numpy().min(), frame["level_fl"].to_numpy().max()

@@ -62,18 +62,18 @@ def in_standard_air(
     implied = inferred_drag_n(aircraft, rate, state.thrust_n, state.tas_mps, state.energy_share, altitude_m)
     drag = drag_in_air(aircraft, cas, rate, implied, altitude_m, air)
     still = descent_rate_mps(aircraft, drag, state.thrust_n, state.tas_mps, state.energy_share, altitude_m)
-    found = {"vertical_rate": still / FPM_MPS, "time_s": _times(grid, rate, still)}
+    channels = {"vertical_rate": still / FPM_MPS, "time_s": _times(grid, rate, still)}
     if "TAS" in seen:
         change = in_air(aircraft, cas, altitude_m, air)
-        found["TAS"] = seen["TAS"] * change.standard_tas_mps / change.tas_mps
+        channels["TAS"] = seen["TAS"] * change.standard_tas_mps / change.tas_mps
         if "groundspeed" in seen:
-            before, after = (level_part_kt(each) * drift_cosine(each) for each in (seen, {**seen, **found}))
-            found["groundspeed"] = seen["groundspeed"] - air.tailwind_mps / KT_MPS - before + after
+            before, after = (level_part_kt(each) * drift_cosine(each) for each in (seen, {**seen, **channels}))
+            channels["groundspeed"] = seen["groundspeed"] - air.tailwind_mps / KT_MPS - before + after
     if "geoaltitude" in seen:
         warm = air.deviation_k / isa_temperature_k(altitude_m)
         steps = (warm[:, 1:] + warm[:, :-1]) / 2 * 100.0
-        found["geoaltitude"] = seen["geoaltitude"] - torch.nn.functional.pad(steps.cumsum(1), (1, 0))
-    return _written(frame, grid, found)
+        channels["geoaltitude"] = seen["geoaltitude"] - torch.nn.functional.pad(steps.cumsum(1), (1, 0))
+    return _written(frame, grid, channels)
 
 
 def _times(grid: LevelGrid, rate_mps: Tensor, still_mps: Tensor) -> Tensor:
@@ -88,10 +88,10 @@ def _times(grid: LevelGrid, rate_mps: Tensor, still_mps: Tensor) -> Tensor:
     return top + climbed[:, -1:] - climbed
 
 
-def _written(frame: pl.DataFrame, grid: LevelGrid, found: dict[str, Tensor]) -> pl.DataFrame:
+def _written(frame: pl.DataFrame, grid: LevelGrid, channels: dict[str, Tensor]) -> pl.DataFrame:
     """The table with its channels replaced."""
     order = pl.DataFrame({"flight_id": list(grid.flight_ids), "_row": range(len(grid.flight_ids))})
     placed = frame.join(order, on="flight_id", maintain_order="left")
     row, level = placed["_row"].to_torch().long(), (placed["level_fl"].to_torch() - grid.levels_fl[0]).long()
-    columns = [pl.Series(name, values[row, level].numpy()) for name, values in found.items()]
+    columns = [pl.Series(name, values[row, level].numpy()) for name, values in channels.items()]
     return placed.drop("_row").with_columns(column.fill_nan(None) for column in columns)

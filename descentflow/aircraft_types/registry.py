@@ -41,8 +41,8 @@ def aircraft(typecode: str, bada_dir: str | Path | None = None) -> "AnyAircraft"
 
         return open_aircraft(typecode)
     reader, folder = _reader(bada_dir)
-    found: AnyAircraft = reader.load_aircraft(typecode, folder)
-    return found
+    loaded: AnyAircraft = reader.load_aircraft(typecode, folder)
+    return loaded
 
 
 def every_aircraft(bada_dir: str | Path | None = None) -> "Mapping[str, AnyAircraft]":
@@ -60,8 +60,8 @@ def every_aircraft(bada_dir: str | Path | None = None) -> "Mapping[str, AnyAircr
 
         return {name: open_aircraft(name) for name in open_typecodes()}
     reader, folder = _reader(bada_dir)
-    found: dict[str, AnyAircraft] = reader.load_directory(folder)
-    return found
+    by_type: dict[str, AnyAircraft] = reader.load_directory(folder)
+    return by_type
 
 
 def file_of(typecode: str, bada_dir: str | Path) -> Path:

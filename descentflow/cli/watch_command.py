@@ -43,7 +43,7 @@ def run(
     from descentflow.watching.watch import watch
 
     with stage("opening") as shown:
-        found = watch(
+        watched = watch(
             simulator,
             days,
             state=state,
@@ -55,7 +55,7 @@ def run(
             accept=accept,
             progress=shown.say,
         )
-    for line in found.new_days:
+    for line in watched.new_days:
         print(json.dumps(line))
-    print(found, file=sys.stderr)
-    return NEW_ALARM if found.is_new else 0
+    print(watched, file=sys.stderr)
+    return NEW_ALARM if watched.is_new else 0

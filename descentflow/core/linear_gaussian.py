@@ -46,8 +46,8 @@ def posterior(x: Array, noise: Array, jacobian: Array, prior_mean: Array, prior_
         prior_sd: (k,).
 
     Example:
-        >>> found = posterior(np.array([2.0]), np.eye(1), np.eye(1), np.zeros(1), np.ones(1))
-        >>> found.mean, found.covariance  # half way between prior and observation, which are known as well
+        >>> given = posterior(np.array([2.0]), np.eye(1), np.eye(1), np.zeros(1), np.ones(1))
+        >>> given.mean, given.covariance  # half way between prior and observation, which are known as well
         (array([1.]), array([[0.5]]))
     """
     factor = cholesky(noise, lower=True, check_finite=False)
@@ -69,8 +69,8 @@ class Precisions:
     """Precision matrices of a normal law in flights that miss some entries, one for each pattern of observed entries.
 
     Example:
-        >>> found = Precisions(np.diag([1.0, 4.0]), np.array([[True, True], [False, True]]))
-        >>> found.log_density(np.array([[1.0, 2.0], [0.0, 2.0]])).round(3)  # without the constant
+        >>> precisions = Precisions(np.diag([1.0, 4.0]), np.array([[True, True], [False, True]]))
+        >>> precisions.log_density(np.array([[1.0, 2.0], [0.0, 2.0]])).round(3)  # without the constant
         array([-1.693, -1.193])
     """
 

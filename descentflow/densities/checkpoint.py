@@ -205,10 +205,10 @@ class CheckpointSummary:
         outcome: What decided which epoch was the best, its value, and the epoch; empty if the file does not say.
 
     Example:
-        >>> found = checkpoint_summary("best.ckpt")
-        >>> print(found.outcome)
+        >>> summary = checkpoint_summary("best.ckpt")
+        >>> print(summary.outcome)
         val/nll ... in epoch 1
-        >>> print(found)
+        >>> print(summary)
         GaussianDensity of ... weights (... of drag, ... of CAS)
         aircraft: A320, ...
         ...

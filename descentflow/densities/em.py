@@ -111,8 +111,8 @@ def fit_mixture(
 
     def best(starts: list[Mixture], most: int) -> list[Mixture]:
         """Starts converged by some flights, the most probable first."""
-        found = [converge(some.improve, one, iterations=most, tolerance=tolerance) for one in starts]
-        return [mixture for mixture, _ in sorted(found, key=lambda pair: -pair[1])]
+        converged = [converge(some.improve, one, iterations=most, tolerance=tolerance) for one in starts]
+        return [mixture for mixture, _ in sorted(converged, key=lambda pair: -pair[1])]
 
     starts = [start(some, n_components, seed + i) for i in range(n_restarts if n_components > 1 else 1)]
     finals = best(starts, SCREENING_ITERATIONS)[:FINALISTS]
@@ -146,5 +146,5 @@ def k_means_labels(points: Tensor, n_groups: int, seed: int) -> Tensor:
     with warnings.catch_warnings():
         # One step is all that an even seed asks for, and a user's flights may be duplicates.
         warnings.simplefilter("ignore", ConvergenceWarning)
-        found = KMeans(n_groups, n_init=1, max_iter=lloyd_steps, random_state=seed).fit_predict(points.cpu().numpy())
-    return torch.as_tensor(found, dtype=torch.long, device=points.device)
+        labels = KMeans(n_groups, n_init=1, max_iter=lloyd_steps, random_state=seed).fit_predict(points.cpu().numpy())
+    return torch.as_tensor(labels, dtype=torch.long, device=points.device)

@@ -57,21 +57,21 @@ def estimate(
         >>> gaussian = Mixture(torch.ones(1), torch.zeros(1, 1), torch.ones(1, 1, 1))
         >>> seen = WeightEvidence(torch.tensor([[4.0]]), torch.tensor([0]), torch.tensor([[[3.0]]]))
         >>> itself = lambda weights, _: log_observed(gaussian, WeightEvidence.of_weights(weights))
-        >>> found = estimate(itself, gaussian, seen, 5, torch.zeros(1, 0), seed=0)
-        >>> torch.allclose(found.log_prob, log_observed(gaussian, seen)), round(float(found.effective), 6)
+        >>> likelihood = estimate(itself, gaussian, seen, 5, torch.zeros(1, 0), seed=0)
+        >>> torch.allclose(likelihood.log_prob, log_observed(gaussian, seen)), round(float(likelihood.effective), 6)
         (True, 1.0)
     """
     rows = context.repeat_interleave(n_draws, 0)
     with torch.no_grad():
-        found = posteriors(gaussian, evidence, context)
-        factor = cholesky_or_small(found.covariances[:, 0], LEAST_VARIANCE)[evidence.group]
-        shape = (len(evidence), n_draws, found.means.shape[2])
-        generator = torch.Generator(found.means.device).manual_seed(seed)
-        white = torch.randn(shape, generator=generator, dtype=found.means.dtype, device=found.means.device)
-        weights = (found.means + white @ factor.mT).flatten(0, 1)
+        given_seen = posteriors(gaussian, evidence, context)
+        factor = cholesky_or_small(given_seen.covariances[:, 0], LEAST_VARIANCE)[evidence.group]
+        shape = (len(evidence), n_draws, given_seen.means.shape[2])
+        generator = torch.Generator(given_seen.means.device).manual_seed(seed)
+        white = torch.randn(shape, generator=generator, dtype=given_seen.means.dtype, device=given_seen.means.device)
+        weights = (given_seen.means + white @ factor.mT).flatten(0, 1)
         proposed = log_observed(gaussian, WeightEvidence.of_weights(weights), gaussian.rows(rows, len(weights)))
         # Added to the log density, the mean over a flight's draws estimates its likelihood.
-        offset = found.log_joint - proposed.reshape(shape[:2])
+        offset = given_seen.log_joint - proposed.reshape(shape[:2])
     log_prob = log_density(weights, rows).reshape(shape[:2])
     # A draw at which a flow overflows has no density there.
     terms = torch.where(log_prob.isfinite(), log_prob, -torch.inf) + offset.to(log_prob)

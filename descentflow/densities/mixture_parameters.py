@@ -97,8 +97,8 @@ class FlightPosteriors:
     Example:
         >>> mixture = Mixture(torch.ones(1), torch.zeros(1, 1), torch.ones(1, 1, 1))
         >>> evidence = WeightEvidence(torch.tensor([[4.0]]), torch.tensor([0]), torch.tensor([[[3.0]]]))
-        >>> found = posteriors(mixture, evidence)  # standard normal, seen at 4 with precision 3
-        >>> round(float(found.means), 4), round(float(found.covariances), 4)
+        >>> given_seen = posteriors(mixture, evidence)  # standard normal, seen at 4 with precision 3
+        >>> round(float(given_seen.means), 4), round(float(given_seen.covariances), 4)
         (3.0, 0.25)
     """
 

@@ -38,8 +38,8 @@ def one_gaussian(
     Example:
         >>> points = torch.tensor([[0.0], [1.0], [10.0], [11.0]]).double()
         >>> blurred = WeightEvidence(points, torch.zeros(4, dtype=torch.long), torch.full((1, 1, 1), 4.0).double())
-        >>> found = one_gaussian(blurred)  # each seen with variance 1/4
-        >>> round(float(found.scale_trils) ** 2, 3)  # variance of the points less that
+        >>> gaussian = one_gaussian(blurred)  # each seen with variance 1/4
+        >>> round(float(gaussian.scale_trils) ** 2, 3)  # variance of the points less that
         25.0
     """
     points = evidence.points
@@ -62,10 +62,10 @@ def one_gaussian(
     flat, eye = points.new_zeros(1, d, given.shape[1]), torch.eye(d, dtype=points.dtype, device=points.device)
     chunks = list(evidence.chunks())
 
-    def improve(found: Mixture) -> tuple[Mixture, float]:
+    def improve(gaussian: Mixture) -> tuple[Mixture, float]:
         means, spread, likelihood = torch.empty_like(points), points.new_zeros(d, d), 0.0
         for index, rows in chunks:
-            seen = posteriors(found, rows, given[index])
+            seen = posteriors(gaussian, rows, given[index])
             means[index] = seen.means[:, 0]
             counts = torch.bincount(rows.group, minlength=len(rows.precisions)).to(points)
             spread += (counts[:, None, None] * seen.covariances[:, 0]).sum(0)
@@ -100,7 +100,7 @@ def drawn_weights(gaussian: Mixture, evidence: WeightEvidence, seed: int, contex
     white = torch.randn(drawn.shape, generator=generator, dtype=drawn.dtype, device=drawn.device)
     given = gaussian.rows(context, len(drawn))
     for index, rows in evidence.chunks():
-        found = posteriors(gaussian, rows, given[index])
-        factor = cholesky_or_small(found.covariances[:, 0], LEAST_VARIANCE)[rows.group]
-        drawn[index] = found.means[:, 0] + (factor @ white[index][..., None])[..., 0]
+        given_seen = posteriors(gaussian, rows, given[index])
+        factor = cholesky_or_small(given_seen.covariances[:, 0], LEAST_VARIANCE)[rows.group]
+        drawn[index] = given_seen.means[:, 0] + (factor @ white[index][..., None])[..., 0]
     return drawn

@@ -45,8 +45,8 @@ def with_shared_effects(before: Findings, real: Quantities, settings: Settings) 
         >>> flights = quantities_of(warm.frame, 150, 340, CHANNELS)
         >>> asked = Settings(Simulator(aircraft("A320")), {"temperature": EFFECTS["temperature"]}, CHANNELS, 0, str)
         >>> alike = diagnose("descents.parquet", "best.ckpt")
-        >>> found = with_shared_effects(alike, flights, asked)
-        >>> alike.verdict, found.causes[0].effect  # the air of both sides is warmer
+        >>> findings = with_shared_effects(alike, flights, asked)
+        >>> alike.verdict, findings.causes[0].effect  # the air of both sides is warmer
         ('none', 'temperature')
     """
     # A gap that is faint and of no shape leaves room for a cause that both sides have.
@@ -59,10 +59,10 @@ def with_shared_effects(before: Findings, real: Quantities, settings: Settings) 
     if not able or not compared.entries:
         return before
     physical = replace(settings, simulator=Simulator(settings.simulator.aircraft), catalogue=able)
-    found = diagnose_compared(compared, physical, "physics", {}, pl.DataFrame())
-    if found.verdict != "effect" or not all(_is_large(cause, settings) for cause in found.causes):
+    shared = diagnose_compared(compared, physical, "physics", {}, pl.DataFrame())
+    if shared.verdict != "effect" or not all(_is_large(cause, settings) for cause in shared.causes):
         return before
-    return _refit(before, found, settings)
+    return _refit(before, shared, settings)
 
 
 def _kinematic(compared: Compared) -> Compared:
@@ -77,28 +77,28 @@ def _is_large(cause: Cause, settings: Settings) -> bool:
     return least is not None and abs(size) >= least
 
 
-def _refit(before: Findings, found: Findings, settings: Settings) -> Findings:
+def _refit(before: Findings, after: Findings, settings: Settings) -> Findings:
     """Findings of flights that are as the simulator's own were, and not as it assumes."""
     theta = {
         cause.effect: torch.tensor([one.estimate for one in cause.parameters.values()], dtype=torch.float64)
-        for cause in found.causes
+        for cause in after.causes
     }
     mass_kg, cleaning = before.details.mass_kg, settings.simulator.cleaning
     added = AddedEffects(settings.catalogue, theta, mass_kg, cleaning, settings.seed)
     made = corrected(settings.simulator, added, inherited=True)
     return replace(
         before,
-        verdict=found.verdict,
-        p_value=found.p_value,
-        where=found.where,
-        floor=found.floor,
-        gap_before=found.gap_before,
-        gap_after=found.gap_after,
-        causes=[replace(cause, inherited=True) for cause in found.causes],
+        verdict=after.verdict,
+        p_value=after.p_value,
+        where=after.where,
+        floor=after.floor,
+        gap_before=after.gap_before,
+        gap_after=after.gap_after,
+        causes=[replace(cause, inherited=True) for cause in after.causes],
         # The gap is now another one, of what both sides have: a model refitted to such flights has it too.
-        details=replace(before.details, regime="refit", curves=found.details.curves, measured_over=[], gap_error=None),
+        details=replace(before.details, regime="refit", curves=after.details.curves, measured_over=[], gap_error=None),
         corrections=made,
         corrected_file=next(iter(made), ""),
-        recipe=found.recipe,
+        recipe=after.recipe,
         would_split=not_identifiable(settings, OWN_FLIGHTS),
     )

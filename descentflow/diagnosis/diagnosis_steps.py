@@ -50,7 +50,7 @@ def diagnose_compared(
         counts: Of flights and rows.
         frame: Prepared descents, for the corrected simulator.
     """
-    found = explain(compared, settings.catalogue, settings.progress)
+    why = explain(compared, settings.catalogue, settings.progress)
     settings.progress("asking where the gap lies")
     cells = where(compared, settings.transition_fl, settings.seed)
     p_value = min((cell.p_value for cell in cells), default=1.0)
@@ -58,15 +58,15 @@ def diagnose_compared(
     is_gap = p_value <= compared.assumed.false_gap
     small = below_rounding(compared, cells, costs, profile) if is_gap else []
     is_gap = is_gap and not small
-    theta = found.theta if is_gap else {}
+    theta = why.theta if is_gap else {}
     settings.progress("putting the causes into the simulator's flights")
     cleaning, seed = settings.simulator.cleaning, settings.seed
     added = AddedEffects(settings.catalogue, theta, compared.state.mass_kg, cleaning, seed)
-    left, closure = left_with(compared, added), MeasuredGap(compared, _measured_over(found), seed)
+    left, closure = left_with(compared, added), MeasuredGap(compared, _measured_over(why), seed)
     floor, after, error = closure.floor(left), closure.after(left), standard_errors(compared)
     costs = costs_of(compared, left, seed) if theta else costs
-    verdict = verdict_of(found, is_gap=is_gap, costs=costs)
-    causes = _causes(found, added, closure.share(left), costs) if theta else []
+    verdict = verdict_of(why, is_gap=is_gap, costs=costs)
+    causes = _causes(why, added, closure.share(left), costs) if theta else []
     # Effects are put in where they were found: at the coefficients that the simulator's own flights show.
     simulator = replace(settings.simulator, aircraft=compared.state.aircraft)
     made = correction_made(simulator, frame, added) if theta else {}
@@ -80,10 +80,10 @@ def diagnose_compared(
         where=cells,
         causes=causes,
         gap_after=after,
-        remaining=remaining_of(compared, left, error, after - floor, found.named.unknown),
+        remaining=remaining_of(compared, left, error, after - floor, why.named.unknown),
         would_split=hidden if verdict == "none" else would_split(compared, settings.catalogue, causes),
         dropped=dict(counts),
-        details=_details(found, settings, source, curves(compared, left, error), closure, profile),
+        details=_details(why, settings, source, curves(compared, left, error), closure, profile),
         costs=costs,
         recipe=recipe_of(causes, settings.catalogue, compared.levels()),
         corrections=made,
@@ -93,14 +93,14 @@ def diagnose_compared(
     )
 
 
-def _causes(found: Explanation, added: AddedEffects, closed: ClosedShare, costs: Sequence[Cost]) -> list[Cause]:
+def _causes(why: Explanation, added: AddedEffects, closed: ClosedShare, costs: Sequence[Cost]) -> list[Cause]:
     """Named effects, the one that takes most of the time away first."""
-    causes = [cause_of(found, name, closed, _takes_away(found.compared, added, name, costs)) for name in added.theta]
+    causes = [cause_of(why, name, closed, _takes_away(why.compared, added, name, costs)) for name in added.theta]
     return sorted(causes, key=lambda cause: -abs(cause.takes_away.get("time", 0.0)))
 
 
 def _details(
-    found: Explanation,
+    why: Explanation,
     settings: Settings,
     source: str,
     by_level: dict[str, Curve],
@@ -115,20 +115,20 @@ def _details(
         typecode=settings.simulator.aircraft.typecode,
         normal_from=source,
         seed=settings.seed,
-        quantities=list(found.compared.quantities()),
+        quantities=list(why.compared.quantities()),
         transition_fl=settings.transition_fl,
-        mass_kg=found.compared.state.mass_kg,
+        mass_kg=why.compared.state.mass_kg,
         n_permutations=PERMUTATIONS,
-        discrepancy=discrepancy_of(found),
-        singles=singles_of(found),
+        discrepancy=discrepancy_of(why),
+        singles=singles_of(why),
         curves=by_level,
         labels={name: effect.text for name, effect in settings.catalogue.items()},
-        subsets=heaviest_sets(found),
-        detection_limits=detection_limits(found),
+        subsets=heaviest_sets(why),
+        detection_limits=detection_limits(why),
         profile=profile,
         measured_over=closure.entries(),
         gap_error=closure.error,
-        lacks=list(found.nuisances),
+        lacks=list(why.nuisances),
     )
 
 
@@ -143,13 +143,13 @@ def left_with(compared: Compared, added: AddedEffects) -> Tensor:
     return left
 
 
-def _measured_over(found: Explanation) -> Tensor:
+def _measured_over(why: Explanation) -> Tensor:
     """Entries (p,) whose means certainly differ, all where none does, of those that causes are weighed by."""
-    known = found.search.known
+    known = why.search.known
     standing = np.abs(known.difference) / np.sqrt(known.covariance.diagonal())
     differs = standing > CERTAIN_ERRORS
-    chosen = {e for e, certain in zip(found.weighed.entries, differs, strict=True) if certain or not differs.any()}
-    return torch.tensor([entry in chosen for entry in found.compared.entries])
+    chosen = {e for e, certain in zip(why.weighed.entries, differs, strict=True) if certain or not differs.any()}
+    return torch.tensor([entry in chosen for entry in why.compared.entries])
 
 
 def _takes_away(compared: Compared, added: AddedEffects, name: str, costs: Sequence[Cost]) -> dict[str, float]:

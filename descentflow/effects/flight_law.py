@@ -46,8 +46,8 @@ def positive_size(uniform: Tensor, mean: Tensor, spread: Tensor) -> Tensor:
     if float(spread) == 0.0:
         return mean.expand_as(uniform)
     below = torch.special.ndtr(-mean / spread)
-    found: Tensor = mean + spread * torch.special.ndtri((below + uniform * (1 - below)).clamp(max=1 - 1e-12))
-    return found
+    size: Tensor = mean + spread * torch.special.ndtri((below + uniform * (1 - below)).clamp(max=1 - 1e-12))
+    return size
 
 
 @dataclass(frozen=True)

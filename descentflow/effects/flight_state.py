@@ -89,10 +89,10 @@ class FlightState:
 
     def rows_of_fleet(self, index: Tensor) -> "FlightState":
         """The flights at these positions, with the schedules and delays that all flights together say."""
-        found, plan = self._rows(index), self.schedule
+        rows, plan = self._rows(index), self.schedule
         known = {"schedule": Schedule(plan.mach[index], plan.cas_mps[index]), "reported_below_m": self.reported_below_m}
-        found.__dict__.update(known)
-        return found
+        rows.__dict__.update(known)
+        return rows
 
     def mach(self) -> Tensor:
         """Mach number (n, K) of the CAS."""

@@ -246,9 +246,9 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
         law = BrakeLaw(*theta)
         if law.is_one_window or max(float(law.spread_middle_fl), float(law.spread_height_fl)) >= GRID_FL:
             return self
-        found = copy(self)
-        found.grid_fl, found._about = FINE_FL, (float(law.middle_fl), float(law.height_fl))
-        return found
+        finer = copy(self)
+        finer.grid_fl, finer._about = FINE_FL, (float(law.middle_fl), float(law.height_fl))
+        return finer
 
     def log_prior(self, state: FlightState, theta: Tensor) -> Tensor:
         """Normal laws of the middle and the height of a window."""
@@ -270,18 +270,18 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
         """Share, drag and windows of the flights with brakes out."""
         before, (size, spread) = BrakeLaw(*theta), learnt.mean_and_spread()
         share, size = min(max(learnt.share, LEAST_SHARE), 1.0), max(size, LEAST_DRAG / 2)
-        found = {name: float(value) for name, value in before._asdict().items()}
-        found |= {"share": share, "extra_cd0": size * share}
-        found["ln_ratio_noise"] = float(before.ln_ratio_noise / before.share) * share
-        found["spread_extra"] = min(max(spread, LEAST_SPREAD_EXTRA), MOST_SPREAD * size)
+        law = {name: float(value) for name, value in before._asdict().items()}
+        law |= {"share": share, "extra_cd0": size * share}
+        law["ln_ratio_noise"] = float(before.ln_ratio_noise / before.share) * share
+        law["spread_extra"] = min(max(spread, LEAST_SPREAD_EXTRA), MOST_SPREAD * size)
         ends, lower, upper = self._windows(state, before)
         if len(lower) > 1:
             middles, heights = (ends[upper] + ends[lower]) / 2, ends[upper] - ends[lower]
             middle, of_middle = _mean_and_spread(middles, learnt.taken, float(before.spread_middle_fl))
             height, of_height = _mean_and_spread(heights, learnt.taken, float(before.spread_height_fl))
-            found |= {"low_fl": middle - height / 2, "high_fl": middle + height / 2}
-            found |= {"spread_middle_fl": of_middle, "spread_height_fl": of_height}
-        return self.clamp(torch.tensor(list(found.values()), dtype=theta.dtype))
+            law |= {"low_fl": middle - height / 2, "high_fl": middle + height / 2}
+            law |= {"spread_middle_fl": of_middle, "spread_height_fl": of_height}
+        return self.clamp(torch.tensor(list(law.values()), dtype=theta.dtype))
 
     def own_change(self, state: FlightState, theta: Tensor, uniform: Tensor) -> FlightChange:
         """The rate in a window of each flight's own."""

@@ -41,7 +41,7 @@ def effects_of_file(path: str | Path, taken: frozenset[str] = frozenset()) -> di
         descentflow.core.errors.ConfigError: own_effects.py: effect 'ice', a name that is taken; ...
     """
     source, module = Path(path), module_of_file(path, "effects")
-    found: dict[str, Effect] = {}
+    effects: dict[str, Effect] = {}
     for effect in _effects(module, source):
         if effect.name in taken:
             raise ConfigError(
@@ -49,18 +49,18 @@ def effects_of_file(path: str | Path, taken: frozenset[str] = frozenset()) -> di
                 expected="another name",
                 mend="rename it; the names that are taken are those of descentflow.effects.EFFECTS",
             )
-        if effect.name in found:
+        if effect.name in effects:
             raise ConfigError(
                 f"{source}: two effects of the name {effect.name!r}", expected="a name for each", mend="rename one"
             )
-        found[effect.name] = effect
-    if not found:
+        effects[effect.name] = effect
+    if not effects:
         raise ConfigError(
             f"{source}: no effect",
             expected="a class that derives from descentflow.effects.Effect and has a `shift`, or an instance of one",
             mend="define one, as the tutorial 'Add an effect of your own' does",
         )
-    return found
+    return effects
 
 
 def _effects(module: ModuleType, source: Path) -> list[Effect]:

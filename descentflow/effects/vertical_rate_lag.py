@@ -95,11 +95,11 @@ def _late(rate_mps: Tensor, state: FlightState, lag_s: float) -> Tensor:
         return rate_mps.log()
     slowest_mps = state.cleaning.slowest_fpm * FPM_MPS
     begun = rate_mps - (rate_mps - slowest_mps).clamp(min=0.0) * math.exp(-state.cleaning.transient_s / lag_s)
-    found, below_top = begun[:, -1], (state.depth_m > 0).unbind(1)
-    late = [found]
+    reported, below_top = begun[:, -1], (state.depth_m > 0).unbind(1)
+    late = [reported]
     for level in range(rate_mps.shape[1] - 2, -1, -1):
         rate = rate_mps[:, level]
         keep = torch.exp(-state.width_m / rate / lag_s)
-        found = torch.where(below_top[level], keep * found + (1 - keep) * rate, begun[:, level])
-        late.append(found)
+        reported = torch.where(below_top[level], keep * reported + (1 - keep) * rate, begun[:, level])
+        late.append(reported)
     return torch.stack(late[::-1], 1).log()

@@ -75,8 +75,8 @@ def evaluate(
         SamplingError: If too few draws are plausible.
 
     Example:
-        >>> found = evaluate("best.ckpt", "descents.parquet", n=500)
-        >>> print(found)
+        >>> evaluation = evaluate("best.ckpt", "descents.parquet", n=500)
+        >>> print(evaluation)
         24 held-out flights (96 left out: the checkpoint was trained or validated on them)
         In words: too few held-out flights to judge time to bottom, ...
         500 samples from ... draws (...)
@@ -157,8 +157,8 @@ def evaluate_profiles(
         >>> from descentflow.surveillance.descents.prepared_descents import read_descents
         >>> model = load_model("best.ckpt")
         >>> flights = encode_flights(read_descents("descents.parquet").frame, model.representation)["test"]
-        >>> found = evaluate_profiles(model, model.representation, flights.profiles, n=200, n_splits=2)
-        >>> len(found.real), found.rejections.accepted
+        >>> evaluation = evaluate_profiles(model, model.representation, flights.profiles, n=200, n_splits=2)
+        >>> len(evaluation.real), evaluation.rejections.accepted
         (24, 200)
     """
     if len(real) == 0:

@@ -53,12 +53,12 @@ class Evaluation(WithTable):
 
     Example:
         >>> from descentflow.evaluation.evaluate import evaluate
-        >>> found = evaluate("best.ckpt", "descents.parquet", n=500)
-        >>> found.scores.get("cas_below_transition", "wasserstein").unit
+        >>> evaluation = evaluate("best.ckpt", "descents.parquet", n=500)
+        >>> evaluation.scores.get("cas_below_transition", "wasserstein").unit
         'kt'
-        >>> found.to_polars().columns[:4]
+        >>> evaluation.to_polars().columns[:4]
         ['quantity', 'statistic', 'unit', 'score']
-        >>> found.write("evaluation", figures=False)
+        >>> evaluation.write("evaluation", figures=False)
         >>> sorted(path.name for path in Path("evaluation").iterdir())
         ['classifier.csv', 'level_flight.csv', 'rejections.json', 'scores.csv']
     """

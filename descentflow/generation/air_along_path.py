@@ -71,8 +71,8 @@ class AirAlongPath:
         >>> along = AirAlongPath(WeatherField([weather_file_of(warm, "warm.nc")]), ground_plan(end=(52, 4), track=270))
         >>> model = load_model("best.ckpt")
         >>> decoder = model.representation.decoder
-        >>> found = along.flown(decoder.aircraft, decoder(model.sample(3, seed=0), torch.full((3,), 150)))
-        >>> found.air.deviation_k.shape == found.flown.time_s.shape, found.positions.latitude.shape[0]
+        >>> there = along.flown(decoder.aircraft, decoder(model.sample(3, seed=0), torch.full((3,), 150)))
+        >>> there.air.deviation_k.shape == there.flown.time_s.shape, there.positions.latitude.shape[0]
         (True, 3)
     """
 

@@ -23,8 +23,8 @@ def curves_of(flown: Trajectories) -> dict[str, np.ndarray]:
 
     Example:
         >>> from descentflow.generation.sample import sample
-        >>> found = curves_of(sample("best.ckpt", 5, entry_fl=330).trajectories)
-        >>> list(found), found["CAS (kt)"].shape[0]
+        >>> curves = curves_of(sample("best.ckpt", 5, entry_fl=330).trajectories)
+        >>> list(curves), curves["CAS (kt)"].shape[0]
         (['CAS (kt)', 'Vertical rate (ft/min)', 'time_s'], 5)
     """
     seen = flown.mask.cpu().numpy()

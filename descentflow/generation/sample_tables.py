@@ -52,8 +52,8 @@ def flown_quantities(flown: Trajectories) -> dict[str, Tensor]:
 
     Example:
         >>> from descentflow.generation.sample import sample
-        >>> found = flown_quantities(sample("best.ckpt", 3, entry_fl=330).trajectories)
-        >>> round(float((found["co2_kg"] / found["fuel_kg"])[0, 0]), 2)
+        >>> flown = flown_quantities(sample("best.ckpt", 3, entry_fl=330).trajectories)
+        >>> round(float((flown["co2_kg"] / flown["fuel_kg"])[0, 0]), 2)
         3.16
     """
     quantities = {

@@ -135,8 +135,8 @@ class Legs:
 
     def mean(self, values: Tensor) -> Tensor:
         """Mean (n, L) of the values at both ends."""
-        found: Tensor = (values + values.gather(1, self.below)) / 2
-        return found
+        means: Tensor = (values + values.gather(1, self.below)) / 2
+        return means
 
 
 @dataclass(frozen=True)
@@ -238,7 +238,7 @@ def short_scale_noise(grid: LevelGrid) -> dict[str, Tensor]:
         return {f"noise_{name}": torch.full(grid.mask.shape[:1], torch.nan, dtype=torch.double) for name in series}
     # Every level of the stencil must be there, or a level-off in a gap would pass for noise.
     whole = grid.mask.double().unfold(1, 2 * STENCIL + 1, 1).amin(-1) > 0
-    kept, found = kept_of_noise(grid), {}
+    kept, by_channel = kept_of_noise(grid), {}
     for name, values in series.items():
         rounding = least_noise(name)
         middle = values[:, STENCIL:-STENCIL]
@@ -251,8 +251,8 @@ def short_scale_noise(grid: LevelGrid) -> dict[str, Tensor]:
         mean_square = ordered.sum(1) / quiet / OF_QUIET / kept
         noise = 0.5 * mean_square.clamp(min=max(rounding, 1e-9) ** 2).log()
         # A checkpoint keeps single precision: the least of one side must be the least of the other.
-        found[f"noise_{name}"] = torch.where(count >= MIN_STENCILS, noise.float().double(), torch.nan)
-    return found
+        by_channel[f"noise_{name}"] = torch.where(count >= MIN_STENCILS, noise.float().double(), torch.nan)
+    return by_channel
 
 
 def least_noise(name: str) -> float:

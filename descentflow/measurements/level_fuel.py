@@ -19,14 +19,14 @@ FUEL = ("fuel_kg", "idle_fuel_kg")
 FILES = ("flights.csv", "segments.csv", "level_flight.png")
 
 
-def with_fuel(found: pl.DataFrame, bada_dir: str | Path | None = None) -> pl.DataFrame:
+def with_fuel(segments: pl.DataFrame, bada_dir: str | Path | None = None) -> pl.DataFrame:
     """Level flight with its fuel: thrust by the energy equation at the mean IAS and altitude of each segment.
 
     The thrust is the clean polar's drag and what the change of the airspeed takes, at least idle. The mass is the
     type's reference mass, and the air is standard.
 
     Args:
-        found: Of ``Descents.level_flight``.
+        segments: Of ``Descents.level_flight``.
         bada_dir: Folder of BADA 3 or 4; None for the open aircraft.
 
     Returns:
@@ -44,7 +44,7 @@ def with_fuel(found: pl.DataFrame, bada_dir: str | Path | None = None) -> pl.Dat
         [29, 11]
     """
     parts = []
-    for (code,), some in found.with_row_index("row").group_by("typecode", maintain_order=True):
+    for (code,), some in segments.with_row_index("row").group_by("typecode", maintain_order=True):
         columns = (some["IAS"] * KT_MPS, some["altitude_ft"] * FT_M, some["seconds"], some["IAS_change"] * KT_MPS / 2)
         cas, altitude, seconds, half = (torch.from_numpy(one.cast(pl.Float64).to_numpy().copy()) for one in columns)
         faster = cas_to_tas_mps(cas + half, altitude) - cas_to_tas_mps(cas - half, altitude)
@@ -63,7 +63,7 @@ def with_fuel(found: pl.DataFrame, bada_dir: str | Path | None = None) -> pl.Dat
         kg = [pl.when(known).then(pl.Series((one * seconds).numpy())).fill_nan(None).alias(name) for name, one in both]
         parts.append(some.with_columns(kg))
     nothing = [pl.lit(None, pl.Float64).alias(name) for name in FUEL]
-    return pl.concat(parts).sort("row").drop("row") if parts else found.with_columns(nothing)
+    return pl.concat(parts).sort("row").drop("row") if parts else segments.with_columns(nothing)
 
 
 def write_level_flight(descents: Descents, folder: Path, bada_dir: str | Path | None = None) -> str:
@@ -95,10 +95,10 @@ def write_level_flight(descents: Descents, folder: Path, bada_dir: str | Path | 
             expected="rows, in which level flight is counted while they are cleaned",
             mend="prepare the rows to another output",
         )
-    found = with_fuel(descents.level_flight, bada_dir)
-    flights = by_flight(found)
+    segments = with_fuel(descents.level_flight, bada_dir)
+    flights = by_flight(segments)
     check_folder(folder, *FILES).mkdir(exist_ok=True)
-    for table, name in ((flights, FILES[0]), (found, FILES[1])):
+    for table, name in ((flights, FILES[0]), (segments, FILES[1])):
         write_table(table.with_columns(pl.col(pl.Float64).round(3)), folder / name)
     write_figure(level_flight_figure(side_by_side({"flights": descents.report.notes})), folder / FILES[2], 110)
     seconds, level = float(flights["level_s"].sum()) / max(len(flights), 1), flights.filter(pl.col("segments") > 0)

@@ -178,7 +178,7 @@ def grid_of(frame: pl.DataFrame, low_fl: float, high_fl: float, channels: Sequen
     return grid
 
 
-def checked(found: Quantities) -> Quantities:
+def checked(quantities: Quantities) -> Quantities:
     """The same, unless no flight is left.
 
     Raises:
@@ -189,13 +189,13 @@ def checked(found: Quantities) -> Quantities:
         >>> len(checked(quantities_of(read_descents("descents.parquet").frame, 150, 340, CHANNELS)))
         120
     """
-    if not len(found):
+    if not len(quantities):
         raise DataError(
-            f"no flight with enough levels in a band of {100 * found.band_fl:g} ft",
+            f"no flight with enough levels in a band of {100 * quantities.band_fl:g} ft",
             expected="flights with levels on the simulator's grid",
             mend="prepare with another --bottom-fl, or use a simulator of this grid",
         )
-    return found
+    return quantities
 
 
 def measured(grid: LevelGrid, band_fl: float | None = None) -> Quantities:

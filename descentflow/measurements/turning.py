@@ -37,11 +37,11 @@ def induced_by_turns(grid: LevelGrid) -> Tensor | None:
         True
     """
     known = [pair for pair in DIRECTIONS if pair[0] in grid.values and pair[1] in grid.values]
-    found = None
+    raised = None
     for direction, speed in known:
         by_this = _tan_bank(grid, grid.values[direction], grid.values[speed] * KT_MPS).square()
-        found = by_this if found is None else torch.where(found.isfinite(), found, by_this)
-    return found
+        raised = by_this if raised is None else torch.where(raised.isfinite(), raised, by_this)
+    return raised
 
 
 def _tan_bank(grid: LevelGrid, direction_deg: Tensor, speed_mps: Tensor) -> Tensor:

@@ -55,8 +55,8 @@ def burn(
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
         >>> steep, shallow, level = torch.tensor([-12.0, -5.0, 0.0])
-        >>> found = [burn(aircraft("A320"), 140.0, 6000.0, rate) for rate in (steep, shallow, level)]
-        >>> [round(float(one.thrust_n) / 1000) for one in found], [round(float(one.flow_kg_s), 2) for one in found]
+        >>> burnt = [burn(aircraft("A320"), 140.0, 6000.0, rate) for rate in (steep, shallow, level)]
+        >>> [round(float(one.thrust_n) / 1000) for one in burnt], [round(float(one.flow_kg_s), 2) for one in burnt]
         ([1, 17, 36], [0.16, 0.26, 0.56])
     """
     cas, altitude, rate, slope, deviation = as_tensors(cas_mps, altitude_m, rate_mps, cas_gradient_per_s, deviation_k)

@@ -27,7 +27,7 @@ def domain_of(frame: pl.DataFrame, compared: Compared) -> dict[str, str]:
     """
     low, high = compared.levels()
     flights = frame["flight_id"].n_unique()
-    found = {
+    domain = {
         "types": ", ".join(sorted(frame["typecode"].drop_nulls().unique().to_list())) or "not named",
         "flights": f"{int(compared.real.sum()):,} of {flights:,}, of {frame['icao24'].n_unique():,} aircraft",
         "levels": f"FL{low:.0f} to FL{high:.0f}, free descents alone: level-offs and held rates are cut out",
@@ -35,17 +35,17 @@ def domain_of(frame: pl.DataFrame, compared: Compared) -> dict[str, str]:
     first, last = frame.select(first=pl.min("timestamp"), last=pl.max("timestamp")).row(0)
     if first is not None:
         days = frame["timestamp"].dt.date().n_unique()
-        found["days"] = f"{first.date().isoformat()} to {last.date().isoformat()}, {days} of them with flights"
+        domain["days"] = f"{first.date().isoformat()} to {last.date().isoformat()}, {days} of them with flights"
     if {"latitude", "longitude"} <= set(frame.columns) and frame["latitude"].is_not_null().any():
         ends = frame.select(
             pl.col(name).quantile(q).alias(f"{name} {q}") for name in ("latitude", "longitude") for q in (0.05, 0.95)
         ).row(0)
-        found["places"] = "latitude {:.1f} to {:.1f}, longitude {:.1f} to {:.1f} (nine in ten rows)".format(*ends)
+        domain["places"] = "latitude {:.1f} to {:.1f}, longitude {:.1f} to {:.1f} (nine in ten rows)".format(*ends)
     speeds = compared.state.cas_mps[compared.real]
     slow, fast = (float(speeds.nanquantile(q)) / KT_MPS for q in (0.05, 0.95))
-    found["airspeeds"] = f"CAS {slow:.0f} to {fast:.0f} kt (nine in ten)"
-    found["weather"] = _weather(compared)
-    return found
+    domain["airspeeds"] = f"CAS {slow:.0f} to {fast:.0f} kt (nine in ten)"
+    domain["weather"] = _weather(compared)
+    return domain
 
 
 def _weather(compared: Compared) -> str:
@@ -97,7 +97,7 @@ def budget_of(rows: Sequence[Row], gap: GapReport) -> dict[str, str]:
             sampling.append(f"{label} ± {with_unit(half, unit)}")
         if quantity in REPORTED:
             reports.append(f"{label} {with_unit(UNCERTAINTY[REPORTED[quantity]], unit)}")
-    found = {
+    budget = {
         "flights (90 %, by whole aircraft and days)": "; ".join(sampling) or "unknown: one aircraft or none",
         "rounding of one report (standard uncertainty)": "; ".join(reports) or "not estimated for predictions",
     }
@@ -108,13 +108,13 @@ def budget_of(rows: Sequence[Row], gap: GapReport) -> dict[str, str]:
             air = (
                 f"{with_unit(rate.by_air, 'ft/min', signed=True)} of the mean rate is by the air that flights measured"
             )
-        found["air"] = air
+        budget["air"] = air
     aircraft = gap.provenance.coefficients
     stands = f"{aircraft.typecode}, {aircraft.source}" if aircraft else gap.details.typecode
-    found["coefficients"] = (
+    budget["coefficients"] = (
         f"{stands}: they carry the rate from one airspeed to another; their error is not in the intervals"
     )
-    return found
+    return budget
 
 
 def factors_of(gap: GapReport, source: str) -> dict[str, str]:

@@ -66,17 +66,17 @@ def by_level(compared: Compared, y: Tensor) -> list[Deviation]:
     usual = ratio[simulator].nanmean(0) if compared.has_simulated else torch.ones(ratio.shape[1], dtype=ratio.dtype)
     claimed = table["rate"] / ratio * usual
     rows["rate"] = (table["rate"] - claimed, table["rate"][simulator].nanmean(0), _rate_by_air(compared, claimed))
-    found = []
+    deviations = []
     for quantity, (deviation, mean, by_air) in rows.items():
         for k in torch.nonzero(deviation[compared.real].isfinite().any(0) & mean.isfinite())[:, 0].tolist():
             middle = compared.middles_fl()[k]
             ends = (round(middle - compared.band_fl / 2, 6), round(middle + compared.band_fl / 2, 6))
             air = None if by_air is None else by_air[:, k].numpy()
-            found.append(Deviation(quantity, deviation[:, k].numpy(), float(mean[k]), ends, by_air=air))
+            deviations.append(Deviation(quantity, deviation[:, k].numpy(), float(mean[k]), ends, by_air=air))
         air = None if by_air is None else by_air.nanmean(1).numpy()
         whole = compared.levels()
-        found.append(Deviation(quantity, deviation.nanmean(1).numpy(), float(mean.nanmean()), whole, by_air=air))
-    return found
+        deviations.append(Deviation(quantity, deviation.nanmean(1).numpy(), float(mean.nanmean()), whole, by_air=air))
+    return deviations
 
 
 def _rate_by_air(compared: Compared, claimed: Tensor) -> Tensor | None:
@@ -103,13 +103,13 @@ def of_predictions(compared: Compared, y: Tensor, minutes: Sequence[float]) -> l
     claimed = table if compared.has_simulated else flown(compared, 0.0 * y)
     way = "ground_distance" if "ground_distance" in table else "air_distance"
     flights = list(_flights(compared, table["time"], claimed["time"], table[way], claimed[way]))
-    found = []
+    deviations = []
     for after in minutes:
         errors = np.array([flight.errors(60.0 * after) for flight in flights])
         for quantity, column in zip(("time_ahead", "altitude_ahead", "along_track_ahead"), errors.T, strict=True):
-            found.append(Deviation(quantity, column, 0.0, levels, after))
+            deviations.append(Deviation(quantity, column, 0.0, levels, after))
     top = np.array([flight.further_nm for flight in flights])
-    return [*found, Deviation("top_of_descent", top, 0.0, levels)]
+    return [*deviations, Deviation("top_of_descent", top, 0.0, levels)]
 
 
 @dataclass(frozen=True)

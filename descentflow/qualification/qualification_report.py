@@ -27,10 +27,10 @@ class Qualification(Record, InNotebook):
 
     Example:
         >>> from descentflow.qualification.qualify import qualify
-        >>> found = qualify("descents.parquet", "A320")
-        >>> found.verdict
+        >>> qualification = qualify("descents.parquet", "A320")
+        >>> qualification.verdict
         'inside'
-        >>> found.write("qualified")
+        >>> qualification.write("qualified")
         >>> sorted(path.name for path in Path("qualified").iterdir())
         ['qualification.html', 'qualification.json']
     """

@@ -113,11 +113,11 @@ def qualify(
         provenance = opened.provenance({"seed": str(seed), "limits": asked.name}, [])
         gap = GapReport(**vars(replace(findings, provenance=provenance)))
         say("judging by the limits")
-        found = _qualified(opened, made, asked, gap, samples)
+        qualification = _qualified(opened, made, asked, gap, samples)
         if out is not None:
             say("writing the record")
-            found.write(out)
-    return found
+            qualification.write(out)
+    return qualification
 
 
 @torch.inference_mode()
@@ -175,10 +175,10 @@ def judged_rows(compared: Compared, asked: Limits, added: AddedEffects | None) -
     """Judgements of all that has a limit, or is asked for."""
 
     def all_of(y: torch.Tensor) -> list[Deviation]:
-        found = by_level(compared, y)
+        deviations = by_level(compared, y)
         minutes = asked.minutes
         predicted = any(limit.quantity not in ("airspeed", "rate") for limit in asked.limits)
-        return found + (of_predictions(compared, y, minutes) if predicted else [])
+        return deviations + (of_predictions(compared, y, minutes) if predicted else [])
 
     before = all_of(compared.y)
     after = all_of(left_with(compared, added)) if added else []

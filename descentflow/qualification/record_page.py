@@ -20,58 +20,58 @@ SHOWN = 4.0
 """Limits to either side that a figure shows; what is beyond is drawn at its edge."""
 
 
-def page(found: Record) -> str:
+def page(record: Record) -> str:
     """The whole page: it prints on four sheets of A4.
 
     Args:
-        found: The record.
+        record: The record.
 
     Example:
         >>> from descentflow.qualification.qualify import qualify
         >>> page(qualify("descents.parquet", "A320")).count("<h2")  # sections
         8
     """
-    picture = limits_figure(found)
-    corrected = any(row.corrected is not None for row in found.rows)
+    picture = limits_figure(record)
+    corrected = any(row.corrected is not None for row in record.rows)
     return rendered(
         "qualification/qualification.html.j2",
-        found=found,
-        name=simulator_name(found.gap),
-        headline=headline(found),
-        reasons=_reasons(found),
-        tables=_tables(found.rows, corrected=corrected),
+        record=record,
+        name=simulator_name(record.gap),
+        headline=headline(record),
+        reasons=_reasons(record),
+        tables=_tables(record.rows, corrected=corrected),
         figure="" if picture is None else drawing(picture),
-        sources=list(dict.fromkeys(row.source for row in found.rows)),
-        costs=cost_table(found.gap, means=True) if found.gap.costs else [],
-        causes=[(found.gap.details.label(step.effect), step.text) for step in found.gap.recipe],
-        pedigree=inputs_table(found.gap),
-        dropped=[(name.replace("_", " "), f"{count:,}") for name, count in found.gap.dropped.items()],
+        sources=list(dict.fromkeys(row.source for row in record.rows)),
+        costs=cost_table(record.gap, means=True) if record.gap.costs else [],
+        causes=[(record.gap.details.label(step.effect), step.text) for step in record.gap.recipe],
+        pedigree=inputs_table(record.gap),
+        dropped=[(name.replace("_", " "), f"{count:,}") for name, count in record.gap.dropped.items()],
         prints=[
             (side, used.fingerprint)
-            for side, used in (("real", found.gap.provenance.real), ("simulator", found.gap.provenance.simulator))
+            for side, used in (("real", record.gap.provenance.real), ("simulator", record.gap.provenance.simulator))
             if used.fingerprint
         ],
     )
 
 
-def summary(found: Record) -> str:
+def summary(record: Record) -> str:
     """The answer for a terminal.
 
     Args:
-        found: The record.
+        record: The record.
 
     Example:
         >>> from descentflow.qualification.qualify import qualify
         >>> print(summary(qualify("descents.parquet", "A320")).splitlines()[0])
         Nominal BADA of the A320 is inside the limits of part60, by 120 real A320 flights.
     """
-    rows = [_head(corrected=False), *(_cells(row, corrected=False) for row in _whole(found.rows))]
+    rows = [_head(corrected=False), *(_cells(row, corrected=False) for row in _whole(record.rows))]
     wide = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
     table = ["  " + "  ".join(cell.ljust(n) for cell, n in zip(row, wide, strict=True)).rstrip() for row in rows]
-    return "\n".join([headline(found), *_reasons(found), *table])
+    return "\n".join([headline(record), *_reasons(record), *table])
 
 
-def headline(found: Record) -> str:
+def headline(record: Record) -> str:
     """The verdict in a sentence.
 
     Example:
@@ -79,41 +79,41 @@ def headline(found: Record) -> str:
         >>> headline(qualify("descents.parquet", "A320"))
         'Nominal BADA of the A320 is inside the limits of part60, by 120 real A320 flights.'
     """
-    name = simulator_name(found.gap)
+    name = simulator_name(record.gap)
     name = name[:1].upper() + name[1:]
-    flights = f"{found.gap.dropped.get('flights_compared', 0):,} real {found.gap.details.typecode} flights"
+    flights = f"{record.gap.dropped.get('flights_compared', 0):,} real {record.gap.details.typecode} flights"
     said = {
-        "inside": f"is inside the limits of {found.limits}",
-        "outside": f"is outside the limits of {found.limits}",
-        "not enough flights": f"is neither surely inside nor surely outside the limits of {found.limits}",
-        "not judged": f"is measured by {found.limits}, which judges nothing",
-    }[found.verdict]
+        "inside": f"is inside the limits of {record.limits}",
+        "outside": f"is outside the limits of {record.limits}",
+        "not enough flights": f"is neither surely inside nor surely outside the limits of {record.limits}",
+        "not judged": f"is measured by {record.limits}, which judges nothing",
+    }[record.verdict]
     return f"{name} {said}, by {flights}."
 
 
-def _reasons(found: Record) -> list[str]:
+def _reasons(record: Record) -> list[str]:
     """Sentences on rows that are outside or not decided, and what would decide."""
     lines = []
     for verdict, text in (("outside", "Outside"), ("not enough flights", "Not decided")):
-        rows = [row for row in found.rows if row.verdict == verdict]
+        rows = [row for row in record.rows if row.verdict == verdict]
         names = list(dict.fromkeys((row.quantity, row.minutes) for row in rows))
-        places = [_place(found, [row for row in rows if (row.quantity, row.minutes) == name]) for name in names]
+        places = [_place(record, [row for row in rows if (row.quantity, row.minutes) == name]) for name in names]
         lines += [f"{text}: {listed(places)}."] if places else []
-    open_rows = [row for row in found.rows if row.verdict == "not enough flights"]
-    if found.verdict == "not enough flights":
+    open_rows = [row for row in record.rows if row.verdict == "not enough flights"]
+    if record.verdict == "not enough flights":
         # The hardest row decides: one that no number of the real flights would.
         worst = max(open_rows, key=lambda row: inf if row.more_flights is None else row.more_flights)
         lines.append(f"To decide all: {worst.decides}.")
     return lines
 
 
-def _place(found: Record, rows: Sequence[Row]) -> str:
+def _place(record: Record, rows: Sequence[Row]) -> str:
     """Quantity, and in how many of its bands, or after what time."""
     label = UNITS[rows[0].quantity][0].partition(" at the flight")[0]
     if rows[0].minutes is not None or rows[0].quantity == "top_of_descent":
         return f"{label} {_where(rows[0])}"
-    whole = _whole(found.rows)
-    bands = [row for row in found.rows if row.quantity == rows[0].quantity and row not in whole]
+    whole = _whole(record.rows)
+    bands = [row for row in record.rows if row.quantity == rows[0].quantity and row not in whole]
     count = sum(row not in whole for row in rows)
     return f"{label} in {count} of {len(bands)} bands" if count else f"{label} over all levels"
 
@@ -186,7 +186,7 @@ def _share(row: Row) -> str:
     return percent(row.share_inside.estimate) + (f" ({percent(ends[0])} to {percent(ends[1])})" if ends else "")
 
 
-def limits_figure(found: Record) -> "Figure | None":
+def limits_figure(record: Record) -> "Figure | None":
     """Mean differences with 90 % intervals against altitude, in units of the limit, a panel for each quantity.
 
     Example:
@@ -199,8 +199,8 @@ def limits_figure(found: Record) -> "Figure | None":
 
     from descentflow.reporting.figure_style import tidy
 
-    whole = _whole(found.rows)
-    by_level = [row for row in found.rows if row.minutes is None and row.limit and row not in whole]
+    whole = _whole(record.rows)
+    by_level = [row for row in record.rows if row.minutes is None and row.limit and row not in whole]
     names = list(dict.fromkeys(row.quantity for row in by_level))
     if not names:
         return None

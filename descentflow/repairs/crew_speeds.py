@@ -48,8 +48,8 @@ def crew_speeds(evidence: FlightEvidence, prior: dict[str, float]) -> dict[str, 
         >>> import polars as pl
         >>> from descentflow.aircraft_types.registry import aircraft
         >>> from descentflow.repairs.flight_evidence import flight_evidence
-        >>> found = flight_evidence(pl.read_parquet("descents.parquet"), aircraft("A320"))
-        >>> round(crew_speeds(found, {"des_mach": 0.77})["des_mach"].estimate, 2)
+        >>> evidence = flight_evidence(pl.read_parquet("descents.parquet"), aircraft("A320"))
+        >>> round(crew_speeds(evidence, {"des_mach": 0.77})["des_mach"].estimate, 2)
         0.77
     """
     held = _held(evidence)

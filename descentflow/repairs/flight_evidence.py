@@ -49,8 +49,8 @@ class FlightEvidence:
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
-        >>> found = flight_evidence(pl.read_parquet("descents.parquet"), aircraft("A320"))
-        >>> found.log_rate.shape, found.without_air
+        >>> evidence = flight_evidence(pl.read_parquet("descents.parquet"), aircraft("A320"))
+        >>> evidence.log_rate.shape, evidence.without_air
         (torch.Size([120, 11]), 0)
     """
 
@@ -96,8 +96,8 @@ class FlightEvidence:
 
         def at(moved: Array, mass: float = 1.0) -> Array:
             zero, two, idle = moved
-            found = self.expected(mass=mass, parasitic=np.exp(zero), induced=np.exp(two), idle=1 + idle)
-            return np.asarray(found.numpy())
+            expected = self.expected(mass=mass, parasitic=np.exp(zero), induced=np.exp(two), idle=1 + idle)
+            return np.asarray(expected.numpy())
 
         steps = STEP * np.eye(3)
         by_theta = np.stack([(at(theta + step) - at(theta - step)) / (2 * STEP) for step in steps], 2)
@@ -129,30 +129,30 @@ def flight_evidence(
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
-        >>> found = flight_evidence(pl.read_parquet("descents.parquet"), aircraft("A320"))
-        >>> bool((found.log_rate - found.expected()).nanmean().abs() < 0.2)
+        >>> evidence = flight_evidence(pl.read_parquet("descents.parquet"), aircraft("A320"))
+        >>> bool((evidence.log_rate - evidence.expected()).nanmean().abs() < 0.2)
         True
     """
     levels = frame["level_fl"].to_numpy()
     low, high = BAND_FL * math.ceil(float(levels.min()) / BAND_FL), float(levels.max())
     if high - low < BAND_FL:
         raise _nothing(aircraft)
-    found = measured(grid_of(frame, low, high, CHANNELS), BAND_FL)
-    state = state_of(found, aircraft, float(aircraft.mass_reference_kg))
-    rate = found.physics["log_rate"] - found.values["lag"].nan_to_num(0.0)
-    settled = found.physics["depth_m"] >= ASSUMED.settled_m
+    quantities = measured(grid_of(frame, low, high, CHANNELS), BAND_FL)
+    state = state_of(quantities, aircraft, float(aircraft.mass_reference_kg))
+    rate = quantities.physics["log_rate"] - quantities.values["lag"].nan_to_num(0.0)
+    settled = quantities.physics["depth_m"] >= ASSUMED.settled_m
     rate = torch.where(settled, rate, torch.nan)
     kept = torch.nonzero(rate.isfinite().any(1))[:, 0]
     if not len(kept):
         raise _nothing(aircraft)
-    found, state, rate = found.rows(kept), state.rows(kept), rate[kept]
-    deviation, slope, without = _own_air(frame if around is None else around, found)
-    turning = found.physics.get("turning", torch.zeros_like(rate)).nan_to_num(0.0)
+    quantities, state, rate = quantities.rows(kept), state.rows(kept), rate[kept]
+    deviation, slope, without = _own_air(frame if around is None else around, quantities)
+    turning = quantities.physics.get("turning", torch.zeros_like(rate)).nan_to_num(0.0)
     share = state.share_terms.factor(slope, deviation)
     tas = mach_to_tas_mps(state.mach(), state.altitude_m, deviation)
     shallow = rate.exp() / (isa_fraction(state.altitude_m, deviation) * tas * share) < SHALLOWEST
     rate = torch.where(shallow, torch.nan, rate)
-    return FlightEvidence(found, state, rate, deviation, slope, turning, without, int(shallow.sum()))
+    return FlightEvidence(quantities, state, rate, deviation, slope, turning, without, int(shallow.sum()))
 
 
 def _nothing(aircraft: PerformanceModel) -> DataError:
@@ -163,21 +163,21 @@ def _nothing(aircraft: PerformanceModel) -> DataError:
     )
 
 
-def _own_air(frame: pl.DataFrame, found: Quantities) -> tuple[Tensor, Tensor, int]:
+def _own_air(frame: pl.DataFrame, quantities: Quantities) -> tuple[Tensor, Tensor, int]:
     """Temperature deviation and growth of the wind (n, K) of each flight, and how many did not measure theirs."""
-    low, high = found.levels_fl
+    low, high = quantities.levels_fl
     levels = torch.arange(low, high + 1, dtype=torch.float64)
-    shape = found.physics["log_rate"].shape
+    shape = quantities.physics["log_rate"].shape
     try:
         airs = measured_airs(frame, levels)
     except DataError:
-        return torch.zeros(shape), torch.zeros(shape), len(found)
-    middle = found.altitude_m / FL_M
-    inside = ((levels[:, None] - middle).abs() <= found.band_fl / 2).double()
+        return torch.zeros(shape), torch.zeros(shape), len(quantities)
+    middle = quantities.altitude_m / FL_M
+    inside = ((levels[:, None] - middle).abs() <= quantities.band_fl / 2).double()
     inside = inside / inside.sum(0)
     slopes = airs.air.slopes(levels * FL_M).tailwind_per_s * airs.known
     by_name = {name: i for i, name in enumerate(airs.flight_ids)}
-    at = [by_name.get(name, -1) for name in found.names]
+    at = [by_name.get(name, -1) for name in quantities.names]
     both = []
     for values in (airs.air.deviation_k @ inside, slopes @ inside):
         filled = values.mean(0).expand(shape).clone()

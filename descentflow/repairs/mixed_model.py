@@ -72,8 +72,8 @@ class Sizes:
 
 
 def _alike(first_m: Array, second_m: Array) -> Array:
-    found: Array = np.exp(-0.5 * ((first_m[:, None] - second_m) / ASSUMED.length_m) ** 2)
-    return found
+    correlation: Array = np.exp(-0.5 * ((first_m[:, None] - second_m) / ASSUMED.length_m) ** 2)
+    return correlation
 
 
 @dataclass(frozen=True)
@@ -119,8 +119,8 @@ class Flights:
         """
         values, vectors = np.linalg.eigh(_alike(LEVELS_M, LEVELS_M))
         kept = values > LEAST_SHARE * values.max()
-        found: Array = _alike(self.altitude_m, LEVELS_M) @ vectors[:, kept] / np.sqrt(values[kept])
-        return found
+        columns: Array = _alike(self.altitude_m, LEVELS_M) @ vectors[:, kept] / np.sqrt(values[kept])
+        return columns
 
     def rows(self, index: np.ndarray) -> "Flights":
         """Some of the flights."""
@@ -171,11 +171,11 @@ def before_flights(flights: Flights, sizes: Sizes) -> MixedModelPosterior:
         (15, 15)
     """
     types, parts = flights.types, 3 + flights.shapes.shape[1]
-    found = np.zeros((types, parts, types, parts))
-    found[:, :3, :, :3] = type_covariance(flights.groups, sizes).reshape(types, 3, types, 3)
+    covariance = np.zeros((types, parts, types, parts))
+    covariance[:, :3, :, :3] = type_covariance(flights.groups, sizes).reshape(types, 3, types, 3)
     for kind in range(types):
-        found[kind, 3:, kind, 3:] = np.eye(parts - 3)
-    return MixedModelPosterior(np.zeros((types, parts)), found.reshape(types * parts, types * parts), sizes, 0.0)
+        covariance[kind, 3:, kind, 3:] = np.eye(parts - 3)
+    return MixedModelPosterior(np.zeros((types, parts)), covariance.reshape(types * parts, types * parts), sizes, 0.0)
 
 
 def type_covariance(groups: np.ndarray, sizes: Sizes) -> Array:
@@ -189,8 +189,8 @@ def type_covariance(groups: np.ndarray, sizes: Sizes) -> Array:
     weights = sizes.weights[: len(groups)]
     alike = [weight * (group[:, None] == group) for weight, group in zip(weights, groups, strict=True)]
     shared = sum(alike, (1.0 - sum(weights)) * np.eye(groups.shape[1]))
-    found: Array = sizes.scale**2 * np.kron(shared, PRIOR)
-    return found
+    covariance: Array = sizes.scale**2 * np.kron(shared, PRIOR)
+    return covariance
 
 
 def whitened(flights: Flights, sizes: Sizes) -> tuple[Array, Array]:
@@ -250,8 +250,8 @@ def fit(flights: Flights, first: Sizes = Sizes()) -> MixedModelPosterior:
         >>> x, one = np.broadcast_to(-np.array([0.7, 0.3, -0.1]), (300, 8, 3)), np.ones((300, 8))
         >>> y = x[:, :, 0] * 0.2 + 0.1 * rng.normal(size=(300, 1)) + 0.02 * rng.normal(size=(300, 8))
         >>> kinds, bands = np.zeros(300, int), np.arange(8) * 600.0
-        >>> found = fit(Flights(y, x, 0 * one, one > 0, kinds, np.arange(300), bands, np.zeros((0, 1), int)))
-        >>> bool(abs(x[0, 0] @ found.mean[0] + 0.14) < 0.02), round(found.sizes.white, 2)
+        >>> posterior = fit(Flights(y, x, 0 * one, one > 0, kinds, np.arange(300), bands, np.zeros((0, 1), int)))
+        >>> bool(abs(x[0, 0] @ posterior.mean[0] + 0.14) < 0.02), round(posterior.sizes.white, 2)
         (True, 0.02)
     """
     groups = len(flights.groups)
@@ -270,11 +270,11 @@ def fit(flights: Flights, first: Sizes = Sizes()) -> MixedModelPosterior:
         return 0.5 * float(strange @ strange) - posterior(flights, sizes_at(point)).log_likelihood
 
     start = np.concatenate([usual, np.zeros(groups)])
-    found = minimize(cost, start, method="L-BFGS-B", options={"maxiter": 60}).x
-    return posterior(flights, sizes_at(found))
+    likeliest = minimize(cost, start, method="L-BFGS-B", options={"maxiter": 60}).x
+    return posterior(flights, sizes_at(likeliest))
 
 
-def predictive_log_density(flights: Flights, found: MixedModelPosterior) -> Array:
+def predictive_log_density(flights: Flights, fitted: MixedModelPosterior) -> Array:
     """Log density (A,) of the flights of each new aircraft under a posterior, without the constant.
 
     Example:
@@ -284,12 +284,12 @@ def predictive_log_density(flights: Flights, found: MixedModelPosterior) -> Arra
         True
     """
     densities = []
-    gram, log = whitened(flights, found.sizes)
+    gram, log = whitened(flights, fitted.sizes)
     for tail in np.unique(flights.tail):
         mine = flights.tail == tail
-        total, one = gram[mine].sum(0), found.only(int(flights.kind[mine][0]))
+        total, one = gram[mine].sum(0), fitted.only(int(flights.kind[mine][0]))
         # The aircraft's level and the coefficients are one random effect of a new aircraft's flights.
-        prior = block_diag(one.covariance, [[found.sizes.aircraft**2]])
+        prior = block_diag(one.covariance, [[fitted.sizes.aircraft**2]])
         inner, cross = total[1:, 1:], total[1:, 0]
         shift = np.append(one.whole[0], 0.0)
         towards = cross - inner @ shift
@@ -306,9 +306,9 @@ def joined(parts: Sequence[Flights], groups: np.ndarray) -> Flights:
 
     def wide(part: Flights, name: str) -> Array:
         values: Array = getattr(part, name)
-        found = np.zeros((len(values), len(altitude), *values.shape[2:]), dtype=values.dtype)
-        found[:, np.searchsorted(altitude, part.altitude_m.round(3))] = values
-        return found
+        padded = np.zeros((len(values), len(altitude), *values.shape[2:]), dtype=values.dtype)
+        padded[:, np.searchsorted(altitude, part.altitude_m.round(3))] = values
+        return padded
 
     y, x, by_mass, seen = (
         np.concatenate([wide(part, name) for part in parts]) for name in ("y", "x", "by_mass", "seen")

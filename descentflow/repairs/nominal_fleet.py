@@ -17,7 +17,7 @@ USUAL = {"des_mach": 0.01, "des_cas_high_kt": 10.0}
 """Spread between aircraft of a speed that too few of them show."""
 
 
-def nominal_fleet(found: Repair) -> pl.DataFrame:
+def nominal_fleet(repair: Repair) -> pl.DataFrame:
     """Flights (400) in the columns of samples, by speeds and rates as the type's flights spread; the same every time.
 
     Example:
@@ -25,12 +25,12 @@ def nominal_fleet(found: Repair) -> pl.DataFrame:
         >>> nominal_fleet(repair("descents.parquet", aircraft="A320")).columns
         ['sample_id', 'level_fl', 'time_s', 'vertical_rate', 'CAS', 'Mach']
     """
-    after, sizes = found.after, found.posterior.sizes
+    after, sizes = repair.after, repair.posterior.sizes
     rng = np.random.default_rng(0)
-    levels = torch.arange(*found.levels_fl, STEP_FL, dtype=torch.float64)
+    levels = torch.arange(*repair.levels_fl, STEP_FL, dtype=torch.float64)
     altitude = levels * FL_M
     spread = {
-        one.name: (one.high - one.low) / (2 * WIDE) * one.aircraft**0.5 for one in found.estimates if one.aircraft
+        one.name: (one.high - one.low) / (2 * WIDE) * one.aircraft**0.5 for one in repair.estimates if one.aircraft
     }
     drawn = {
         name: torch.from_numpy(float(getattr(after, name)) + spread.get(name, usual) * rng.normal(size=(FLIGHTS, 1)))

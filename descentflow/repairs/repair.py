@@ -58,8 +58,8 @@ def repair(
         ConfigError: If the output cannot be written.
 
     Example:
-        >>> found = repair("descents.parquet", aircraft="A320")
-        >>> print(found)
+        >>> repaired = repair("descents.parquet", aircraft="A320")
+        >>> print(repaired)
         A320: 120 flights of 24 aircraft
           cd0_cr ...
     """
@@ -72,13 +72,13 @@ def repair(
     frame = FlightSource(flights, columns, say).descents().reported
     types, skipped = _types(frame, before, bada_dir, say)
     say("estimating")
-    found = fit_types(types)
+    posterior = fit_types(types)
     say("predicting aircraft that were not used")
     judged = held_out(types, _finished)
     after = before
     if judged.better:
         by = f"repaired by {judged.flights} flights of {judged.aircraft} aircraft; {before.source}"
-        after = replace(_finished(types[0], found.of(0)[0]), source=by)  # type: ignore[type-var]
+        after = replace(_finished(types[0], posterior.of(0)[0]), source=by)  # type: ignore[type-var]
     own = types[0]
     counts: dict[str, float] = {"flights_without_air": own.evidence.without_air, "powered_bands": own.evidence.powered}
     counts |= {f"share_with_{name}": share for name, share in own.unusual.items()}
@@ -86,9 +86,9 @@ def repair(
     result = Repair(
         before,
         after,
-        tuple(_estimates(before, own, found)),
+        tuple(_estimates(before, own, posterior)),
         judged,
-        found,
+        posterior,
         {one.aircraft.typecode: len(one.evidence) for one in types},
         counts,
         own.evidence.quantities.levels_fl,
@@ -102,9 +102,9 @@ def repair(
 
 
 def _known(typecode: str, bada_dir: str | Path | None) -> Repairable:
-    found = find_aircraft(typecode, bada_dir)
-    found.repaired_numbers()  # a type without refuses
-    return found
+    aircraft = find_aircraft(typecode, bada_dir)
+    aircraft.repaired_numbers()  # a type without refuses
+    return aircraft
 
 
 def _types(
@@ -112,7 +112,7 @@ def _types(
 ) -> tuple[list[TypeFlights], dict[str, int]]:
     """Flights of the type, then of its sisters (types with coefficients and the same kind of engines); and the rest."""
     counts = dict(frame.group_by("typecode").agg(pl.col("flight_id").n_unique()).iter_rows())
-    found, skipped = [], {}
+    types, skipped = [], {}
     for code in (before.typecode, *sorted(set(counts) - {before.typecode, None})):
         some = frame.filter(typecode=code)
         try:
@@ -126,12 +126,12 @@ def _types(
                     expected="flights of the type that is to be repaired",
                     mend="give --aircraft another type, or other flights",
                 )
-            found.append(type_flights(some, kind, frame))
+            types.append(type_flights(some, kind, frame))
         except (AircraftError, DataError):
             if code == before.typecode:
                 raise
             skipped[code] = counts[code]
-    flights, aircraft = sum(len(one.evidence) for one in found), len(np.unique(found[0].tails))
+    flights, aircraft = sum(len(one.evidence) for one in types), len(np.unique(types[0].tails))
     if flights < FEWEST_FLIGHTS or aircraft < FEWEST_AIRCRAFT:
         raise DataError(
             f"{flights} flights with whole bands of free descent, {aircraft} aircraft of {before.typecode}",
@@ -140,7 +140,7 @@ def _types(
             if aircraft < FEWEST_AIRCRAFT
             else "give more flights, or those of sister types beside them",
         )
-    return found, skipped
+    return types, skipped
 
 
 def _speeds(own: TypeFlights) -> dict[str, CrewSpeed]:
@@ -160,8 +160,8 @@ def _rounded(value: float) -> float:
     return float(f"{float(value):.{DIGITS}g}")
 
 
-def _estimates(before: Repairable, own: TypeFlights, found: MixedModelPosterior) -> list[CoefficientEstimate]:
-    mean, covariance = found.of(0)
+def _estimates(before: Repairable, own: TypeFlights, posterior: MixedModelPosterior) -> list[CoefficientEstimate]:
+    mean, covariance = posterior.of(0)
     spread = WIDE * np.sqrt(covariance.diagonal())
     made = []
     for name, (factor, value) in before.repaired_numbers().items():

@@ -51,8 +51,8 @@ class Repair:
 
     Example:
         >>> from descentflow.repairs.repair import repair
-        >>> found = repair("descents.parquet", aircraft="A320")
-        >>> found.changed, [one.name for one in found.estimates][:2]
+        >>> repaired = repair("descents.parquet", aircraft="A320")
+        >>> repaired.changed, [one.name for one in repaired.estimates][:2]
         (True, ['cd0_cr', 'cd2_cr'])
     """
 
@@ -84,9 +84,9 @@ class Repair:
 
     def __str__(self) -> str:
         """Estimates and errors in a few lines."""
-        found = self.held_out
+        score = self.held_out
         head = (
-            f"{self.before.typecode}: {found.flights:,} flights of {found.aircraft:,} aircraft"
+            f"{self.before.typecode}: {score.flights:,} flights of {score.aircraft:,} aircraft"
             f"{'' if self.changed else '; the file stays, for other aircraft are predicted no better'}"
         )
         lines = [
@@ -94,10 +94,10 @@ class Repair:
             for one in self.estimates
         ]
         time = (
-            f"  time at the flights' own speeds, aircraft not used: {found.time.before:+.1f} % before, "
-            f"{found.time.after:+.1f} % {'after' if self.changed else 'by these'} "
-            f"(90 %: {found.time.low:+.1f} to {found.time.high:+.1f}; "
-            f"chance {found.time.floor:.1f}); of single flights {found.absolute[0]:.1f} % and {found.absolute[1]:.1f} %"
+            f"  time at the flights' own speeds, aircraft not used: {score.time.before:+.1f} % before, "
+            f"{score.time.after:+.1f} % {'after' if self.changed else 'by these'} "
+            f"(90 %: {score.time.low:+.1f} to {score.time.high:+.1f}; "
+            f"chance {score.time.floor:.1f}); of single flights {score.absolute[0]:.1f} % and {score.absolute[1]:.1f} %"
         )
         gauge = f"  at the reference mass, {float(self.before.mass_reference_kg):,.0f} kg: flights do not tell the mass"
         return "\n".join([head, *lines, time, gauge])

@@ -44,11 +44,11 @@ FILES = {
 }
 
 
-def page(found: Repair, paths: Mapping[str, Path]) -> str:
+def page(repair: Repair, paths: Mapping[str, Path]) -> str:
     """The page as HTML.
 
     Args:
-        found: The repair.
+        repair: The repair.
         paths: Files beside it.
 
     Example:
@@ -56,29 +56,29 @@ def page(found: Repair, paths: Mapping[str, Path]) -> str:
         >>> page(repair("descents.parquet", aircraft="A320"), {})[:15]
         '<!doctype html>'
     """
-    judged = found.held_out
+    judged = repair.held_out
     figures = [
         ("Error of the rate of descent by level, before and after", "rate", "rate, model minus flights (ft/min)"),
         ("Error of the scheduled CAS by level, before and after", "cas", "scheduled CAS minus flights' (kt)"),
     ]
     return rendered(
         "repairs/repair.html.j2",
-        found=found,
+        repair=repair,
         judged=judged,
-        levels=_levels(found),
-        figures=[(alt, drawing(_level_figure(found, which, title))) for alt, which, title in figures],
-        changes=[[LABELS[one.name], *_numbers(one)] for one in found.estimates],
-        counts=[COUNTS[name].format(value) for name, value in found.counts.items() if name in COUNTS and value],
-        sisters=[f"{number} of {code}" for code, number in found.flights.items() if code != found.before.typecode],
+        levels=_levels(repair),
+        figures=[(alt, drawing(_level_figure(repair, which, title))) for alt, which, title in figures],
+        changes=[[LABELS[one.name], *_numbers(one)] for one in repair.estimates],
+        counts=[COUNTS[name].format(value) for name, value in repair.counts.items() if name in COUNTS and value],
+        sisters=[f"{number} of {code}" for code, number in repair.flights.items() if code != repair.before.typecode],
         files=[[paths[kind].name, what] for kind, what in FILES.items() if kind in paths],
-        sizes=_sizes(found),
+        sizes=_sizes(repair),
     )
 
 
-def _levels(found: Repair) -> list[list[str]]:
+def _levels(repair: Repair) -> list[list[str]]:
     rows = []
     for which, label, form in (("rate", "rate, ft/min", "+.0f"), ("cas", "scheduled CAS, kt", "+.1f")):
-        for level in found.held_out.levels:
+        for level in repair.held_out.levels:
             name = f"{label}, FL{level.level_fl:.0f} ({level.aircraft} aircraft)"
             rows.append([name, *_signed(getattr(level, which), form)])
     return rows
@@ -94,8 +94,8 @@ def _numbers(one: CoefficientEstimate) -> list[str]:
     return [f"{one.before:.4g}", f"{one.after:.4g}", changed, f"{one.low:.4g} to {one.high:.4g}", one.source]
 
 
-def _sizes(found: Repair) -> list[list[str]]:
-    sizes = found.posterior.sizes
+def _sizes(repair: Repair) -> list[list[str]]:
+    sizes = repair.posterior.sizes
     named = {
         "between aircraft": sizes.aircraft,
         "between flights of an aircraft": sizes.flight,
@@ -106,15 +106,15 @@ def _sizes(found: Repair) -> list[list[str]]:
     return [[name, f"{100 * size:.1f} %"] for name, size in named.items()]
 
 
-def _level_figure(found: Repair, which: str, title: str) -> "Figure":
+def _level_figure(repair: Repair, which: str, title: str) -> "Figure":
     from matplotlib.figure import Figure
 
     from descentflow.reporting.figure_style import BLUE, RED, say_why_empty, tidy
 
     figure = Figure(figsize=(WIDTH_IN, 3.4), layout="constrained")
     ax = figure.subplots()
-    levels = [level.level_fl for level in found.held_out.levels]
-    errors: Sequence[Error] = [getattr(level, which) for level in found.held_out.levels]
+    levels = [level.level_fl for level in repair.held_out.levels]
+    errors: Sequence[Error] = [getattr(level, which) for level in repair.held_out.levels]
     if not errors:
         say_why_empty(ax, "no level is shown by three aircraft")
     else:

@@ -62,42 +62,42 @@ def check_out(out: Path, typecode: str, own: Path | None) -> None:
         check_output(path if kind != "acm" else out)
 
 
-def write_repair(found: Repair, out: Path) -> list[Path]:
+def write_repair(repair: Repair, out: Path) -> list[Path]:
     """Write all files, each whole or not at all.
 
     Args:
-        found: The repair.
+        repair: The repair.
         out: Name of the TOML file; the others lie beside it, the OPF and APF by their usual names, so that the folder
             is a ``bada_dir``.
 
     Returns:
         The files.
     """
-    code = found.after.typecode
-    paths = paths_of(out, code, found.own)
-    profile, uncertainty = tables(nominal_fleet(found))
+    code = repair.after.typecode
+    paths = paths_of(out, code, repair.own)
+    profile, uncertainty = tables(nominal_fleet(repair))
     made = {"profile": {"aircraft": {code: profile}}, "uncertainty": {"aircraft": {code: uncertainty}}}
     texts = {kind: json.dumps({**made, "mapping": {code: code, "DEFAULT": code}}[kind], indent=1) for kind in KINDS}
-    texts["page"] = page(found, paths)
-    if isinstance(found.after, Bada3Aircraft):
-        texts |= {"toml": toml_text(found, found.after), "openap": openap_text(found.after)}
+    texts["page"] = page(repair, paths)
+    if isinstance(repair.after, Bada3Aircraft):
+        texts |= {"toml": toml_text(repair, repair.after), "openap": openap_text(repair.after)}
         for kind, write in (("opf", write_opf), ("apf", write_apf)):
-            write(found.after, paths[kind], found.own and found.own.with_suffix(f".{kind.upper()}"), found.last_day)
-    elif found.own is not None:
-        _write_bada4(found, found.own, paths)
+            write(repair.after, paths[kind], repair.own and repair.own.with_suffix(f".{kind.upper()}"), repair.last_day)
+    elif repair.own is not None:
+        _write_bada4(repair, repair.own, paths)
     for kind, text in texts.items():
         with whole_file(paths[kind]) as temporary:
             temporary.write_text(text, encoding="utf-8")
     return list(paths.values())
 
 
-def _write_bada4(found: Repair, acm: Path, paths: Mapping[str, Path]) -> None:
+def _write_bada4(repair: Repair, acm: Path, paths: Mapping[str, Path]) -> None:
     """The user's own XML file with the repaired numbers alone changed, and GPF.xml as it is."""
-    numbers = {one.name: one.after for one in found.estimates if found.changed}
+    numbers = {one.name: one.after for one in repair.estimates if repair.changed}
     factors = {name: numbers.get(name, 1.0) for name in FACTORS}
     speeds = {name: numbers[name] for name in SPEEDS if name in numbers}
     paths["acm"].parent.mkdir(exist_ok=True)
-    note = found.after.source.removesuffix(f"; {found.before.source}") if found.changed else ""
+    note = repair.after.source.removesuffix(f"; {repair.before.source}") if repair.changed else ""
     made = {
         "acm": changed_acm(acm, speeds, note, **factors),
         "gpf": (acm.parent.parent / GLOBAL_PARAMETERS).read_bytes(),
@@ -107,39 +107,39 @@ def _write_bada4(found: Repair, acm: Path, paths: Mapping[str, Path]) -> None:
             temporary.write_bytes(content)
 
 
-def toml_text(found: Repair, after: Bada3Aircraft) -> str:
+def toml_text(repair: Repair, after: Bada3Aircraft) -> str:
     """The type in the form of the open types, repaired numbers with a 90 % interval.
 
     Example:
         >>> from descentflow.repairs.repair import repair
         >>> import tomllib
-        >>> found = repair("descents.parquet", aircraft="A320")
-        >>> tomllib.loads(toml_text(found, found.after))["coefficients"]["cd0_cr"]["unit"]
+        >>> repaired = repair("descents.parquet", aircraft="A320")
+        >>> tomllib.loads(toml_text(repaired, repaired.after))["coefficients"]["cd0_cr"]["unit"]
         '1'
     """
-    judged = found.held_out
+    judged = repair.held_out
     units = {one.name: one.unit for one in open_type("A320").coefficients}
-    repaired = {one.name: one for one in found.estimates} if found.changed else {}
+    repaired = {one.name: one for one in repair.estimates} if repair.changed else {}
     flights = f"{judged.flights} flights of {judged.aircraft} aircraft"
     lines = [
-        f"# {after.typecode}, {_title(found)}; the numbers hold at the reference mass.",
+        f"# {after.typecode}, {_title(repair)}; the numbers hold at the reference mass.",
         f"summary = {json.dumps(after.source)}",
-        f"known_to_be_off = {json.dumps(found.what_stays)}",
+        f"known_to_be_off = {json.dumps(repair.what_stays)}",
         "",
         "[coefficients]",
     ]
     for one in fields(Bada3Aircraft):
         if one.name in units:
             value: Any = getattr(after, one.name)
-            entry = {"value": value, "unit": units[one.name], "source": found.before.source, "confidence": "unchecked"}
+            entry = {"value": value, "unit": units[one.name], "source": repair.before.source, "confidence": "unchecked"}
             if one.name in repaired:
                 entry |= _entry(repaired[one.name], flights)
             lines.append(f"{one.name} = {{ {', '.join(f'{k} = {json.dumps(v)}' for k, v in entry.items())} }}")
     return "\n".join(lines) + "\n"
 
 
-def _title(found: Repair) -> str:
-    return "repaired by descentflow" if found.changed else "as it was, for other aircraft are predicted no better"
+def _title(repair: Repair) -> str:
+    return "repaired by descentflow" if repair.changed else "as it was, for other aircraft are predicted no better"
 
 
 def _entry(one: CoefficientEstimate, flights: str) -> dict[str, Any]:

@@ -150,27 +150,27 @@ def unusual_shifts(evidence: FlightEvidence, aircraft: PerformanceModel) -> tupl
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
-        >>> found = flight_evidence(pl.read_parquet("descents.parquet"), aircraft("A320"))
-        >>> shifts, shares = unusual_shifts(found, aircraft("A320"))
+        >>> evidence = flight_evidence(pl.read_parquet("descents.parquet"), aircraft("A320"))
+        >>> shifts, shares = unusual_shifts(evidence, aircraft("A320"))
         >>> shifts.shape, shares
         ((120, 11), {})
     """
-    found = np.zeros(evidence.log_rate.shape)
+    shifts = np.zeros(evidence.log_rate.shape)
     log_rate = evidence.quantities.physics["log_rate"]
     physics = {**evidence.quantities.physics, "log_rate": torch.where(evidence.seen, log_rate, torch.nan)}
     try:
         compared = compare(None, replace(evidence.quantities, physics=physics), aircraft)
     except DataError:
-        return found, {}
+        return shifts, {}
     if "rate" not in compared.quantities():
-        return found, {}
+        return shifts, {}
     known = moments(compared)
     shapes = FlightShapes(compared, known, differing(EFFECTS))
     names = [one.name for one in shapes.candidates(Signatures(compared, known))]
     if names:
-        found[np.ix_(shapes.real.index, shapes.rates.bands)] = shapes.shifts_by_flight(names)
+        shifts[np.ix_(shapes.real.index, shapes.rates.bands)] = shapes.shifts_by_flight(names)
     shares = shapes.fit(shapes.real, tuple(names)).shares if names else {}
-    return found, {name: float(share) for name, share in shares.items()}
+    return shifts, {name: float(share) for name, share in shares.items()}
 
 
 def codes_of(types: Sequence[TypeFlights]) -> list[str]:
@@ -219,7 +219,7 @@ def fit_types(types: Sequence[TypeFlights]) -> MixedModelPosterior:
     """
     theta = np.zeros((len(codes_of(types)), 3))
     for _ in range(ROUNDS):
-        found = fit(linearised(types, theta))
-        theta = found.mean.copy()
+        posterior = fit(linearised(types, theta))
+        theta = posterior.mean.copy()
         theta[:, 2] = np.maximum(theta[:, 2], LEAST_IDLE)
-    return found
+    return posterior

@@ -86,8 +86,8 @@ class AirspeedErrors:
 
         Example:
             >>> frame = pl.read_parquet("descents.parquet").with_columns(airspeed_source=pl.lit("field"))
-            >>> found = AirspeedErrors.of(frame)
-            >>> found.wind_mps, found.measured, len(found.flight_ids)
+            >>> errors = AirspeedErrors.of(frame)
+            >>> errors.wind_mps, errors.measured, len(errors.flight_ids)
             (2.5, False, 120)
         """
         flights = frozenset(derived_flights(frame))

@@ -186,8 +186,8 @@ def fit_residuals(decoder: DescentDecoder, train: Profiles) -> Residuals:
         >>> import polars as pl
         >>> known = load_model("best.ckpt").representation
         >>> train = encode_flights(pl.read_parquet("descents.parquet"), known)["train"].profiles
-        >>> found = fit_residuals(known.decoder, train)
-        >>> bool((found.drag.square().sum(0).sqrt() < train.drag_n[:, 0].std()).all())  # less than of the flights
+        >>> residuals = fit_residuals(known.decoder, train)
+        >>> bool((residuals.drag.square().sum(0).sqrt() < train.drag_n[:, 0].std()).all())  # less than of the flights
         True
     """
     weights = decoder.encode(train)

@@ -80,8 +80,8 @@ class LinearCurves:
         >>> at_mean = torch.zeros(1, curves.loadings.shape[1], dtype=torch.float64)
         >>> mean = curves.scaled_profiles(at_mean)
         >>> seen = torch.ones_like(mean[0], dtype=torch.bool)
-        >>> found = curves.information(Observed(mean, seen))
-        >>> bool((found.shift.abs() < 1e-3).all())  # an observed mean profile does not move the weights
+        >>> information = curves.information(Observed(mean, seen))
+        >>> bool((information.shift.abs() < 1e-3).all())  # an observed mean profile does not move the weights
         True
     """
 

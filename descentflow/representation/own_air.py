@@ -49,9 +49,9 @@ def with_own_air(
         >>> frame, a320 = pl.read_parquet("descents.parquet"), aircraft("A320")
         >>> profiles = profiles_from_frame(frame, a320, bottom_fl=150, top_fl=340)
         >>> airs = measured_airs(frame, profiles.levels_fl)
-        >>> found = with_own_air(profiles, a320, airs, print)
-        >>> ratio = (found.drag_n / profiles.drag_n)[found.mask]  # the example's flights flew in standard air
-        >>> bool((ratio.median() - 1).abs() < 0.005), found.air.deviation_k.shape
+        >>> freed = with_own_air(profiles, a320, airs, print)
+        >>> ratio = (freed.drag_n / profiles.drag_n)[freed.mask]  # the example's flights flew in standard air
+        >>> bool((ratio.median() - 1).abs() < 0.005), freed.air.deviation_k.shape
         (True, torch.Size([120, 191]))
     """
     place = {flight: i for i, flight in enumerate(airs.flight_ids)}

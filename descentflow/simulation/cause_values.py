@@ -91,20 +91,20 @@ def completed(name: str, known: Mapping[str, Plantable], given: Values) -> dict[
                 expected=f"of {name}: {'; '.join(value.text for value in values)}",
                 mend="correct the name of the value",
             )
-    found = {value.name: float(given.get(value.name, value.default)) for value in values}
+    full = {value.name: float(given.get(value.name, value.default)) for value in values}
     for value in values:
-        if not (math.isfinite(found[value.name]) and value.low <= found[value.name] <= value.high):
+        if not (math.isfinite(full[value.name]) and value.low <= full[value.name] <= value.high):
             raise ConfigError(
-                f"{name} with {value.name}={found[value.name]:g}",
+                f"{name} with {value.name}={full[value.name]:g}",
                 expected=f"a finite number{_bounds(value)}",
                 mend="correct the value",
             )
-    why = impossible(found)
+    why = impossible(full)
     if why is not None:
         raise ConfigError(
-            f"{name} with {', '.join(f'{k}={v:g}' for k, v in found.items())}", expected=why, mend="correct the values"
+            f"{name} with {', '.join(f'{k}={v:g}' for k, v in full.items())}", expected=why, mend="correct the values"
         )
-    return found
+    return full
 
 
 def _bounds(value: CauseValue) -> str:

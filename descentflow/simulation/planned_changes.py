@@ -222,8 +222,8 @@ def draw_off_idle(numbers: Sequence[int], seed: int, config: WorldConfig, top_m:
 
 def uniform_of(numbers: Sequence[int], seed: int, streams: Sequence[int], *shape: int) -> Tensor:
     """Uniform numbers (n, ...) of each flight, day or airframe, of its own number and some streams."""
-    found = [np.random.default_rng((seed, number, *streams)).random(shape) for number in numbers]
-    return torch.from_numpy(np.array(found).reshape(-1, *shape))
+    drawn = [np.random.default_rng((seed, number, *streams)).random(shape) for number in numbers]
+    return torch.from_numpy(np.array(drawn).reshape(-1, *shape))
 
 
 def _no_columns(numbers: Sequence[int], n: int) -> list[Tensor]:

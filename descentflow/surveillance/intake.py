@@ -65,11 +65,11 @@ def take_in(
         [10000, 10000, 3216]
     """
     read = DropReport()
-    found: dict[str, None] = {}
+    types: dict[str, None] = {}
     names: list[pl.DataFrame] = []
     parts: list[DropReport] = []
     for block in _ahead(_blocks(sources, read, request, block_rows, alone)):
-        found |= dict.fromkeys(block.columns)
+        types |= dict.fromkeys(block.columns)
         parts.append(DropReport())
         good = usable(block, parts[-1], request.airspeeds.needed if request.airspeeds else ())
         names.append(names_given(good))
@@ -77,7 +77,7 @@ def take_in(
             names = [pl.concat(names).unique()]
         keep(good)
     read.extend(parts)
-    return Intake(tuple(found), read, pl.concat(names).unique())
+    return Intake(tuple(types), read, pl.concat(names).unique())
 
 
 def clean_held(

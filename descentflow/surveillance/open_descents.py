@@ -245,12 +245,12 @@ def _existing(source: Any) -> list[Path]:
 
 def _expanded(paths: Sequence[Path]) -> list[Path]:
     """The prepared files of a folder in place of the folder; a folder without any stands for itself."""
-    found: list[Path] = []
+    prepared: list[Path] = []
     for path in paths:
         parquet = [] if not path.is_dir() or is_prepared(path) else sorted(path.glob("*.parquet"))
         inside = [one for one in parquet if not one.name.startswith(".")]  # hidden: what a killed run left
-        found += inside if any(is_prepared(one) for one in inside) else [path]
-    return found
+        prepared += inside if any(is_prepared(one) for one in inside) else [path]
+    return prepared
 
 
 def _in_memory(source: Any) -> tuple[Descents, ...]:
@@ -274,9 +274,9 @@ def _compare_settings(settings: Mapping[str, Cleaning | None], mend: str) -> Non
     known = {name: cleaning for name, cleaning in settings.items() if cleaning is not None}
     unknown = [name for name in settings if name not in known]
     if unknown:
-        found = f"the cleaning settings of {' and '.join(unknown)} are unknown and may differ from the other side's"
+        doubt = f"the cleaning settings of {' and '.join(unknown)} are unknown and may differ from the other side's"
     elif words := differences_in_words(known):
-        found = f"descents of different cleaning settings: {words}"
+        doubt = f"descents of different cleaning settings: {words}"
     else:
         return
-    warn(f"{found}; what the settings change shows as a difference of flight; {mend}")
+    warn(f"{doubt}; what the settings change shows as a difference of flight; {mend}")

@@ -166,13 +166,13 @@ def _parts(
     """Rows of each source in its format, in parts; files that cannot be read are left to `unreadable`."""
     for source in sources:
         if isinstance(source, pl.DataFrame):
-            found, parts = held_parts(source, TABLE_IN_MEMORY, report, block_rows, named)
-            yield from (RowBlock(rows, found, TABLE_IN_MEMORY, number == 0) for number, rows in enumerate(parts))
+            known, parts = held_parts(source, TABLE_IN_MEMORY, report, block_rows, named)
+            yield from (RowBlock(rows, known, TABLE_IN_MEMORY, number == 0) for number, rows in enumerate(parts))
             continue
         with unreadable.watch(source):
-            found, parts = recognised(replace(unpacked(source), columns=named), report, format, block_rows)
+            known, parts = recognised(replace(unpacked(source), columns=named), report, format, block_rows)
             for number, rows in enumerate(parts):
-                yield RowBlock(rows, found, source.label, number == 0)
+                yield RowBlock(rows, known, source.label, number == 0)
 
 
 def _normalised(

@@ -73,9 +73,9 @@ def grouped(options: Mapping[str, Any], groups: Mapping[str, type]) -> dict[str,
         {'air': 'measured', 'split': {'split_by': 'aircraft', 'seed': 3}}
     """
     group_of = {one.name: name for name, group in groups.items() for one in fields(group)}
-    found = {name: value for name, value in options.items() if name not in group_of}
+    in_groups = {name: value for name, value in options.items() if name not in group_of}
     for name, value in options.items():
         if name in group_of:
-            before = found.get(group_of[name]) or {}
-            found[group_of[name]] = {**(vars(before) if is_dataclass(before) else before), name: value}
-    return found
+            before = in_groups.get(group_of[name]) or {}
+            in_groups[group_of[name]] = {**(vars(before) if is_dataclass(before) else before), name: value}
+    return in_groups

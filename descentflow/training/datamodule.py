@@ -217,14 +217,14 @@ class DescentDataModule(LightningDataModule):
         flights = self._read(done)
         done.say("fitting components")
         train = one_part(flights.profiles, flights.split, "train")
-        found = fit_representation(
+        fitted = fit_representation(
             train, flights.aircraft, flights.split, self.components, mass_kg=self.mass_kg, **flights.known
         )
         done.say("encoding flights")
         self._parts = encode_parts(
-            flights.profiles, flights.split, found.decoder, flights.contexts, found.context, rank_zero_info
+            flights.profiles, flights.split, fitted.decoder, flights.contexts, fitted.context, rank_zero_info
         )
-        return found
+        return fitted
 
     def _read(self, done: Stage) -> "_FitFlights":
         """All that is wanted of the rows, which are let go then: a gigabyte for forty thousand flights."""

@@ -117,8 +117,8 @@ def fit(
             data.setup()
 
             def fitted(name: str, split: DescentDataModule) -> Density:
-                found: Density = fit(split, name, seed=seed, max_epochs=max_epochs, final=False, device=device).density
-                return found
+                best: Density = fit(split, name, seed=seed, max_epochs=max_epochs, final=False, device=device).density
+                return best
 
             model, chosen = most_probable(data, fitted)
             settings = _settings(model, max_epochs)

@@ -48,13 +48,13 @@ def model_of_file(path: str | Path) -> type[LatentModel[Any]]:
 def _only_model(path: str | Path) -> type[LatentModel[Any]]:
     module = module_of_file(path, "a density and its model")
     own = [kind for kind in vars(module).values() if inspect.isclass(kind) and kind.__module__ == module.__name__]
-    found = [kind for kind in own if issubclass(kind, LatentModel) and not inspect.isabstract(kind)]
+    kinds = [kind for kind in own if issubclass(kind, LatentModel) and not inspect.isabstract(kind)]
     taken = [kind.__name__ for kind in own if kind.__name__ in {*MODULES, *models.MODULES}]
-    if taken or len(found) != 1:
-        what = f"{taken[0]}, a name that is taken" if taken else f"{len(found) or 'no'} models"
+    if taken or len(kinds) != 1:
+        what = f"{taken[0]}, a name that is taken" if taken else f"{len(kinds) or 'no'} models"
         raise ConfigError(
             f"{path}: {what}",
             expected="one class that derives from descentflow.training.models.LatentModel, with a name of its own",
             mend="rename it" if taken else "keep one model in a file, as the page on densities does",
         )
-    return found[0]
+    return kinds[0]

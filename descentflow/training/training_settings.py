@@ -100,19 +100,19 @@ def training_settings(name: str | Path) -> TrainingSettings:
             expected=f"{', '.join(NAMES)}, a model such as Gaussian(), a YAML file of settings, or a model's .py file",
             mend=f"did you mean {near!r}?" if near else "choose one of them",
         ) from error
-    found = read_settings(path)
-    model = found.get("model")
+    settings = read_settings(path)
+    model = settings.get("model")
     if not isinstance(model, Mapping) or "class_path" not in model:
         raise ConfigError(f"{path} without a model", expected="model: class_path: ...", mend="name the model's class")
-    trainer = dict(found.get("trainer") or {})
+    trainer = dict(settings.get("trainer") or {})
     # A fit from Python writes no logs: where they would go is a matter of the command line.
     trainer.pop("logger", None)
     callbacks = trainer.pop("callbacks", None) or []
     return TrainingSettings(
         model["class_path"],
         dict(model.get("init_args") or {}),
-        dict(found.get("data") or {}),
-        CHECKPOINT_DEFAULTS | (found.get("checkpoint") or {}),
+        dict(settings.get("data") or {}),
+        CHECKPOINT_DEFAULTS | (settings.get("checkpoint") or {}),
         TRAINER_DEFAULTS | trainer,
         tuple((one["class_path"], dict(one.get("init_args") or {})) for one in callbacks),
     )

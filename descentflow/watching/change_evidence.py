@@ -82,9 +82,9 @@ def evidence(days: DayMeans, reference: int) -> Evidence:
 
     Example:
         >>> mean = np.where(np.arange(60) < 40, 0.0, 3.0)[:, None] + np.random.default_rng(0).normal(size=(60, 1))
-        >>> found = evidence(DayMeans(mean, np.full((60, 1), 0.1)), 20)
-        >>> alarm = found.first_alarm(0.05)
-        >>> alarm, found.dates(alarm)[0]
+        >>> weighed = evidence(DayMeans(mean, np.full((60, 1), 0.1)), 20)
+        >>> alarm = weighed.first_alarm(0.05)
+        >>> alarm, weighed.dates(alarm)[0]
         (43, 41)
     """
     n, quantities = days.mean.shape
@@ -107,7 +107,7 @@ def evidence(days: DayMeans, reference: int) -> Evidence:
 def _of_quantity(mean: Numbers, within: Numbers, reference: int) -> Numbers:
     """Logarithms of B (shapes, sizes, n, n) of one quantity: seen from a day (rows), of a change on a day (columns)."""
     n = len(mean)
-    found = np.zeros((len(SHAPES), len(SIZES), n, n))
+    logs = np.zeros((len(SHAPES), len(SIZES), n, n))
     seen = np.isfinite(mean) & np.isfinite(within)
     seen_before = int(seen[:reference].sum())
     if seen_before >= MIN_REFERENCE:
@@ -118,10 +118,10 @@ def _of_quantity(mean: Numbers, within: Numbers, reference: int) -> Numbers:
         # A day that shows nothing of the quantity leaves what was known before.
         last = np.searchsorted(at, np.arange(n), side="right") - 1
         filled = own[:, :, np.maximum(last, 0)]
-        found = np.where((last >= 0)[None, None, :, None], filled, 0.0)
+        logs = np.where((last >= 0)[None, None, :, None], filled, 0.0)
     later = np.arange(n)[None, :] > np.arange(n)[:, None]
-    found[..., later | (np.arange(n) < reference)[None, :]] = -np.inf
-    return found
+    logs[..., later | (np.arange(n) < reference)[None, :]] = -np.inf
+    return logs
 
 
 MIN_REFERENCE = 8
@@ -147,7 +147,7 @@ def _log_factors(root: Numbers, mean: Numbers, day: NDArray[np.int64], usual: fl
     a, b, c = (np.cumsum(x) for x in (ones * ones, ones * y, y * y))
     rest = np.maximum(c - b * b / a, 1e-300)
     count = np.arange(1, len(mean) + 1)
-    found = []
+    logs = []
     since = day[:, None] - np.arange(days)[None, :] + 1.0
     for shape in SHAPES:
         moved = np.where(since > 0, 1.0 if shape == "step" else np.maximum(since, 0.0) / DRIFT_DAYS, 0.0)
@@ -159,9 +159,9 @@ def _log_factors(root: Numbers, mean: Numbers, day: NDArray[np.int64], usual: fl
             part = g / (1.0 + g * xx)
             a1, b1, c1 = a[:, None] - part * x1 * x1, b[:, None] - part * x1 * xy, c[:, None] - part * xy * xy
             rest1 = np.maximum(c1 - b1 * b1 / a1, 1e-300)
-            found.append(
+            logs.append(
                 -0.5 * np.log1p(g * xx)
                 - 0.5 * np.log(a1 / a[:, None])
                 - 0.5 * (count[:, None] - 1) * np.log(rest1 / rest[:, None])
             )
-    return np.stack(found).reshape(len(SHAPES), len(SIZES), len(mean), days)
+    return np.stack(logs).reshape(len(SHAPES), len(SIZES), len(mean), days)

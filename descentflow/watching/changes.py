@@ -13,22 +13,22 @@ SHOWN = 0.05
 """Weight from which a quantity is named among those that changed."""
 
 
-def change_of(days: pl.DataFrame, found: Evidence, alarm: int) -> dict[str, Any]:
+def change_of(days: pl.DataFrame, evidence: Evidence, alarm: int) -> dict[str, Any]:
     """The change that the evidence of a day speaks for.
 
     Args:
         days: In order, up to the last one.
-        found: Evidence after each.
+        evidence: Evidence after each.
         alarm: Day of the alarm, by position.
 
     Returns:
         Plain values for `alarm.json`: day of the alarm; day of the change with a 90 % interval; ``step`` or ``drift``;
         quantities that show it with their changes; and its size in seconds and kilograms.
     """
-    likeliest, first, last = found.dates(alarm)
+    likeliest, first, last = evidence.dates(alarm)
     names = days["day"].to_list()
-    shape = SHAPES[int(found.shape[alarm].argmax())]
-    weight = np.exp(found.quantity[alarm] - np.logaddexp.reduce(found.quantity[alarm]))
+    shape = SHAPES[int(evidence.shape[alarm].argmax())]
+    weight = np.exp(evidence.quantity[alarm] - np.logaddexp.reduce(evidence.quantity[alarm]))
     before, after = days[:likeliest], days[likeliest : alarm + 1]
     shown = []
     for (quantity, (label, unit, factor)), share in zip(WATCHED.items(), weight.tolist(), strict=True):
@@ -47,7 +47,7 @@ def change_of(days: pl.DataFrame, found: Evidence, alarm: int) -> dict[str, Any]
             "after": names[likeliest],
         },
         "shape": shape,
-        "log_e": round(float(found.log_e[alarm]), 3),
+        "log_e": round(float(evidence.log_e[alarm]), 3),
         "shown_by": sorted(shown, key=lambda one: -float(one["weight"])),
         "size": {f"{name} ({UNITS[name]})": round(_of_parts(before, after, name), 2) for name in SIZES},
     }

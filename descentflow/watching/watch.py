@@ -155,10 +155,10 @@ def _judged(
     """Evidence of all days, and the alarm: the one that stands, or a new one with its cause."""
     days = folder.days()
     counted = days.filter(pl.col("day") >= (settings.since or "")) if len(days) else days
-    found = evidence(means_of(counted), settings.reference_days) if len(counted) else None
+    weighed = evidence(means_of(counted), settings.reference_days) if len(counted) else None
     stood, is_new = folder.alarm(), False
-    first = None if found is None else found.first_alarm(settings.false_alarms)
-    alarm = None if found is None or first is None else change_of(counted, found, first)
+    first = None if weighed is None else weighed.first_alarm(settings.false_alarms)
+    alarm = None if weighed is None or first is None else change_of(counted, weighed, first)
     if alarm is None or stood is None or {**stood, "cause": None} != {**alarm, "cause": None}:
         # Days may have come late: what stands follows from the days alone.
         if alarm is not None:
@@ -168,20 +168,22 @@ def _judged(
         folder.keep_alarm(alarm)
     else:
         alarm = stood
-    lines = _lines(counted, found, settings, sorted(new))
+    lines = _lines(counted, weighed, settings, sorted(new))
     result = Watch(lines, left_out, alarm, is_new, settings, days)
     # Each time: a run that was killed may have left the page of the day before.
     with whole_file(folder.folder / PAGE) as temporary:
-        temporary.write_text(page(result, counted, found), encoding="utf-8")
+        temporary.write_text(page(result, counted, weighed), encoding="utf-8")
     return result
 
 
-def _lines(days: pl.DataFrame, found: Evidence | None, settings: WatchSettings, new: list[str]) -> list[dict[str, Any]]:
+def _lines(
+    days: pl.DataFrame, weighed: Evidence | None, settings: WatchSettings, new: list[str]
+) -> list[dict[str, Any]]:
     """Day, flights and evidence of each new day."""
     lines = []
     for i, line in enumerate(days.iter_rows(named=True)):
-        if line["day"] in new and found is not None:
-            log_e = float(found.log_e[i])
+        if line["day"] in new and weighed is not None:
+            log_e = float(weighed.log_e[i])
             lines.append(
                 {
                     "day": line["day"],

@@ -18,33 +18,33 @@ WEEK = 7
 """Days within which a change is said to be seen."""
 
 
-def page(found: Watch, counted: pl.DataFrame, weighed: Evidence | None) -> str:
+def page(watch: Watch, counted: pl.DataFrame, weighed: Evidence | None) -> str:
     """The whole page.
 
     Args:
-        found: What the run found.
+        watch: What the run found.
         counted: Days that count, in order.
         weighed: Evidence after each; None where there is none.
     """
     days = means_of(counted)
-    shown = found.alarm["shown_by"] if found.alarm else []
+    shown = watch.alarm["shown_by"] if watch.alarm else []
     figures = []
     if weighed is not None:
-        figures.append(("Evidence of a change, day by day.", drawing(_evidence_figure(found, weighed))))
+        figures.append(("Evidence of a change, day by day.", drawing(_evidence_figure(watch, weighed))))
     for q, (label, _, _) in enumerate(WATCHED.values()):
         if np.isfinite(days.mean[:, q]).any():
-            figures.append((f"{label}, day by day.", drawing(_day_figure(found, counted, days, q))))
+            figures.append((f"{label}, day by day.", drawing(_day_figure(watch, counted, days, q))))
     return rendered(
         "watching/watch.html.j2",
-        found=found,
-        standing=standing(found)[:1].upper() + standing(found)[1:],
+        watch=watch,
+        standing=standing(watch)[:1].upper() + standing(watch)[1:],
         shown=[[one["label"], f"{one['change']:+.3g} {one['unit']}", f"{100 * one['weight']:.0f} %"] for one in shown],
         figures=figures,
-        hidden=hidden(days, found.settings.reference_days, found.settings.false_alarms),
+        hidden=hidden(days, watch.settings.reference_days, watch.settings.false_alarms),
         first=counted["day"][0] if len(counted) else "",
         last=counted["day"][-1] if len(counted) else "",
         flights=f"{int(counted['flights'].sum()):,}" if len(counted) else "0",
-        left_out=list(found.left_out.items()),
+        left_out=list(watch.left_out.items()),
     )
 
 
@@ -71,17 +71,17 @@ def hidden(days: DayMeans, reference: int, false_alarms: float) -> list[list[str
     return rows
 
 
-def _evidence_figure(found: Watch, weighed: Evidence) -> "Figure":
+def _evidence_figure(watch: Watch, weighed: Evidence) -> "Figure":
     """Logarithm of the evidence by day, with the threshold."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(3.4, 2.6), layout="constrained")
     ax = figure.subplots()
     ax.plot(weighed.log_e, color="#0072b2")
-    threshold = -np.log(found.settings.false_alarms)
+    threshold = -np.log(watch.settings.false_alarms)
     ax.axhline(threshold, color="#d55e00", linestyle="--")
     ax.annotate("alarm", (0, threshold), color="#d55e00", fontsize=9, va="bottom")
-    ax.axvspan(-0.5, found.settings.reference_days - 0.5, color="#eeeeee")
+    ax.axvspan(-0.5, watch.settings.reference_days - 0.5, color="#eeeeee")
     ax.set_ylim(
         min(-1.0, float(weighed.log_e.min())), max(2 * threshold, min(float(weighed.log_e.max()), 10 * threshold))
     )
@@ -89,20 +89,20 @@ def _evidence_figure(found: Watch, weighed: Evidence) -> "Figure":
     return _finished(figure, "day", "ln of the evidence")
 
 
-def _day_figure(found: Watch, counted: pl.DataFrame, days: DayMeans, q: int) -> "Figure":
+def _day_figure(watch: Watch, counted: pl.DataFrame, days: DayMeans, q: int) -> "Figure":
     """A day's mean difference with its 90 % interval, the reference shaded, the change marked."""
     from matplotlib.figure import Figure
 
     label, unit, scale = list(WATCHED.values())[q]
     figure = Figure(figsize=(3.4, 2.6), layout="constrained")
     ax = figure.subplots()
-    ax.axvspan(-0.5, found.settings.reference_days - 0.5, color="#eeeeee")
+    ax.axvspan(-0.5, watch.settings.reference_days - 0.5, color="#eeeeee")
     half = 1.645 * scale * np.sqrt(days.within[:, q])
     ax.errorbar(
         np.arange(len(counted)), scale * days.mean[:, q], half, fmt="o", markersize=2.5, linewidth=0.7, color="#0072b2"
     )
-    if found.alarm and found.alarm["change"]["day"] in counted["day"]:
-        ax.axvline(counted["day"].to_list().index(found.alarm["change"]["day"]) - 0.5, color="#d55e00", linestyle="--")
+    if watch.alarm and watch.alarm["change"]["day"] in counted["day"]:
+        ax.axvline(counted["day"].to_list().index(watch.alarm["change"]["day"]) - 0.5, color="#d55e00", linestyle="--")
     ax.set_title(label, fontsize=9, wrap=True)
     return _finished(figure, "day", unit)
 

@@ -23,10 +23,10 @@ class Watch:
 
     Example:
         >>> from descentflow.watching.watch import watch
-        >>> found = watch("A320", "descents.parquet", state="watched-once")
-        >>> found.alarm is None, len(found.new_days)
+        >>> watched = watch("A320", "descents.parquet", state="watched-once")
+        >>> watched.alarm is None, len(watched.new_days)
         (True, 5)
-        >>> print(found)
+        >>> print(watched)
         5 days against nominal A320, 5 of them new: no alarm; 25 more days until the reference is whole.
     """
 
@@ -44,11 +44,11 @@ class Watch:
         return "\n".join([*lines, *(f"left out: {name}: {why}" for name, why in self.left_out.items())])
 
 
-def standing(found: Watch) -> str:
+def standing(watched: Watch) -> str:
     """The alarm that stands in words, or that there is none."""
-    alarm, settings = found.alarm, found.settings
+    alarm, settings = watched.alarm, watched.settings
     if alarm is None:
-        counted = found.days.filter(pl.col("day") >= (settings.since or ""))
+        counted = watched.days.filter(pl.col("day") >= (settings.since or ""))
         short = settings.reference_days - len(counted)
         return f"no alarm; {short} more days until the reference is whole." if short > 0 else "no alarm."
     change = alarm["change"]

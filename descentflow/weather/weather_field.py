@@ -61,8 +61,8 @@ class WeatherField:
         Raises:
             DataError: If a variable is missing, or one component of the wind.
         """
-        found = {name: _steps(files, name) for name in VARIABLE_NAMES}
-        self._steps = {name: steps for name, steps in found.items() if steps}
+        by_name = {name: _steps(files, name) for name in VARIABLE_NAMES}
+        self._steps = {name: steps for name, steps in by_name.items() if steps}
         wanted = {*needed, *(() if {EAST, NORTH}.isdisjoint(self._steps) else (EAST, NORTH))}
         for absent in (name for name in VARIABLE_NAMES if name in wanted and name not in self._steps):
             paths = ", ".join(dict.fromkeys(file.path for file in files))
@@ -128,7 +128,7 @@ class WeatherField:
             DataError: If a file is damaged.
         """
         steps, (unix_s, *_) = self._steps[name], np.broadcast_arrays(*points)
-        found = np.full(unix_s.shape, np.nan)
+        values = np.full(unix_s.shape, np.nan)
         times, last = np.array([step.unix_s or 0.0 for step in steps]), len(steps) - 1
         before = np.searchsorted(times, unix_s, side="right").clip(1, max(last, 1)) - 1
         gap = times[(before + 1).clip(max=last)] - times[before]
@@ -140,8 +140,8 @@ class WeatherField:
             share = (some.unix_s - times[number]) / (times[then] - times[number]) if then > number else 0.0
             low, high = (self._interpolated(name, steps[k], some, blank) for k in (number, then))
             # A share of 0 or 1 needs one of them alone, which may be there where the other is missing.
-            found[here] = np.where(share == 0, low, np.where(share == 1, high, (1 - share) * low + share * high))
-        return found
+            values[here] = np.where(share == 0, low, np.where(share == 1, high, (1 - share) * low + share * high))
+        return values
 
     def check(self, points: Points) -> None:
         """Refuse points at which something is not known.
@@ -171,8 +171,8 @@ class WeatherField:
 
         held = grid() if blank else self._grids[name].get(step.unix_s, grid)
         eastwards = (points.longitude - west) % 360 + west
-        found: Array = held(np.stack([points.level_fl, points.latitude, eastwards], -1))
-        return found
+        between: Array = held(np.stack([points.level_fl, points.latitude, eastwards], -1))
+        return between
 
     def _values(self, name: str, step: "_Step") -> Array:
         """Field (k, p, q) of a time, which must be the same wherever it is."""
@@ -220,16 +220,16 @@ class _Step(NamedTuple):
 
 def _steps(files: Sequence[WeatherFile], name: str) -> list[_Step]:
     """Times at which a variable is known, in order, each once; one without a time stands for all."""
-    found: dict[float | None, _Step] = {}
+    steps: dict[float | None, _Step] = {}
     for file in files:
         if name in file.variables:
             for number, time in enumerate([None] if file.unix_s is None else file.unix_s.tolist()):
                 step = _Step(time, file, number, [])
-                if found.setdefault(time, step) is not step:
-                    found[time].again.append(step)
-    if None in found and len(found) > 1:
-        raise unusable(f"{found[None].file.path} without a time beside files of a time")
-    return sorted(found.values(), key=lambda step: step.unix_s or 0.0)
+                if steps.setdefault(time, step) is not step:
+                    steps[time].again.append(step)
+    if None in steps and len(steps) > 1:
+        raise unusable(f"{steps[None].file.path} without a time beside files of a time")
+    return sorted(steps.values(), key=lambda step: step.unix_s or 0.0)
 
 
 def _shown(points: Points) -> str:

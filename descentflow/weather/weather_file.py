@@ -62,11 +62,11 @@ class WeatherFile:
                 variable = variable.isel({self._time: number})
             versions = [variable.isel({VERSION: i}) for i in range(variable.sizes.get(VERSION, 0))] or [variable]
             variable = reduce(lambda one, other: one.fillna(other), versions)
-            found = layout.values_of(variable.transpose(*self._places), name, self.path)
+            values = layout.values_of(variable.transpose(*self._places), name, self.path)
         for along, (axis, place) in enumerate(self._places.items()):
-            if not same(found, found.take(place.first, along)):
+            if not same(values, values.take(place.first, along)):
                 raise layout.unusable(f"{self.path}: two values of {variable.name} at a place that {axis} has twice")
-        return found[np.ix_(*(place.order for place in self._places.values()))]
+        return values[np.ix_(*(place.order for place in self._places.values()))]
 
 
 @contextmanager
@@ -109,11 +109,11 @@ def weather_file_of(data: Any, path: str) -> WeatherFile:
     time = named.pop("time", None)
     along = None if time is None else str(data[time].dims[0])
     dimensions = {*named.values(), *([] if along is None else [along])}
-    found = ((name, layout.variable_of(data, name, dimensions, path)) for name in VARIABLE_NAMES)
+    variables = ((name, layout.variable_of(data, name, dimensions, path)) for name in VARIABLE_NAMES)
     return WeatherFile(
         path,
         None if time is None else layout.seconds_of(data[time], path),
-        {name: variable for name, variable in found if variable is not None},
+        {name: variable for name, variable in variables if variable is not None},
         along,
         {name: layout.place_axis(data[name], axis, path) for axis, name in named.items()},
     )
@@ -128,10 +128,10 @@ def weather_files(source: WeatherSource) -> list[Path]:
     """The files that a path stands for: itself, or those of a folder, or several."""
     paths = [Path(one) for one in ([source] if isinstance(source, str | Path) else source)]
     files = (sorted(path.iterdir()) if path.is_dir() else [path] for path in paths)
-    found = [file for file in chain(*files) if file in paths or file.suffix.lower() in SUFFIXES]
-    if not found:
+    usable = [file for file in chain(*files) if file in paths or file.suffix.lower() in SUFFIXES]
+    if not usable:
         raise layout.unusable(f"no file of weather ({', '.join(SUFFIXES)}) in {source}")
-    return found
+    return usable
 
 
 @cache

@@ -81,12 +81,12 @@ class Axis(NamedTuple):
 
 def axis_name(data: Any, axis: str, path: str) -> str | None:
     """Name of the coordinate that is an axis of a dataset; None for a time that it has not."""
-    found = [name for name in AXES[axis] if name in data.coords]
-    if not found and axis != "time":
+    coordinates = [name for name in AXES[axis] if name in data.coords]
+    if not coordinates and axis != "time":
         raise unusable(f"{path} without a coordinate {' or '.join(AXES[axis])}")
-    if found and data[found[0]].ndim > 1:
-        raise unusable(f"{path}: {found[0]} over {', '.join(data[found[0]].dims)}")
-    return found[0] if found else None
+    if coordinates and data[coordinates[0]].ndim > 1:
+        raise unusable(f"{path}: {coordinates[0]} over {', '.join(data[coordinates[0]].dims)}")
+    return coordinates[0] if coordinates else None
 
 
 def place_axis(coordinate: Any, axis: str, path: str) -> Axis:
@@ -116,12 +116,12 @@ def seconds_of(time: Any, path: str) -> Array:
 
 def variable_of(data: Any, standard: str, dimensions: set[str], path: str) -> Any | None:
     """The variable of a standard name over all dimensions; None if there is none."""
-    found = [one for one in data.data_vars.values() if _standard_name(one, path) == standard]
-    whole = [one for one in found if set(one.dims) - {VERSION} == dimensions and one.dtype.kind in "fiu"]
+    named = [one for one in data.data_vars.values() if _standard_name(one, path) == standard]
+    whole = [one for one in named if set(one.dims) - {VERSION} == dimensions and one.dtype.kind in "fiu"]
     whole = [one for one in whole if unit_of(one) in _units(standard)]
-    if found and len(whole) != 1:
+    if named and len(whole) != 1:
         those = (
-            f"{one.name} over {', '.join(one.dims)} ({one.dtype}, unit {unit_of(one) or 'missing'})" for one in found
+            f"{one.name} over {', '.join(one.dims)} ({one.dtype}, unit {unit_of(one) or 'missing'})" for one in named
         )
         raise unusable(f"{path}: {standard} as {' and '.join(those)}")
     return whole[0] if whole else None

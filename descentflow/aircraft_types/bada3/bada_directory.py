@@ -180,7 +180,7 @@ def read_synonym(path: str | Path) -> dict[str, str]:
         >>> read_synonym("SYNONYM.NEW")["A20N"]
         'A320__'
     """
-    found: dict[str, str] = {}
+    files: dict[str, str] = {}
     for line in data_lines(read_lines(Path(path))):
         mark, typecode, file, icao = line.cut(3, 4), line.cut(5, 11), line.cut(57, 63), line.cut(65, 66)
         gaps = line.text[4:5] + line.text[11:12] + line.text[56:57] + line.text[63:65]
@@ -189,10 +189,10 @@ def read_synonym(path: str | Path) -> dict[str, str]:
                 f"type {typecode!r} and file {file!r}",
                 "CD, - or *, type, maker, model, file and Y or N in their columns",
             )
-        if typecode in found:
+        if typecode in files:
             line.fail(f"type {typecode} a second time", "each type once")
-        found[typecode] = file
-    return found
+        files[typecode] = file
+    return files
 
 
 def _limits(folder: Path) -> GlobalParameters:

@@ -128,8 +128,8 @@ def _commented(text: str, names: tuple[str, str], dates: dict[str, str]) -> str:
     if not text.startswith("CC"):
         return text
     for key, date in dates.items():
-        before, found, _ = text.partition(f"{key}:")
-        text = f"{before}{found} {date}".ljust(len(text) - 1) + "/" if found else text
+        before, key_there, _ = text.partition(f"{key}:")
+        text = f"{before}{key_there} {date}".ljust(len(text) - 1) + "/" if key_there else text
     return text.replace(f"{names[0]}.", f"{names[1]}.")
 
 

@@ -45,10 +45,10 @@ class Element:
 
     def one(self, path: str) -> "Element":
         """The only element at a path below."""
-        found = self.every(path)
-        if len(found) != 1:
-            self.fail(f"{len(found)} elements {self.path}{path}", "one of it")
-        return Element(self.file, found[0].node, f"{self.path}{path}/")
+        elements = self.every(path)
+        if len(elements) != 1:
+            self.fail(f"{len(elements)} elements {self.path}{path}", "one of it")
+        return Element(self.file, elements[0].node, f"{self.path}{path}/")
 
     def text(self, path: str) -> str:
         """Text of the only element at a path."""
@@ -67,10 +67,10 @@ class Element:
 
     def numbers(self, path: str, n: int) -> tuple[float, ...]:
         """The n numbers at a path."""
-        found = self.every(path)
-        if len(found) != n:
-            self.fail(f"{len(found)} elements {self.path}{path}", f"{n} of them")
-        return tuple(one.number() for one in found)
+        elements = self.every(path)
+        if len(elements) != n:
+            self.fail(f"{len(elements)} elements {self.path}{path}", f"{n} of them")
+        return tuple(one.number() for one in elements)
 
     def single(self, path: str, absent: float | None = None) -> float:
         """The number at a path; a value where it may be absent."""
@@ -189,19 +189,19 @@ def read_acm(file: str | Path, limits: GlobalParameters, typecode: str | None = 
         "des_mach": descent[2],
         "limits": limits,
     }
-    found = Bada4Aircraft.of(values)
-    _check_numbers(root, found)
-    return found
+    aircraft = Bada4Aircraft.of(values)
+    _check_numbers(root, aircraft)
+    return aircraft
 
 
-def _check_numbers(root: Element, found: Bada4Aircraft) -> None:
+def _check_numbers(root: Element, aircraft: Bada4Aircraft) -> None:
     """Refuse what no aircraft has, and what the printed table contradicts."""
-    for one in judged(found):
+    for one in judged(aircraft):
         if not one.within:
             node = (root.every(one.path) or [root])[0]
             node.fail(f"{one.path}: {one.worst:.4g} {one.words}", f"{one.low:,g} to {one.high:,g}")
     table = root.file.with_name(f"{root.file.stem}_ISA.PTD")
-    if table.is_file() and (difference := contradicted(found, table)):
+    if table.is_file() and (difference := contradicted(aircraft, table)):
         mend = "take both files as EUROCONTROL ships them, or move a file of your own away from the table"
         raise AircraftError(f"{root.file}: {difference}", expected="the numbers that its table was made of", mend=mend)
 
@@ -222,16 +222,16 @@ def _fuel_version(root: Element) -> tuple[str, tuple[float, float]]:
 
 def _placed(part: type[CoefficientGroup], root: Element) -> dict[str, Any]:
     """Fields of a part that have places in the file."""
-    found: dict[str, Any] = {}
+    numbers: dict[str, Any] = {}
     optional = {one.name for one in fields(part) if one.default == ()}
     for name, places in part.PLACES.items():
         if name in optional and not any(root.every(path) for path, _ in places):
             continue
         if len(places) == 1 and places[0][1] == 1:
-            found[name] = (root.above_zero if name in part.POSITIVE else root.single)(places[0][0])
+            numbers[name] = (root.above_zero if name in part.POSITIVE else root.single)(places[0][0])
         else:
-            found[name] = sum((root.numbers(path, n) for path, n in places), ())
-    return found
+            numbers[name] = sum((root.numbers(path, n) for path, n in places), ())
+    return numbers
 
 
 def _wing(root: Element) -> Wing:

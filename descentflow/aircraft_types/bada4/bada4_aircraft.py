@@ -114,8 +114,8 @@ class Bada4Aircraft(CoefficientGroup, StandardDescent):
         mach = tas_to_mach(tas, altitude, deviation)
         pressed_area = pressure_pa(altitude) * (KAPPA / 2) * mach * mach * self.wing.area_m2
         lift = load_factor * self.mass_or_reference_kg(mass_kg) * G0_MPS2 / pressed_area
-        found = self.wing.drag_coefficient(mach, lift, configuration, parasitic, induced)
-        return pressed_area * (found + EXPEDITED_DRAG if expedited else found)
+        coefficient = self.wing.drag_coefficient(mach, lift, configuration, parasitic, induced)
+        return pressed_area * (coefficient + EXPEDITED_DRAG if expedited else coefficient)
 
     def _at(self, altitude_m: Number, tas_mps: Number, deviation_k: Number) -> tuple[Air, Tensor]:
         tas, altitude, deviation = as_tensors(tas_mps, altitude_m, deviation_k)

@@ -45,14 +45,14 @@ def release_folder(folder: str | Path) -> Path | None:
 
 def model_files(folder: Path) -> dict[str, Path]:
     """Files of the aircraft models of a folder by name."""
-    found = {file.stem: file for file in sorted(folder.glob("*/*.xml")) if file.stem == file.parent.name}
-    if not found:
+    models = {file.stem: file for file in sorted(folder.glob("*/*.xml")) if file.stem == file.parent.name}
+    if not models:
         raise AircraftError(
             f"{folder} holds no aircraft of BADA 4",
             expected="a folder with an XML file of the same name for each aircraft model",
             mend="unpack the whole release there",
         )
-    return found
+    return models
 
 
 def load_aircraft(typecode: str, folder: Path) -> Bada4Aircraft:
@@ -123,7 +123,7 @@ def _designators(folder: Path, models: dict[str, Path]) -> dict[str, list[Path]]
     if listed.is_file():
         pairs = [(one.text("code"), one.text("file")) for one in read_xml(listed, "the list of types").every(".//MAP")]
         return {code.upper(): [models[name]] for code, name in pairs if name in models}
-    found: dict[str, list[Path]] = {}
+    by_designator: dict[str, list[Path]] = {}
     for file in models.values():
-        found.setdefault(read_root(file, "ACM").text("ICAO/designator").upper(), []).append(file)
-    return found
+        by_designator.setdefault(read_root(file, "ACM").text("ICAO/designator").upper(), []).append(file)
+    return by_designator

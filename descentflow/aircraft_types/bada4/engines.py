@@ -167,8 +167,8 @@ class Jet(Engines):
 
     def idle_coefficient(self, air: Air, mach: Tensor) -> Tensor:
         """Second-order surface over pressure and Mach number, over the pressure."""
-        found = self._idle_surface(air, mach) / air.delta
-        return found / air.theta.sqrt() if self.version == "4.2" else found
+        coefficient = self._idle_surface(air, mach) / air.delta
+        return coefficient / air.theta.sqrt() if self.version == "4.2" else coefficient
 
     def _idle_surface(self, air: Air, mach: Tensor) -> Tensor:
         return surface(self.idle_fuel[:9], 3, air.delta, mach)

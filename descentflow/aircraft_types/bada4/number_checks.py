@@ -60,7 +60,7 @@ class Judged(NamedTuple):
         return float(value[beyond.argmax()])
 
 
-def judged(found: Bada4Aircraft) -> Iterator[Judged]:
+def judged(model: Bada4Aircraft) -> Iterator[Judged]:
     """Figures of a type in an order in which each rests on those before alone.
 
     Example:
@@ -70,39 +70,39 @@ def judged(found: Bada4Aircraft) -> Iterator[Judged]:
         Traceback (most recent call last):
         descentflow.core.errors.AircraftError: A320-231.xml: ...
     """
-    kind, heaviest = found.engine, float(found.mass_maximum_kg)
+    kind, heaviest = model.engine, float(model.mass_maximum_kg)
     part = PARTS[kind]
-    yield Judged("ALM/GLM/hmo", "a ceiling in ft", float(found.altitude_maximum_ft), *CEILINGS_FT[kind])
-    yield Judged("ALM/KLM/vmo", "V_MO in kt", float(found.vmo_kt), 60, 900)
+    yield Judged("ALM/GLM/hmo", "a ceiling in ft", float(model.altitude_maximum_ft), *CEILINGS_FT[kind])
+    yield Judged("ALM/KLM/vmo", "V_MO in kt", float(model.vmo_kt), 60, 900)
     yield Judged("ALM/DLM/MTOW", "a heaviest mass in kg", heaviest, 300, 700_000)
-    yield Judged("ALM/DLM/OEW", "of the heaviest mass empty", float(found.mass_minimum_kg) / heaviest, 0.2, 0.95)
-    yield Judged("PFM/MREF", "of the heaviest mass as MREF", float(found.engines.reference_kg) / heaviest, 0.2, 2)
-    yield Judged("AFCM/S", "kg of the heaviest mass on a m2", heaviest / float(found.wing.area_m2), *LOADINGS[kind])
-    yield Judged("PFM/LHV", "J/kg", float(found.engines.heating_value_j_kg), *HEATING_J_KG)
-    yield Judged(f"{CLEAN}/DPM_clean/M_max", "a Mach number", float(found.wing.mach_max), 0.1, 2)
-    yield Judged("ALM/KLM", "M_MO", float(found.mmo), 0.1, 3)
-    for name, speed in (("CAS1", found.des_cas_low_kt), ("CAS2", found.des_cas_high_kt)):
+    yield Judged("ALM/DLM/OEW", "of the heaviest mass empty", float(model.mass_minimum_kg) / heaviest, 0.2, 0.95)
+    yield Judged("PFM/MREF", "of the heaviest mass as MREF", float(model.engines.reference_kg) / heaviest, 0.2, 2)
+    yield Judged("AFCM/S", "kg of the heaviest mass on a m2", heaviest / float(model.wing.area_m2), *LOADINGS[kind])
+    yield Judged("PFM/LHV", "J/kg", float(model.engines.heating_value_j_kg), *HEATING_J_KG)
+    yield Judged(f"{CLEAN}/DPM_clean/M_max", "a Mach number", float(model.wing.mach_max), 0.1, 2)
+    yield Judged("ALM/KLM", "M_MO", float(model.mmo), 0.1, 3)
+    for name, speed in (("CAS1", model.des_cas_low_kt), ("CAS2", model.des_cas_high_kt)):
         yield Judged("ARPM/SpeedScheduleList", f"{name} of the descent in kt", float(speed), 40, 600)
-    yield Judged("ARPM/SpeedScheduleList", "M of the descent", float(found.des_mach), 0.05, 2)
-    yield Judged(CLEAN, "kt of minimum speed at sea level", found.minimum_cas_mps(0.0) / KT_MPS, 25, 250)
-    altitude = torch.tensor(OF_CEILING, dtype=torch.float64) * float(found.altitude_maximum_ft) * FT_M
-    fastest = torch.tensor(0.95 * min(float(found.mmo), float(found.wing.mach_max)), dtype=torch.float64)
-    mach = torch.minimum(cas_to_mach(OF_SPEED_LIMIT * float(found.vmo_kt) * KT_MPS, altitude), fastest)
-    tas, weight = mach_to_tas_mps(mach, altitude), float(found.mass_reference_kg) * G0_MPS2
+    yield Judged("ARPM/SpeedScheduleList", "M of the descent", float(model.des_mach), 0.05, 2)
+    yield Judged(CLEAN, "kt of minimum speed at sea level", model.minimum_cas_mps(0.0) / KT_MPS, 25, 250)
+    altitude = torch.tensor(OF_CEILING, dtype=torch.float64) * float(model.altitude_maximum_ft) * FT_M
+    fastest = torch.tensor(0.95 * min(float(model.mmo), float(model.wing.mach_max)), dtype=torch.float64)
+    mach = torch.minimum(cas_to_mach(OF_SPEED_LIMIT * float(model.vmo_kt) * KT_MPS, altitude), fastest)
+    tas, weight = mach_to_tas_mps(mach, altitude), float(model.mass_reference_kg) * G0_MPS2
     power = weight * tas / HEATING_J_KG[0]
-    idle, climb = found.idle_thrust_n(altitude, tas), found.climb_thrust_n(altitude, tas)
-    yield Judged(f"{CLEAN}/DPM_clean", "of the weight as clean drag", found.drag_n(tas, altitude) / weight, 0.02, 0.4)
+    idle, climb = model.idle_thrust_n(altitude, tas), model.climb_thrust_n(altitude, tas)
+    yield Judged(f"{CLEAN}/DPM_clean", "of the weight as clean drag", model.drag_n(tas, altitude) / weight, 0.02, 0.4)
     for configuration in ("AP", "LD"):
-        slow = 1.3 * found.minimum_cas_mps(0.0, configuration=configuration)
-        drag = found.drag_n(slow, 0.0, configuration=configuration) / weight
+        slow = 1.3 * model.minimum_cas_mps(0.0, configuration=configuration)
+        drag = model.drag_n(slow, 0.0, configuration=configuration) / weight
         yield Judged("AFCM", f"of the weight as drag in configuration {configuration}", drag, 0.02, 0.6)
     rating = part if kind == "piston" else f"{part}/LIDL"
     yield Judged(rating, "of the weight as idle thrust", idle / weight, -0.3, 0.2)
     yield Judged(part, "of the weight as climb thrust", climb / weight, 0.01, 1.5)
-    flow = found.idle_fuel_flow_kg_s(altitude, tas) / power
+    flow = model.idle_fuel_flow_kg_s(altitude, tas) / power
     # A piston of BADA 4.2 idles with the throttle closed.
     yield Judged(rating, "of the power of flight as fuel at idle", flow, 0.0 if kind == "piston" else 0.003, 1.0)
-    spent = climb * tas / (found.fuel_flow_kg_s(altitude, tas, climb) * HEATING_J_KG[0])
+    spent = climb * tas / (model.fuel_flow_kg_s(altitude, tas, climb) * HEATING_J_KG[0])
     yield Judged(part, "as efficiency of the engines in climb", spent, 0.04, 0.65)
 
 
@@ -136,30 +136,30 @@ def printed_rows(table: Path) -> list[PrintedRows]:
         raise AircraftError(
             f"{table}: {error}", expected="a printed table of BADA 4", mend="take the file as EUROCONTROL ships it"
         ) from error
-    found: dict[str, list[tuple[int, list[float]]]] = {"CLIMB": [], "DESCENT": [], "CRUISE": []}
+    by_phase: dict[str, list[tuple[int, list[float]]]] = {"CLIMB": [], "DESCENT": [], "CRUISE": []}
     phase = ""
     for number, line in enumerate(lines, 1):
         words = line.split()
         title = re.search(r"mass (CLIMB|DESCENT|CRUISE)", line)
         phase = title[1] if title else phase
         if phase and len(words) > _CONFIGURATION and words[0].isdecimal() and words[_CONFIGURATION] == "CR":
-            found[phase].append((number, [float(words[place]) for place in _PLACES]))
+            by_phase[phase].append((number, [float(words[place]) for place in _PLACES]))
     return [
         PrintedRows(
             name,
             dict(zip(PRINTED, torch.tensor([row for _, row in rows], dtype=torch.float64).T, strict=True)),
             [number for number, _ in rows],
         )
-        for name, rows in found.items()
+        for name, rows in by_phase.items()
         if rows
     ]
 
 
-def contradicted(found: Bada4Aircraft, table: Path) -> str | None:
+def contradicted(model: Bada4Aircraft, table: Path) -> str | None:
     """The first figure that differs from the printed one; None where all agree.
 
     Args:
-        found: The type as it was read.
+        model: The type as it was read.
         table: Its printed table in standard air.
 
     Raises:
@@ -176,14 +176,14 @@ def contradicted(found: Bada4Aircraft, table: Path) -> str | None:
         printed = rows.columns
         level, mass, thrust = printed["level"], printed["mass_kg"], printed["thrust"]
         altitude, tas = level * FL_M, printed["TAS"] * KT_MPS
-        ours = {"drag": found.drag_n(tas, altitude, 0.0, mass)}
+        ours = {"drag": model.drag_n(tas, altitude, 0.0, mass)}
         if rows.phase == "DESCENT":
-            ours["thrust"] = found.idle_thrust_n(altitude, tas)
-            ours["fuel"] = 60 * found.idle_fuel_flow_kg_s(altitude, tas)
+            ours["thrust"] = model.idle_thrust_n(altitude, tas)
+            ours["fuel"] = 60 * model.idle_fuel_flow_kg_s(altitude, tas)
         elif rows.phase == "CLIMB":
-            ours["thrust"] = found.climb_thrust_n(altitude, tas)
-        if rows.phase == "CRUISE" and found.engine != "piston":  # printed in steps of a piston's throttle
-            ours["fuel"] = 60 * found.fuel_flow_kg_s(altitude, tas, thrust)
+            ours["thrust"] = model.climb_thrust_n(altitude, tas)
+        if rows.phase == "CRUISE" and model.engine != "piston":  # printed in steps of a piston's throttle
+            ours["fuel"] = 60 * model.fuel_flow_kg_s(altitude, tas, thrust)
         for name, value in ours.items():
             scale = torch.maximum(printed[name].abs(), 0.05 * printed["drag"]) if name == "thrust" else printed[name]
             off = (value - printed[name]).abs() > AGREED * scale + (0.01 if name == "fuel" else 1.0)
@@ -193,6 +193,6 @@ def contradicted(found: Bada4Aircraft, table: Path) -> str | None:
                     f"{name} of {float(value[row]):.5g} in {rows.phase.lower()} at FL{float(level[row]):.0f}, "
                     f"where {table.name}, line {rows.lines[row]}, has {float(printed[name][row]):.5g}"
                 )
-        if float(level.max()) * FL_M > (float(found.altitude_maximum_ft) + 1) * FT_M:
-            return f"hmo = {float(found.altitude_maximum_ft):g} ft, and {table.name} has FL{float(level.max()):.0f}"
+        if float(level.max()) * FL_M > (float(model.altitude_maximum_ft) + 1) * FT_M:
+            return f"hmo = {float(model.altitude_maximum_ft):g} ft, and {table.name} has FL{float(level.max()):.0f}"
     return None

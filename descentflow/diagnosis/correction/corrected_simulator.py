@@ -98,10 +98,10 @@ def air_of_training(parts: Representation) -> dict[str, list[float]]:
         next(one for one in EFFECTS.values() if one.is_temperature),
     )
     state = state_of(flights, parts.decoder.aircraft, float(parts.decoder.aircraft.mass_reference_kg))
-    found = effect.measured(state, flights.values)
-    if found is None or abs(float(found[0])) < NONE * effect.parameters[0].scale:
+    measured = effect.measured(state, flights.values)
+    if measured is None or abs(float(measured[0])) < NONE * effect.parameters[0].scale:
         return {}
-    return {effect.name: [float(found[0])]}
+    return {effect.name: [float(measured[0])]}
 
 
 def _widened(bounds: Plausibility, levels_fl: Tensor, correction: Correction, aircraft: Any) -> dict[str, Any]:
@@ -157,8 +157,8 @@ def sampled_descents(flown: Trajectories, typecode: str, settings: dict[str, flo
 
     Example:
         >>> from descentflow.generation.sample import sample
-        >>> found = sampled_descents(sample("best.ckpt", 70, entry_fl=330).trajectories, "A320")
-        >>> found.flights, found.frame["level_fl"].max(), found.frame["icao24"].n_unique()
+        >>> descents = sampled_descents(sample("best.ckpt", 70, entry_fl=330).trajectories, "A320")
+        >>> descents.flights, descents.frame["level_fl"].max(), descents.frame["icao24"].n_unique()
         ({'A320': 70}, 330, 70)
     """
     seen = flown.mask.cpu().numpy()[:, ::-1]

@@ -70,8 +70,8 @@ def with_effects(grid: LevelGrid, aircraft: PerformanceModel, added: AddedEffect
         >>> from descentflow.surveillance.descents.prepared_descents import read_descents
         >>> grid = grid_of(read_descents("descents.parquet").frame, 150, 340, CHANNELS)
         >>> warm = AddedEffects(EFFECTS, {"temperature": torch.tensor([10.0])}, 60e3, Cleaning(), seed=0)
-        >>> found = with_effects(grid, aircraft("A320"), warm)
-        >>> round(float((found.values["TAS"] / grid.values["TAS"]).nanmean()), 3)  # at the same Mach number
+        >>> warmer = with_effects(grid, aircraft("A320"), warm)
+        >>> round(float((warmer.values["TAS"] / grid.values["TAS"]).nanmean()), 3)  # at the same Mach number
         1.021
     """
     state = state_of_levels(grid, aircraft, added)
@@ -187,10 +187,10 @@ def _tailwind_mps(grid: LevelGrid) -> Tensor:
         return torch.zeros_like(grid.time_s)
     wind = grid.values["groundspeed"] - level_part_kt(grid.values) * drift_cosine(grid.values)
     known = wind.isfinite().any(1)
-    found = torch.zeros_like(wind)
+    tailwind = torch.zeros_like(wind)
     if bool(known.any()):
-        found[known] = filled(wind[known]) * KT_MPS
-    return found
+        tailwind[known] = filled(wind[known]) * KT_MPS
+    return tailwind
 
 
 def corrected_entries(compared: Compared, added: AddedEffects) -> Tensor:

@@ -46,19 +46,19 @@ def with_gaps(grid: LevelGrid, change: Mapping[str, Tensor], draws: DrawNumbers,
         >>> abs(float(lost) - 40.0) < 12.0
         True
     """
-    found, none = grid, torch.zeros(len(grid.time_s), dtype=torch.float64)
+    with_them, none = grid, torch.zeros(len(grid.time_s), dtype=torch.float64)
     if "level" in change:
         fall_mps = -grid.values["vertical_rate"].nanmedian(1).values * FPM_MPS
         cut = (2 * cleaning.transient_s * fall_mps / FL_M).round().clamp(1, SHORT_GAP_LEVELS - 1)
         number = change.get("level_gaps", none)
         number = number if bool((number > 0).any()) else change["level"] / USUAL_LEVEL_OFF_S
-        found = _changed(found, change["level"], number, cut, draws, stream=FIRST_STREAM, kind="level")
+        with_them = _changed(with_them, change["level"], number, cut, draws, stream=FIRST_STREAM, kind="level")
     if "slow" in change or "missing" in change:
         cut = torch.full_like(none, float(USUAL_STRETCH_FL))
         number = change.get("missing", none) * grid.mask.sum(1).double() / USUAL_STRETCH_FL
         seconds = change.get("slow", none)
-        found = _changed(found, seconds, number, cut, draws, stream=FIRST_STREAM + 1000, kind="slow")
-    return found
+        with_them = _changed(with_them, seconds, number, cut, draws, stream=FIRST_STREAM + 1000, kind="slow")
+    return with_them
 
 
 def _changed(

@@ -18,12 +18,12 @@ def primitives(value: Any) -> Any:
         {'estimate': 0.78, 'low': 0.75, 'high': 0.81}
     """
     if is_dataclass(value):
-        found = {}
+        plain = {}
         for one in fields(value):
             key = one.metadata.get("json", one.name)
             if key is not None:
-                found[key] = primitives(getattr(value, one.name))
-        return found
+                plain[key] = primitives(getattr(value, one.name))
+        return plain
     if isinstance(value, dict):
         return {key: primitives(content) for key, content in value.items()}
     if isinstance(value, (list, tuple)):

@@ -31,7 +31,7 @@ def parameters(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> di
         >>> print(parameters(EFFECTS["temperature"], theta, error, 400)["deviation_k"])
         deviation from the standard atmosphere 10 (9.18 to 10.8) K
     """
-    found: dict[str, ParameterEstimate] = {}
+    estimates: dict[str, ParameterEstimate] = {}
     known = known_errors(effect, theta, error, flights)
     for p, value, sd in zip(effect.parameters, theta.tolist(), known.tolist(), strict=True):
         if sd == 0.0 and not p.from_heterogeneity:
@@ -39,8 +39,8 @@ def parameters(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> di
             continue
         half = NINETY * sd
         low, high = (max(value - half, p.low), min(value + half, p.high)) if sd > 0.0 else (None, None)
-        found[p.name] = ParameterEstimate(value, low, high, p.unit, p.text)
-    return found
+        estimates[p.name] = ParameterEstimate(value, low, high, p.unit, p.text)
+    return estimates
 
 
 def sizes_of(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> list[ReportedSize]:
@@ -72,13 +72,13 @@ def sizes_of(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> list
         step[i] = size
         slope = (effect.mixture(theta + step)[1] - effect.mixture(theta - step)[1]) / (2 * size)
         spread = spread + (slope * error[i]) ** 2
-    found = []
+    sizes = []
     for p, value, sd, known in zip(effect.parameters, whole.tolist(), spread.sqrt().tolist(), error > 0, strict=True):
         if p.shown_as != "flights" and bool(known):
             low, high = max(value - NINETY * sd, p.low), min(value + NINETY * sd, max(p.high, value))
             reported = Measured(p.reported(value), p.reported(low), p.reported(high))
-            found.append(ReportedSize(p.name, reported_text(p, reported), p.reported_unit, reported))
-    return found
+            sizes.append(ReportedSize(p.name, reported_text(p, reported), p.reported_unit, reported))
+    return sizes
 
 
 def share_of(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> ClosedShare | None:
@@ -111,16 +111,16 @@ def known_errors(effect: Effect, theta: Tensor, error: Tensor, flights: int) -> 
         >>> known_errors(EFFECTS["speed_brake"], theta, torch.zeros(8), 400)
         tensor([0.0000, 0.0000, 0.0000, 0.0250, 0.0000, 0.0000, 0.0000, 0.0000])
     """
-    found = error.clone()
+    errors = error.clone()
     for i, p in enumerate(effect.parameters):
         value, sd = float(theta[i]), float(error[i])
         if p.is_spread:
-            found[i] = 0.0
+            errors[i] = 0.0
         elif p.from_heterogeneity:
-            found[i] = (max(value * (1 - value), 0.0) / flights) ** 0.5
+            errors[i] = (max(value * (1 - value), 0.0) / flights) ** 0.5
         elif sd > 0.0:
-            found[i] = math.hypot(sd, p.inexact)
-    return found
+            errors[i] = math.hypot(sd, p.inexact)
+    return errors
 
 
 def reported_text(parameter: Parameter, value: Measured) -> str:

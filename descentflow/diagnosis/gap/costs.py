@@ -66,7 +66,7 @@ def costs_of(compared: Compared, left: Tensor | None, seed: int) -> list[Cost]:
         both = flown(c, left)
         after = [_Side(both if c.has_simulated else normal, own, *of_own), _Side(both, real, *of_real)]
     known = [name for name in COST_LABELS if name in every and bool(normal[name][own].isfinite().any())]
-    found, half = [], compared.band_fl / 2
+    costs, half = [], compared.band_fl / 2
     for chosen in [bands, *_thirds(bands)] if len(bands) >= LEVEL_PARTS else [bands]:
         low_fl = round(compared.middles_fl()[chosen[0]] - half, 6)
         high_fl = round(compared.middles_fl()[chosen[-1]] + half, 6)
@@ -75,7 +75,7 @@ def costs_of(compared: Compared, left: Tensor | None, seed: int) -> list[Cost]:
             before = flights - simulator
             last = after[1].over(name, chosen) - after[0].over(name, chosen) if after else before
             floor = float((last[1:] - last[0]).abs().quantile(CONFIDENCE[1] - CONFIDENCE[0]))
-            found.append(
+            costs.append(
                 Cost(
                     name,
                     *COST_LABELS[name],
@@ -88,7 +88,7 @@ def costs_of(compared: Compared, left: Tensor | None, seed: int) -> list[Cost]:
                     floor,
                 )
             )
-    return found
+    return costs
 
 
 def profile_of(compared: Compared) -> list[LevelMeans]:
@@ -156,27 +156,27 @@ def flown(compared: Compared, y: Tensor) -> dict[str, Tensor]:
     tas = standard * compared.table("tas", y).nan_to_num(0.0).exp()
     seconds = state.width_m / crossed
     own = state.own_log_rate[simulator_rows(compared)].mean(0)
-    found = {
+    costs = {
         "time": seconds,
         "time_at_speed": seconds * (polar - own).exp(),
         "air_distance": tas * seconds / NM_M,
         "rate": rate / FPM_MPS,
     }
     if "cas" in quantities:
-        found["cas"] = torch.where(rate.isfinite(), cas_mps / KT_MPS, torch.nan)
+        costs["cas"] = torch.where(rate.isfinite(), cas_mps / KT_MPS, torch.nan)
     if "tas" in quantities:
-        found["tas"] = torch.where(rate.isfinite(), tas / KT_MPS, torch.nan)
+        costs["tas"] = torch.where(rate.isfinite(), tas / KT_MPS, torch.nan)
     sides = [compared.real, ~compared.real] if compared.has_simulated else [compared.real]
     # Without wind measured on each side there is no distance over ground.
     if "wind" in quantities and all(bool((state.tailwind_mps[side] != 0).any()) for side in sides):
         level = (tas**2 - crossed.nan_to_num(0.0) ** 2).clamp(min=0.0).sqrt()
-        found["ground_distance"] = (level + state.tailwind_mps + moved("wind").nan_to_num(0.0)) * seconds / NM_M
+        costs["ground_distance"] = (level + state.tailwind_mps + moved("wind").nan_to_num(0.0)) * seconds / NM_M
     asked = burn(state.aircraft, cas_mps, state.altitude_m, -crossed, state.cas_slope_per_s, mass_kg=state.mass_kg)
-    found["fuel"] = asked.flow_kg_s * seconds
+    costs["fuel"] = asked.flow_kg_s * seconds
     for name in COSTS_OF_FLIGHT:
         if name in quantities:
-            found[name] = y[:, compared.columns(name)]
-    return found
+            costs[name] = y[:, compared.columns(name)]
+    return costs
 
 
 def simulator_rows(compared: Compared) -> Tensor:

@@ -31,8 +31,8 @@ class Labellings:
 
     def flights(self, k: int) -> Tensor:
         """Labels (n,) of the flights under one of them: true for real, or signs where there is one side only."""
-        found = self.sides[k][self.aircraft]
-        return found > 0 if self.two_sided else found.double()
+        labels = self.sides[k][self.aircraft]
+        return labels > 0 if self.two_sided else labels.double()
 
     def by_aircraft(self, values: Tensor) -> Tensor:
         """Sums (c, k) of what flights show (n, k)."""
@@ -134,11 +134,11 @@ def noise_floor(y: Tensor, real: Tensor, dealt: Iterable[Tensor], scale: Tensor,
     for side in (real,) if one_side else (real, ~real):
         centred[side] = y[side] - y[side].nanmean(0)
     if one_side:
-        found = [distances(centred * signs[:, None], real, scale, counts) for signs in dealt]
+        shown = [distances(centred * signs[:, None], real, scale, counts) for signs in dealt]
     else:
         # A labelling that leaves a slice of the flights on one side says nothing of a distance.
-        found = [distances(centred, side, scale, counts) for side in dealt if bool(side.any()) and not bool(side.all())]
-    return torch.stack(found).mean(0) if found else torch.zeros_like(scale)
+        shown = [distances(centred, side, scale, counts) for side in dealt if bool(side.any()) and not bool(side.all())]
+    return torch.stack(shown).mean(0) if shown else torch.zeros_like(scale)
 
 
 def mean_over_quantities(compared: Vectors, values: Tensor, chosen: Tensor) -> Tensor:

@@ -81,11 +81,11 @@ class MeasuredGap:
         floor = self.floor(left)
         estimate = closed_share(self.before, floor, self.after(left), floor)
         pairs = zip(self._before, self._without, strict=True)
-        found = [
+        shares = [
             closed_share(before, floor, self._over(self._apart(left[:, self._at], kept)), floor)
             for before, kept in pairs
         ]
-        known = [one for one in found if one is not None]
+        known = [one for one in shares if one is not None]
         if estimate is None or len(known) < JACKKNIFE_GROUPS:
             return ClosedShare(estimate, None, None)
         half = NINETY * _jackknife(known)

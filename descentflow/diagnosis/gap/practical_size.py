@@ -38,20 +38,20 @@ def rounding_of(compared: Compared, profile: Sequence[LevelMeans]) -> Tensor:
     by_level = {round(m.level_fl, 3): m for m in profile}
     middles = compared.middles_fl()
     mean_rate = sum(m.rate_fpm for m in profile) / len(profile) * FPM_MPS
-    found = []
+    roundings = []
     for at, e in enumerate(compared.entries):
         quantity = QUANTITIES[e.quantity]
         if quantity.is_noise:
-            found.append(_of_noise(compared, at, e))
+            roundings.append(_of_noise(compared, at, e))
         elif quantity.by_band:
             here = by_level.get(round(middles[e.band], 3)) or min(
                 profile, key=lambda m: abs(m.level_fl - middles[e.band])
             )
-            found.append(_of_band(compared, e, here))
+            roundings.append(_of_band(compared, e, here))
         else:
             # Both ends of a level-off are crossed in steps of the altitude; a count is not rounded.
-            found.append(2**0.5 * ALTITUDE_M / mean_rate if quantity.unit == "s" else 0.0)
-    return torch.tensor(found, dtype=torch.float64)
+            roundings.append(2**0.5 * ALTITUDE_M / mean_rate if quantity.unit == "s" else 0.0)
+    return torch.tensor(roundings, dtype=torch.float64)
 
 
 def _of_band(compared: Compared, e: Entry, here: LevelMeans) -> float:

@@ -37,8 +37,8 @@ def previous_round(path: str | Path, made: Provenance, typecode: str) -> Finding
         >>> previous_round("first/gap.json", report.provenance, "A320").verdict
         'effect'
     """
-    found = read_gap(path)
-    then = found.provenance
+    earlier = read_gap(path)
+    then = earlier.provenance
     if not then.real.flights:
         raise DataError(
             f"{path} describes no flights",
@@ -46,7 +46,7 @@ def previous_round(path: str | Path, made: Provenance, typecode: str) -> Finding
             mend="diagnose the earlier simulator again with this version of descentflow",
         )
     _same(path, "descentflow", then.versions.get("descentflow"), made.versions.get("descentflow"), "version")
-    _same(path, "signatures", found.details.typecode, typecode, "aircraft type")
+    _same(path, "signatures", earlier.details.typecode, typecode, "aircraft type")
     _same(path, "real flights", then.real.fingerprint, made.real.fingerprint, "real flights", named=then.real.name)
     own = made.simulator.fingerprint
     if own is not None and own == then.simulator.fingerprint:
@@ -55,13 +55,13 @@ def previous_round(path: str | Path, made: Provenance, typecode: str) -> Finding
             expected="flights of the simulator after it was changed",
             mend="put the causes into the simulator, fly it again and pass those flights",
         )
-    if not found.details.measured_over:
+    if not earlier.details.measured_over:
         raise DataError(
             f"{path} does not say what its gap was measured over",
             expected="a diagnosis against flights of a simulator or its checkpoint",
             mend="diagnose the earlier simulator again with this version of descentflow",
         )
-    return found
+    return earlier
 
 
 def _same(path: str | Path, what: str, then: object, now: object, kind: str, named: str = "") -> None:

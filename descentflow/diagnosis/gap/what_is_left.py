@@ -64,14 +64,14 @@ def curves(compared: Vectors, left: Tensor, error: Tensor) -> dict[str, Curve]:
         left: (n, p) the same once the causes are in the simulator, or off the flights.
         error: (p,) standard error of each difference.
     """
-    levels, found = compared.middles_fl(), {}
+    levels, by_quantity = compared.middles_fl(), {}
     before, after = compared.difference(compared.y), compared.difference(left)
     for quantity in compared.quantities():
         at = compared.columns(quantity)
         bands = [compared.entries[i].band for i in at.tolist()]
         middles = [levels[b] if b >= 0 else None for b in bands]
-        found[quantity] = Curve(middles, before[at].tolist(), after[at].tolist(), error[at].tolist())
-    return found
+        by_quantity[quantity] = Curve(middles, before[at].tolist(), after[at].tolist(), error[at].tolist())
+    return by_quantity
 
 
 def flights_worth_a_look(compared: Vectors, left: Tensor, profile: list[LevelMeans]) -> list[FlightWorthALook]:
@@ -96,11 +96,11 @@ def flights_worth_a_look(compared: Vectors, left: Tensor, profile: list[LevelMea
     towards = float(mean[at].sum())
     quantity, levels = compared.entries[at[0]].quantity, compared.only(torch.tensor(at)).levels()
     showing = [i for i, seen in enumerate(inside.isfinite().tolist()) if seen]
-    found = []
+    furthest = []
     for i in sorted(showing, key=lambda i: -float(inside[i]) * towards)[:MOST_FLIGHTS]:
         excess, unit = aviation_value(quantity, float(inside[i]), *levels, profile)
-        found.append(FlightWorthALook(compared.names[i], excess, unit, quantity, *levels))
-    return found
+        furthest.append(FlightWorthALook(compared.names[i], excess, unit, quantity, *levels))
+    return furthest
 
 
 def _largest(compared: Vectors, mean: Tensor) -> list[int]:
@@ -111,13 +111,13 @@ def _largest(compared: Vectors, mean: Tensor) -> list[int]:
     standing = (mean / compared.negligible()).nan_to_num(0.0)
     most = max(banded, key=lambda i: abs(float(standing[i])))
     quantity = {e.band: i for i, e in enumerate(compared.entries) if e.quantity == compared.entries[most].quantity}
-    found = [most]
+    entries = [most]
     for step in (-1, 1):
         band = compared.entries[most].band + step
         while band in quantity and float(standing[quantity[band]] / standing[most]) >= NEIGHBOURS:
-            found.append(quantity[band])
+            entries.append(quantity[band])
             band += step
-    return sorted(found)
+    return sorted(entries)
 
 
 def would_split(compared: Vectors, catalogue: Mapping[str, Effect], causes: Sequence[Cause]) -> list[WouldSplit]:
@@ -129,19 +129,19 @@ def would_split(compared: Vectors, catalogue: Mapping[str, Effect], causes: Sequ
         causes: That were named.
     """
     there = set(compared.quantities())
-    found = []
+    splits = []
     for cause in causes:
         names = [cause.effect, *cause.group]
         able = list(dict.fromkeys(channel for name in names for channel in catalogue[name].splits))
         missing = [channel for channel in able if channel in SHOWN_BY and SHOWN_BY[channel] not in there]
         if len(names) > 1 and missing:
-            found.append(WouldSplit(names, missing, "they look alike in the channels given"))
+            splits.append(WouldSplit(names, missing, "they look alike in the channels given"))
         groups = dict.fromkeys(catalogue[name].scale_group for name in names)
-        found += [WouldSplit(list(group.members), [], group.why) for group in groups if group]
+        splits += [WouldSplit(list(group.members), [], group.why) for group in groups if group]
     if not causes:
         why = "it is not among the channels"
-        found += [WouldSplit([UNKNOWN], [c], why) for c, quantity in SHOWN_BY.items() if quantity not in there]
-    return found
+        splits += [WouldSplit([UNKNOWN], [c], why) for c, quantity in SHOWN_BY.items() if quantity not in there]
+    return splits
 
 
 def not_identifiable(settings: Settings, source: str) -> list[WouldSplit]:

@@ -46,15 +46,15 @@ class Cell:
 
 def cells(compared: Vectors, transition_fl: float) -> list[Cell]:
     """Cut the entries into cells."""
-    found: list[Cell] = []
+    cut: list[Cell] = []
     for quantity in compared.quantities():
         columns = compared.columns(quantity).tolist()
         for regime, run in groupby(columns, key=lambda i: _regime(compared, i, transition_fl)):
             bands = list(run)
             for at in (bands[k : k + BANDS_IN_CELL] for k in range(0, len(bands), BANDS_IN_CELL)):
                 first, last = (compared.level_range(compared.entries[i]) for i in (at[0], at[-1]))
-                found.append(Cell(quantity, torch.tensor(at), first[0], last[1], regime))
-    return found
+                cut.append(Cell(quantity, torch.tensor(at), first[0], last[1], regime))
+    return cut
 
 
 def _regime(compared: Vectors, i: int, transition_fl: float) -> str:
@@ -130,8 +130,8 @@ def _welch(values: Tensor, count: Tensor, labels: Labellings) -> Tensor:
 def _one_sided(y: Tensor, seen: Tensor, labels: Labellings) -> Tensor:
     """Squared t of a mean that is claimed to be zero; signs leave the squares of aircraft as they are."""
     total = labels.by_aircraft(torch.where(seen, y, 0.0))
-    found: Tensor = labels.sums(total).square() / total.square().sum(0).clamp(min=1e-18)
-    return found
+    t_squared: Tensor = labels.sums(total).square() / total.square().sum(0).clamp(min=1e-18)
+    return t_squared
 
 
 def where(compared: Compared, transition_fl: float, seed: int) -> list[GapCell]:
@@ -145,7 +145,7 @@ def where(compared: Compared, transition_fl: float, seed: int) -> list[GapCell]:
     y, real, scale, negligible = compared.y, compared.real, compared.scale, compared.negligible()
     apart = distances(y, real, scale, compared.counts())
     mixed = noise_floor(y, real, some, scale, compared.counts())
-    excess, found = (apart - mixed).clamp(min=0.0), []
+    excess, rows = (apart - mixed).clamp(min=0.0), []
     for cell, p_value in zip(known, p_values, strict=True):
         distance, floor = (float((of_entry * scale)[cell.at].mean()) for of_entry in (apart, mixed))
         large = distance - floor > LEAST_EXCESS * float(negligible[cell.at].mean())
@@ -162,6 +162,6 @@ def where(compared: Compared, transition_fl: float, seed: int) -> list[GapCell]:
             p_value=p_value,
             share=float(excess[cell.at].sum()) if counts else 0.0,
         )
-        found.append(row)
-    total = sum(row.share for row in found) or 1.0
-    return sorted((replace(row, share=row.share / total) for row in found), key=lambda row: (-row.share, row.p_value))
+        rows.append(row)
+    total = sum(row.share for row in rows) or 1.0
+    return sorted((replace(row, share=row.share / total) for row in rows), key=lambda row: (-row.share, row.p_value))

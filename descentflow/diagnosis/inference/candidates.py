@@ -45,19 +45,19 @@ class MeanEffect:
     def theta_errors(self, errors: Array) -> Tensor:
         """Standard errors of all parameters, zero where nothing that is compared answers to one."""
         answers = np.abs(self.at(self.start).jacobian).max(0) > 0.0
-        found = torch.zeros(len(self.effect.parameters), dtype=torch.float64)
-        found[self._free] = torch.from_numpy(np.where(answers, errors, 0.0))
-        return found
+        of_all = torch.zeros(len(self.effect.parameters), dtype=torch.float64)
+        of_all[self._free] = torch.from_numpy(np.where(answers, errors, 0.0))
+        return of_all
 
     def at(self, sizes: Array) -> Signature:
         """Signature at sizes (k,)."""
-        found = self._signatures.of(self.effect, self.theta(sizes))
-        return Signature(found.shift, found.jacobian[:, self._free], found.misfit, found.unsure)
+        signature = self._signatures.of(self.effect, self.theta(sizes))
+        return Signature(signature.shift, signature.jacobian[:, self._free], signature.misfit, signature.unsure)
 
     def clamp(self, sizes: Array) -> Array:
         """Sizes within the effect's bounds."""
-        found: Array = self.effect.clamp(self.theta(sizes)).numpy()[self._free]
-        return found
+        clamped: Array = self.effect.clamp(self.theta(sizes)).numpy()[self._free]
+        return clamped
 
     def plausible(self, sizes: Array) -> bool:
         """True if the effect finds them so."""
@@ -96,8 +96,8 @@ class FlightsEffect:
     @property
     def free_sd(self) -> Array:
         """Of the factors where the sizes of flights are to make the means: it is the sizes that are free."""
-        found: Array = np.eye(self.parts.shape[1])[0]
-        return found
+        sd: Array = np.eye(self.parts.shape[1])[0]
+        return sd
 
     @property
     def start(self) -> Array:

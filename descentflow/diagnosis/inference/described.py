@@ -19,35 +19,35 @@ SHOWN_SETS = 10
 """Sets of effects that are written down."""
 
 
-def cause_of(found: Explanation, name: str, closed: ClosedShare, takes_away: Mapping[str, float]) -> Cause:
+def cause_of(explanation: Explanation, name: str, closed: ClosedShare, takes_away: Mapping[str, float]) -> Cause:
     """A named effect with its sizes and alternatives.
 
     Args:
-        found: The explanation.
+        explanation: The explanation.
         name: Of the effect.
         closed: Share of the gap that all causes close.
         takes_away: By cost, what this one takes away of the difference.
     """
-    effect, value, error = found.catalogue[name], found.theta[name], found.errors[name]
-    compared, fits, best = found.compared, found.search.fits, found.best
-    flights, both, group = int(compared.real.sum()), on_both_sides(compared, effect), found.named.groups[name]
+    effect, value, error = explanation.catalogue[name], explanation.theta[name], explanation.errors[name]
+    compared, fits, best = explanation.compared, explanation.search.fits, explanation.best
+    flights, both, group = int(compared.real.sum()), on_both_sides(compared, effect), explanation.named.groups[name]
     alternatives = []
     for member in group:
         # In the cause's place, beside the others.
-        other, candidate = found.catalogue[member], fits.candidates[member]
+        other, candidate = explanation.catalogue[member], fits.candidates[member]
         names = tuple(member if one == name else one for one in best.names)
-        fit = found.search.sized(fits.fit(names, best.unknown, best.sizes))
+        fit = explanation.search.sized(fits.fit(names, best.unknown, best.sizes))
         known = (other, candidate.theta(fit.sizes[member]), candidate.theta_errors(fit.errors[member]), flights)
         sizes = sizes_beside(other, sizes_of(*known), on_both_sides(compared, other))
-        alternatives.append(Alternative(member, found.named.probability[member], sizes, share_of(*known)))
+        alternatives.append(Alternative(member, explanation.named.probability[member], sizes, share_of(*known)))
     sizes_now = parameters(effect, value, error, flights)
     first = next((size.estimate for size in sizes_now.values()), None)
-    weights = zip(found.named.weights.tolist(), found.sets, strict=True)
+    weights = zip(explanation.named.weights.tolist(), explanation.sets, strict=True)
     without = fits.fit(tuple(one for one in best.names if one != name), best.unknown, best.sizes)
     return Cause(
         effect=name,
         group=list(group),
-        probability=found.named.probability[name],
+        probability=explanation.named.probability[name],
         parameters=sizes_now,
         evidence_nats=best.log_weight - without.log_weight,
         closure=Closure(closed),
@@ -72,11 +72,11 @@ def on_both_sides(compared: Compared, effect: Effect) -> BothSides:
     """
     if not compared.has_simulated:
         return BothSides()
-    found = [_of_side(compared, effect, side) for side in (compared.real, ~compared.real)]
-    if not all(found):
+    by_side = [_of_side(compared, effect, side) for side in (compared.real, ~compared.real)]
+    if not all(by_side):
         return BothSides(bool(effect.against))
     rows, some = [], False
-    for p, flights, simulator in zip(effect.parameters, *found, strict=True):
+    for p, flights, simulator in zip(effect.parameters, *by_side, strict=True):
         some |= abs(simulator) >= NONE * p.scale
         rows.append(OnBothSides(p.name, p.reported_unit, p.reported(flights), p.reported(simulator)))
     return BothSides(some, rows)
@@ -87,35 +87,35 @@ def _of_side(compared: Compared, effect: Effect, side: Tensor) -> list[float]:
     index = torch.nonzero(side)[:, 0]
     banded = [name for name in compared.quantities() if QUANTITIES[name].by_band]
     shown = {name: compared.table(name, compared.y[index]) for name in banded}
-    found = effect.measured(compared.state.rows(index), shown)
-    return [] if found is None else found.tolist()
+    measured = effect.measured(compared.state.rows(index), shown)
+    return [] if measured is None else measured.tolist()
 
 
-def discrepancy_of(found: Explanation) -> Discrepancy:
+def discrepancy_of(explanation: Explanation) -> Discrepancy:
     """Evidence (nats) of an unknown cause beyond the named effects."""
-    fits, best = found.search.fits, found.best
+    fits, best = explanation.search.fits, explanation.best
     alone = fits.fit(best.names, first=best.sizes)
-    beside = [one.log_weight for one in found.sets if one.names == best.names and one.has_unknown]
+    beside = [one.log_weight for one in explanation.sets if one.names == best.names and one.has_unknown]
     gained = max([one - alone.log_weight for one in beside], default=0.0)
-    return Discrepancy(alone.log_weight - fits.fit(()).log_weight, max(gained, 0.0), found.named.unknown)
+    return Discrepancy(alone.log_weight - fits.fit(()).log_weight, max(gained, 0.0), explanation.named.unknown)
 
 
-def singles_of(found: Explanation) -> list[SingleEffect]:
+def singles_of(explanation: Explanation) -> list[SingleEffect]:
     """Every effect alone, best first."""
-    fits = found.search.fits
+    fits = explanation.search.fits
     null, rows = fits.fit(()).log_weight, []
     for name, candidate in fits.candidates.items():
         fit = fits.fit((name,))
         theta = candidate.theta(fit.sizes[name]).tolist()
-        sizes = {p.name: v for p, v in zip(found.catalogue[name].parameters, theta, strict=True)}
+        sizes = {p.name: v for p, v in zip(explanation.catalogue[name].parameters, theta, strict=True)}
         refused = "" if candidate.plausible(fit.sizes[name]) else "it fits best with sizes that it cannot have"
         rows.append(SingleEffect(name, fit.log_weight - null, sizes, refused))
     return sorted(rows, key=lambda row: -row.gain_nats)
 
 
-def heaviest_sets(found: Explanation) -> list[Subset]:
+def heaviest_sets(explanation: Explanation) -> list[Subset]:
     """Sets of effects, heaviest first."""
-    pairs = list(zip(found.sets, found.named.weights.tolist(), strict=True))[:SHOWN_SETS]
+    pairs = list(zip(explanation.sets, explanation.named.weights.tolist(), strict=True))[:SHOWN_SETS]
     return [Subset([*one.names, *[UNKNOWN] * one.has_unknown], weight) for one, weight in pairs]
 
 

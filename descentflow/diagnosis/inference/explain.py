@@ -165,7 +165,7 @@ def detection_limits(explained: Explanation) -> list[DetectionLimit]:
     Args:
         explained: The explanation.
     """
-    found, known, assumed = [], explained.search.known, explained.search.assumed
+    limits, known, assumed = [], explained.search.known, explained.search.assumed
     needed = math.log(assumed.named / (1.0 - assumed.named)) + math.log((1.0 - assumed.inclusion) / assumed.inclusion)
     for candidate in explained.search.fits.candidates.values():
         if not isinstance(candidate, MeanEffect) or not len(candidate.start):
@@ -185,5 +185,5 @@ def detection_limits(explained: Explanation) -> list[DetectionLimit]:
             moved = float((np.abs(about.jacobian[:, 0]) / known.negligible).max())
             size = max(size, assumed.least_shift / max(moved, 1e-30))
         possible = size if abs(size) <= max(abs(parameter.low), abs(parameter.high)) else None
-        found.append(DetectionLimit(candidate.name, parameter.name, possible, parameter.unit, parameter.text))
-    return found
+        limits.append(DetectionLimit(candidate.name, parameter.name, possible, parameter.unit, parameter.text))
+    return limits

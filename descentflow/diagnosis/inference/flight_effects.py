@@ -95,14 +95,14 @@ class FlightShapes:
             if self._gain(larger) <= self._gain(chosen) or not self._possible(larger, best):
                 break
             chosen = larger
-        found = []
+        gaining = []
         for name in chosen:
             without = tuple(other for other in chosen if other != name)
             parts = self._mean_shift(self.real, chosen, name) - self._mean_shift(self.simulated, chosen, name)
             misfit = signatures.smooth_misfit(parts.sum(1), self.effects[name].misfit_of_rate)
             law, gain = self.fit(self.real, chosen).laws[name], self._gain(chosen) - self._gain(without)
-            found.append(FlightsEffect(name, law, parts, gain, misfit, self._factor_errors(name, parts.shape[1])))
-        return found
+            gaining.append(FlightsEffect(name, law, parts, gain, misfit, self._factor_errors(name, parts.shape[1])))
+        return gaining
 
     def _possible(self, names: tuple[str, ...], name: str) -> bool:
         """Test for a law that an effect can have, that is none of another, and that enough flights have."""
@@ -116,15 +116,15 @@ class FlightShapes:
     def shifts_by_flight(self, names: Sequence[str]) -> Array:
         """Expected shift (n, m) of ln rate of each real flight by effects, in the flights and bands of ``real``."""
         fit = self.fit(self.real, tuple(names))
-        found = np.zeros_like(self.real.values)
+        shifts = np.zeros_like(self.real.values)
         for name in names:
             mine, law, effect = self.real.windows[name], fit.laws[name].theta, fit.laws[name].effect
             windows = effect.windows(mine.state, law)
             at = [windows.slots.index(("rate", int(band))) for band in self.rates.bands]
             sized = (fit.taken[name] * fit.sizes[name]) @ windows.weights[:, at].numpy()
-            found += sized * windows.shape[:, at].numpy()
-            found += fit.taken[name].sum(1)[:, None] * windows.offset[:, at].numpy()
-        return found
+            shifts += sized * windows.shape[:, at].numpy()
+            shifts += fit.taken[name].sum(1)[:, None] * windows.offset[:, at].numpy()
+        return shifts
 
     def _factor_errors(self, name: str, count: int) -> Array:
         """Prior standard deviations of the factors: a size that holds over the whole flight looks like its mass."""
@@ -199,15 +199,15 @@ class FlightShapes:
         slots = {slot: k for k, slot in enumerate(windows.slots)}
         place = {band: k for k, band in enumerate(self.rates.bands)}
         could = fit.shares[name] / max(taken.sum(), 1e-9)
-        found = np.zeros((len(self.known.difference), len(shown)))
+        shift = np.zeros((len(self.known.difference), len(shown)))
         for i, entry in enumerate(self.compared.entries):
             if entry.band >= 0 and (entry.quantity, entry.band) in slots:
                 k = place.get(entry.band)
                 seen = np.ones(len(taken), dtype=bool) if k is None else side.seen[:, k]
                 # Of the flights that show the band and could show the effect.
                 weight = seen * could * len(taken) / max(seen.sum(), 1)
-                found[i] = [weight @ part[:, slots[entry.quantity, entry.band]] for part in shown]
-        return found
+                shift[i] = [weight @ part[:, slots[entry.quantity, entry.band]] for part in shown]
+        return shift
 
     def _side(self, chosen: np.ndarray) -> Side:
         index = np.flatnonzero(chosen)

@@ -47,8 +47,8 @@ class FlightWindows:
         >>> from descentflow.effects import EFFECTS
         >>> from descentflow.effects.example_flights import example_flights
         >>> state = example_flights()
-        >>> found = flight_windows(EFFECTS["speed_brake"], state, np.arange(11), np.ones((6, 11), dtype=bool))
-        >>> found.shape.shape, found.weights.shape[1], found.open.shape == (6, len(found.weights))
+        >>> windows = flight_windows(EFFECTS["speed_brake"], state, np.arange(11), np.ones((6, 11), dtype=bool))
+        >>> windows.shape.shape, windows.weights.shape[1], windows.open.shape == (6, len(windows.weights))
         ((6, 11), 11, True)
     """
 
@@ -134,10 +134,10 @@ class LearntLaw:
         """
         number = max(float(self.learnt.taken.sum()), 1.0)
         sized = (self.at(1.0 + FACTOR_STEP) - self.at(1.0 - FACTOR_STEP)) / (2.0 * FACTOR_STEP)
-        found = sized.abs() * factor_error
+        errors = sized.abs() * factor_error
         for place, parameter in enumerate(self.effect.parameters):
             if parameter.is_spread or parameter.from_heterogeneity or parameter.shown_as == "flights":
-                found[place] = 0.0
+                errors[place] = 0.0
         if isinstance(self.effect, WindowedEffect):
             wide = [
                 float(v)
@@ -145,8 +145,8 @@ class LearntLaw:
                 if p.is_spread and p.unit == "FL"
             ]
             own = sum(one**2 for one in wide) / number
-            found[list(self.effect.ends)] = math.sqrt(own + self.effect.grid_fl**2 / 12.0)
-        return found
+            errors[list(self.effect.ends)] = math.sqrt(own + self.effect.grid_fl**2 / 12.0)
+        return errors
 
 
 @dataclass(frozen=True)

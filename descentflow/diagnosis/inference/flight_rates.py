@@ -103,8 +103,8 @@ class Spread:
             for k in range(len(self.shapes)):
                 for size in self.grid:
                     tried = [*best[:k], size, *best[k + 1 :]]
-                    if (found := score(*tried)) > top:
-                        top, best = found, tried
+                    if (value := score(*tried)) > top:
+                        top, best = value, tried
         return best
 
 
@@ -120,8 +120,8 @@ def spread_of(values: Array, seen: np.ndarray, level: Array, kernel: Array, assu
 
     Example:
         >>> values = np.random.default_rng(0).normal(size=(500, 3))
-        >>> found = spread_of(values, np.full((500, 3), True), np.ones(3), np.eye(3), Assumptions())
-        >>> bool(np.allclose(found.base.diagonal(), 1.0, atol=0.2))
+        >>> spread = spread_of(values, np.full((500, 3), True), np.ones(3), np.eye(3), Assumptions())
+        >>> bool(np.allclose(spread.base.diagonal(), 1.0, atol=0.2))
         True
     """
     both = seen.T.astype(float) @ seen

@@ -121,8 +121,8 @@ def sums_by_aircraft_and_day(
         if freedom > 0.0 and own[mine].sum() > 0.0:
             wider = (student_t.ppf(0.975, freedom) / norm.ppf(0.975)) ** 2
             wanted[mine] *= max(1.0, wider * of_days[mine].sum() / own[mine].sum())
-    found: Array = np.concatenate([by_aircraft, by_day]) * np.sqrt(wanted / np.maximum(own + of_days, 1e-300))
-    return found
+    sums: Array = np.concatenate([by_aircraft, by_day]) * np.sqrt(wanted / np.maximum(own + of_days, 1e-300))
+    return sums
 
 
 def few_wider(count: int) -> float:
@@ -148,8 +148,8 @@ def sums_over(departures: Array, group: np.ndarray) -> Array:
     groups = int(index.max()) + 1
     total = np.zeros((groups, departures.shape[1]))
     np.add.at(total, index, np.nan_to_num(departures) / count)
-    found: Array = total * np.sqrt(groups / max(groups - 1, 1))
-    return found
+    sums: Array = total * np.sqrt(groups / max(groups - 1, 1))
+    return sums
 
 
 FLIGHTS_OF_COEFFICIENTS = 40
@@ -162,9 +162,9 @@ def left_open_by_coefficients(compared: Compared, quantity: np.ndarray) -> Array
     Rates are beyond the polar's at each flight's own speed. A simulator of one speed shows little of how drag follows
     it: as far as both sides' speeds differ, so far does the polar's rate at them stay open.
     """
-    found = np.zeros((len(quantity), 0))
+    directions = np.zeros((len(quantity), 0))
     if not compared.has_simulated:
-        return found
+        return directions
     bands = torch.tensor([entry.band for entry in compared.entries])
     of_rate = torch.from_numpy(quantity == "rate")
     for direction in compared.coefficients.directions().T:
@@ -175,8 +175,8 @@ def left_open_by_coefficients(compared: Compared, quantity: np.ndarray) -> Array
             moved = (log_rate(scaled(state, direction)) - log_rate(scaled(state, -direction))) / 2.0
             mean = torch.where(state.mask, moved, 0.0).sum(0) / state.mask.sum(0).clamp(min=1)
             apart += sign * torch.where(of_rate, mean[bands], 0.0)
-        found = np.concatenate([found, apart.numpy()[:, None]], 1)
-    return found
+        directions = np.concatenate([directions, apart.numpy()[:, None]], 1)
+    return directions
 
 
 def spread_of_speeds(compared: Compared, quantity: np.ndarray) -> Array:

@@ -146,7 +146,7 @@ def nuisances(compared: Compared, *, raised: bool) -> list[Nuisance]:
     """
     if not compared.entries:
         return []
-    assumed, known, found = compared.assumed, moments(compared), []
+    assumed, known, likely = compared.assumed, moments(compared), []
     prior_odds = math.log(assumed.inclusion / (1.0 - assumed.inclusion))
     needed = math.log(assumed.named / (1.0 - assumed.named))
     for name, size, variance, unit in zip(
@@ -163,8 +163,8 @@ def nuisances(compared: Compared, *, raised: bool) -> list[Nuisance]:
         usual = (1.0 if noise else assumed.usual_level_offs * unit) ** 2
         odds = 0.5 * (size**2 / error - size**2 / (error + usual) - math.log1p(usual / error)) + prior_odds
         if odds > needed and (not noise or abs(size) > assumed.noise_matters / 3.0):
-            found.append(Nuisance(name, size, math.sqrt(error)))
-    return found
+            likely.append(Nuisance(name, size, math.sqrt(error)))
+    return likely
 
 
 def layers_of_air(best: SetFit, known: Moments, fits: SetFits) -> list[Nuisance]:
@@ -181,11 +181,11 @@ def layers_of_air(best: SetFit, known: Moments, fits: SetFits) -> list[Nuisance]
         >>> layers_of_air(fits.fit((), {"height": 6.0}), known, fits)[0].size > 0.9
         True
     """
-    found = []
+    layers = []
     for name in best.air:
         prior = fits.unknown_covariance({name: best.unknown[name]})
         gain = prior @ np.linalg.inv(best.noise)
         departure = gain @ (known.difference - best.shift)
         at = int(np.argmax(np.abs(departure)))
-        found.append(Nuisance(name, float(departure[at]), math.sqrt(max(prior[at, at] - (gain @ prior)[at, at], 0.0))))
-    return sorted(found, key=lambda lack: lack.quantity)
+        layers.append(Nuisance(name, float(departure[at]), math.sqrt(max(prior[at, at] - (gain @ prior)[at, at], 0.0))))
+    return sorted(layers, key=lambda lack: lack.quantity)

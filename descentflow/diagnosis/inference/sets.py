@@ -95,8 +95,8 @@ class SetFits:
         >>> names = np.array(["rate", "rate"])
         >>> known = Moments(np.array([0.5, 0.5]), np.eye(2) / 100, np.zeros((1, 2)), np.full(2, 0.01), names, np.eye(2))
         >>> brakes = FlightsEffect("speed_brake", torch.zeros(1), np.ones((2, 1)), 0.0, 0 * np.eye(2), np.array([0.2]))
-        >>> found = SetFits(known, [brakes], Assumptions()).fit(("speed_brake",))
-        >>> found.sizes["speed_brake"].round(2)  # between 0.5, as seen, and 1, as expected
+        >>> fitted = SetFits(known, [brakes], Assumptions()).fit(("speed_brake",))
+        >>> fitted.sizes["speed_brake"].round(2)  # between 0.5, as seen, and 1, as expected
         array([0.56])
     """
 
@@ -144,10 +144,10 @@ class SetFits:
         scales, begin = dict(unknown or {}), first or {}
         sizes = {name: begin.get(name, self.candidates[name].start) for name in names}
         for done in range(rounds):
-            found, _ = self._step(sizes, scales, is_exact)
+            refined, _ = self._step(sizes, scales, is_exact)
             # A misfit grows with its size, so sizes can leap about the solution: after the first step by half the way.
             share = 0.5 if done else 1.0
-            for name, part in zip(names, self._split(names, found.mean), strict=True):
+            for name, part in zip(names, self._split(names, refined.mean), strict=True):
                 sizes[name] = self.candidates[name].clamp(sizes[name] + share * (part - sizes[name]))
         last, noise = self._step(sizes, scales, is_exact)
         gained = sum(self.candidates[name].log_gain for name in names)
@@ -210,10 +210,10 @@ class SetFits:
         columns, mean, spread = [np.zeros((len(x), 0))], [np.zeros(0)], [np.zeros(0)]
         for name, size in sizes.items():
             candidate = self.candidates[name]
-            found = self._signature(name, size)
-            noise = noise + (0.0 if is_exact else found.misfit + found.unsure)
-            x = x - found.shift + found.jacobian @ size
-            columns.append(found.jacobian)
+            signature = self._signature(name, size)
+            noise = noise + (0.0 if is_exact else signature.misfit + signature.unsure)
+            x = x - signature.shift + signature.jacobian @ size
+            columns.append(signature.jacobian)
             mean.append(candidate.start)
             spread.append(candidate.free_sd if is_exact else candidate.prior_sd)
         return posterior(x, noise, np.concatenate(columns, 1), np.concatenate(mean), np.concatenate(spread)), noise
@@ -265,8 +265,8 @@ class Search:
 
     def sized(self, fit: SetFit) -> SetFit:
         """A set with the sizes that make the difference by these equations; errors stay those of all they may miss."""
-        found = self.fits.fit(fit.names, fit.unknown, fit.sizes, is_exact=True)
-        return replace(fit, sizes=found.sizes, shifts=found.shifts)
+        sized = self.fits.fit(fit.names, fit.unknown, fit.sizes, is_exact=True)
+        return replace(fit, sizes=sized.sizes, shifts=sized.shifts)
 
     def sets(self) -> list[SetFit]:
         """The sets that matter, at plausible sizes, heaviest first."""
@@ -279,8 +279,8 @@ class Search:
         for one in {fit.names: fit for fit in (*ordered[: MOST_FITTED // 2], *small[: MOST_FITTED // 2])}.values():
             in_air = self._with_unknown(one, air=True)
             ordered += [in_air, self._with_unknown(in_air, air=False)]
-        found = {(one.names, *one.unknown.items()): one for one in filter(self.plausible, ordered)}
-        return sorted(found.values(), key=lambda one: -one.log_weight)
+        by_content = {(one.names, *one.unknown.items()): one for one in filter(self.plausible, ordered)}
+        return sorted(by_content.values(), key=lambda one: -one.log_weight)
 
     def _with_unknown(self, fit: SetFit, *, air: bool) -> SetFit:
         """A set with what else is likeliest to move the means; itself where nothing does."""

@@ -119,16 +119,16 @@ class Signatures:
             size[follows.rate] = shift[follows.cas][:, None] * follows.unsure
             columns += list(size.T)
         off = np.stack(columns, 1) if columns else np.zeros((len(shift), 0))
-        found: Array = off @ off.T
-        return found
+        covariance: Array = off @ off.T
+        return covariance
 
     def _vectors(self, effect: Effect, theta: Tensor, state: FlightState) -> Array:
         shift = effect.shift(state, theta)
         if self.compared.measures_air and effect.of_air:
             # The rate that the air makes is off each flight already: its size is that of the air itself.
             shift = {quantity: part for quantity, part in shift.items() if quantity != "rate"}
-        found: Array = self.compared.vector(shift).numpy()
-        return found + found @ self._rate_by_cas.gain.T if effect.rate_follows_cas else found
+        vectors: Array = self.compared.vector(shift).numpy()
+        return vectors + vectors @ self._rate_by_cas.gain.T if effect.rate_follows_cas else vectors
 
 
 def rate_by_cas(compared: Compared, known: Moments) -> RateByCas:

@@ -16,24 +16,24 @@ LEAST_SHARE_LEFT = 0.1
 """Share of the difference before that an effect's equation may miss of it."""
 
 
-def verdict_of(found: Explanation, *, is_gap: bool = True, costs: Sequence[Cost] = ()) -> Verdict:
+def verdict_of(explanation: Explanation, *, is_gap: bool = True, costs: Sequence[Cost] = ()) -> Verdict:
     """No gap, or a gap of which the named causes are all, a part, or none.
 
     Args:
-        found: Causes by the evidence of sets of effects.
+        explanation: Causes by the evidence of sets of effects.
         is_gap: Whether there is a gap by the test of permutations, larger than the rounding of reports.
         costs: Costs of the gap, before and after the causes are in the simulator.
     """
-    if found.is_none or not is_gap:
+    if explanation.is_none or not is_gap:
         return "none"
-    few = found.compared.short_of_causes > 0
-    if not found.theta:
+    few = explanation.compared.short_of_causes > 0
+    if not explanation.theta:
         # Of few flights the spread is not known well enough for an unknown cause: the time itself must differ.
         return "unknown" if not few or differs_in_time(costs) else "none"
-    if not ((found.named.has_unknown and not few) or leaves_time(costs)):
+    if not ((explanation.named.has_unknown and not few) or leaves_time(costs)):
         return "effect"
     # The air is no part of a simulator: what it leaves is unknown.
-    return "unknown" if all(found.catalogue[name].of_air for name in found.theta) else "partial"
+    return "unknown" if all(explanation.catalogue[name].of_air for name in explanation.theta) else "partial"
 
 
 def differs_in_time(costs: Sequence[Cost]) -> bool:

@@ -36,11 +36,11 @@ LEVELS_DRAWN = 4
 """Quantities drawn against altitude: the rate, and those that differ most in standard errors."""
 
 
-def page(found: Findings, folder: str | Path = "gap") -> str:
+def page(findings: Findings, folder: str | Path = "gap") -> str:
     """The whole page, figures inside.
 
     Args:
-        found: What the diagnosis found.
+        findings: What the diagnosis found.
         folder: Where the report is written, for the command to type next.
 
     Example:
@@ -52,46 +52,46 @@ def page(found: Findings, folder: str | Path = "gap") -> str:
     """
     from descentflow.diagnosis.report import figures  # matplotlib loads where figures are drawn
 
-    drawn = [cost for cost in shown_costs(found) if cost.name in COSTS_DRAWN]
-    curves = {name: found.details.curves[name] for name in _levels_drawn(found.details.curves)}
-    has_after, profile = bool(found.causes), found.details.profile
-    cause, made = found.details.label, found.provenance
+    drawn = [cost for cost in shown_costs(findings) if cost.name in COSTS_DRAWN]
+    curves = {name: findings.details.curves[name] for name in _levels_drawn(findings.details.curves)}
+    has_after, profile = bool(findings.causes), findings.details.profile
+    cause, made = findings.details.label, findings.provenance
     return rendered(
         "diagnosis/report/gap.html.j2",
-        **_shared(found),
+        **_shared(findings),
         written=True,
-        command=next_command(found, folder),
-        costs=cost_table(found, means=True),
+        command=next_command(findings, folder),
+        costs=cost_table(findings, means=True),
         cost_figures=[
             (
                 f"{cost.label} by levels, of all {between(cost.before, cost.unit)}",
-                drawing(figures.cost_figure(found.costs, cost.name)),
+                drawing(figures.cost_figure(findings.costs, cost.name)),
             )
             for cost in drawn
         ],
         level_figures=[
-            (_level_alt(found, name, curve), drawing(figures.level_figure(name, curve, profile, after=has_after)))
+            (_level_alt(findings, name, curve), drawing(figures.level_figure(name, curve, profile, after=has_after)))
             for name, curve in curves.items()
         ],
-        changes=[[cause(s.effect), s.text, c.text] for s, c in zip(found.recipe, found.causes, strict=True)],
+        changes=[[cause(s.effect), s.text, c.text] for s, c in zip(findings.recipe, findings.causes, strict=True)],
         small=[
-            [label_of(row.quantity), level_range(*ends), *(_in_words(found, row.quantity, x, *ends) for x in sizes)]
-            for row in found.below_rounding
+            [label_of(row.quantity), level_range(*ends), *(_in_words(findings, row.quantity, x, *ends) for x in sizes)]
+            for row in findings.below_rounding
             for ends, sizes in [((row.level_low_fl, row.level_high_fl), (row.difference, row.rounding))]
         ],
-        brief=_brief(found),
-        inputs=inputs_table(found),
-        by_level=by_level_table(found),
-        numbers=specialist_tables(found),
+        brief=_brief(findings),
+        inputs=inputs_table(findings),
+        by_level=by_level_table(findings),
+        numbers=specialist_tables(findings),
         settings=[*made.versions.items(), *made.settings.items(), *made.real.settings.items()],
     )
 
 
-def summary(found: Findings, command: str = "", *, written: bool = True) -> str:
+def summary(findings: Findings, command: str = "", *, written: bool = True) -> str:
     """The answer for a terminal.
 
     Args:
-        found: What the diagnosis found.
+        findings: What the diagnosis found.
         command: To type next; as :func:`next_command` has it if absent.
         written: Whether its files are in a folder.
 
@@ -106,13 +106,13 @@ def summary(found: Findings, command: str = "", *, written: bool = True) -> str:
           mass: mass x 0.9... (0.8... to 0.9...), FL150 to FL...
         ...
     """
-    command = command or next_command(found)
-    costs = _aligned(cost_table(found)) if found.costs else ""
+    command = command or next_command(findings)
+    costs = _aligned(cost_table(findings)) if findings.costs else ""
     made = {"costs": costs, "command": command, "written": written}
-    return rendered("diagnosis/report/gap.txt.j2", **_shared(found), **made).strip()
+    return rendered("diagnosis/report/gap.txt.j2", **_shared(findings), **made).strip()
 
 
-def simulator_name(found: Findings) -> str:
+def simulator_name(findings: Findings) -> str:
     """The simulator by the name that its owner gave it; never a file's.
 
     Example:
@@ -121,15 +121,15 @@ def simulator_name(found: Findings) -> str:
         >>> simulator_name(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}))
         'nominal BADA of the A320'
     """
-    name, made = found.details.simulator, found.provenance
+    name, made = findings.details.simulator, findings.provenance
     if name == "nominal":
-        return f"nominal BADA of the {found.details.typecode}"
+        return f"nominal BADA of the {findings.details.typecode}"
     return "the simulator" if made.simulator.name in ("", name) else name
 
 
-def _brief(found: Findings) -> list[tuple[str, str]]:
+def _brief(findings: Findings) -> list[tuple[str, str]]:
     """Time, distance and rate of the whole, and what each cause takes away of them."""
-    costs = [cost for cost in shown_costs(found) if cost.name in BRIEF]
+    costs = [cost for cost in shown_costs(findings) if cost.name in BRIEF]
 
     def numbers(sizes: Sequence[float]) -> str:
         pairs = zip(sizes, costs, strict=True)
@@ -137,18 +137,18 @@ def _brief(found: Findings) -> list[tuple[str, str]]:
 
     if not costs:
         return []
-    rows = [(f"Real flights minus {simulator_name(found)}", numbers([cost.before.estimate for cost in costs]))]
-    for cause in [cause for cause in found.causes if cause.takes_away]:
+    rows = [(f"Real flights minus {simulator_name(findings)}", numbers([cost.before.estimate for cost in costs]))]
+    for cause in [cause for cause in findings.causes if cause.takes_away]:
         text = f"{cause.label or cause.effect} takes away"
         rows.append((text[:1].upper() + text[1:], numbers([cause.takes_away.get(cost.name, 0.0) for cost in costs])))
     return rows
 
 
-def next_command(found: Findings, folder: str | Path = "gap", real: str = "", simulator: str = "") -> str:
+def next_command(findings: Findings, folder: str | Path = "gap", real: str = "", simulator: str = "") -> str:
     """The command to type next; empty where nothing is left to do.
 
     Args:
-        found: What the diagnosis found.
+        findings: What the diagnosis found.
         folder: Where its report lies; beside the reader if absent.
         real: The real flights as they are typed; their name if empty.
         simulator: The simulator in the same way.
@@ -159,16 +159,16 @@ def next_command(found: Findings, folder: str | Path = "gap", real: str = "", si
         >>> next_command(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}), "gap")
         'descentflow diagnose --real descents.parquet --simulator FLOWN_AGAIN --previous gap/gap.json --out gap-next'
     """
-    made = found.provenance
-    if not made.real.flights or found.verdict == "none":
+    made = findings.provenance
+    if not made.real.flights or findings.verdict == "none":
         return ""
     place = Path(folder)
-    if found.corrected_file.endswith(".ckpt"):
-        return f"descentflow sample {quote(str(place / found.corrected_file))} -n 1000 --out samples.parquet"
+    if findings.corrected_file.endswith(".ckpt"):
+        return f"descentflow sample {quote(str(place / findings.corrected_file))} -n 1000 --out samples.parquet"
     folder = f" --bada-dir {quote(made.settings['bada_dir'])}" if "bada_dir" in made.settings else ""
     again = f"descentflow diagnose --real {real or _typed(made.real)}{folder}"
     out = quote(f"{place}-next")
-    if found.causes:
+    if findings.causes:
         # Flights have a designator, which may be that of several models.
         again += f" --typecode {quote(_bada4_model(made))}" if _bada4_model(made) else ""
         return f"{again} --simulator FLOWN_AGAIN --previous {quote(str(place / 'gap.json'))} --out {out}"
@@ -176,7 +176,7 @@ def next_command(found: Findings, folder: str | Path = "gap", real: str = "", si
     return f"{again} {simulator} --catalogue MY_EFFECTS.py --out {out}"
 
 
-def repair_command(found: Findings) -> str:
+def repair_command(findings: Findings) -> str:
     """The command that mends coefficients where polar, mass or idle thrust is a cause; empty elsewhere.
 
     Example:
@@ -185,12 +185,12 @@ def repair_command(found: Findings) -> str:
         >>> repair_command(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}))
         'descentflow repair descents.parquet --aircraft A320 --out A320.toml'
     """
-    made = found.provenance
-    of_coefficients = any(one.effect in EFFECTS and EFFECTS[one.effect].of_coefficients for one in found.causes)
-    if made is None or found.corrected_file.endswith(".ckpt") or not of_coefficients:
+    made = findings.provenance
+    of_coefficients = any(one.effect in EFFECTS and EFFECTS[one.effect].of_coefficients for one in findings.causes)
+    if made is None or findings.corrected_file.endswith(".ckpt") or not of_coefficients:
         return ""
     model = _bada4_model(made)
-    code = quote(model or found.details.typecode)
+    code = quote(model or findings.details.typecode)
     licensed = "coefficients" in made.settings
     folder = f" --bada-dir {quote(made.settings.get('bada_dir', 'BADA'))}" if licensed else ""
     ending = "html" if model else "toml"
@@ -208,38 +208,38 @@ def _typed(used: InputUsed) -> str:
     return quote(used.name) if "." in used.name and " + " not in used.name else "FLIGHTS"
 
 
-def _shared(found: Findings) -> dict[str, Any]:
+def _shared(findings: Findings) -> dict[str, Any]:
     """Values and macros of both templates."""
-    name, made, whole = simulator_name(found), found.provenance, whole_costs(found)
+    name, made, whole = simulator_name(findings), findings.provenance, whole_costs(findings)
     used = made.coefficients
-    counted = found.dropped.get("flights_compared")
-    types = listed(used.of_flights) if used and used.of_flights else found.details.typecode
+    counted = findings.dropped.get("flights_compared")
+    types = listed(used.of_flights) if used and used.of_flights else findings.details.typecode
     return {
-        "found": found,
+        "findings": findings,
         "name": name,
         "Name": name[:1].upper() + name[1:],
         "flights": f"{'' if counted is None else f'{counted:,} '}real {types} flights",
         "whole_range": f"FL{whole[0].high_fl:.0f} down to FL{whole[0].low_fl:.0f}" if whole else "",
-        "p": f"{found.p_value:.2g}",
+        "p": f"{findings.p_value:.2g}",
         "significant": FALSE_GAP,
         "same": bool(made.real.fingerprint) and made.real.fingerprint == made.simulator.fingerprint,
-        "remains": _remaining(found),
+        "remains": _remaining(findings),
         "perhaps": listed([f"{between(c.before, c.unit)} in {c.label}" for c in whole if _may_differ(c)]),
-        "known_flights": found.dropped.get(SEEN, 0),
-        "standing": _standing(found),
+        "known_flights": findings.dropped.get(SEEN, 0),
+        "standing": _standing(findings),
         "stand_in": str(used) if used and used.stand_in else "",
-        "airs_of_simulator": [_air_of_simulator(one) for one in found.causes if not one.inherited],
-        "decide": _deciding(found),
-        "repair": repair_command(found),
-        "worth_a_look": found.flights_worth_a_look if found.verdict in ("unknown", "partial") else [],
-        "limits": _limits(found),
-        "then_named": listed([found.details.label(one) for one in found.previous.causes]) if found.previous else "",
+        "airs_of_simulator": [_air_of_simulator(one) for one in findings.causes if not one.inherited],
+        "decide": _deciding(findings),
+        "repair": repair_command(findings),
+        "worth_a_look": findings.flights_worth_a_look if findings.verdict in ("unknown", "partial") else [],
+        "limits": _limits(findings),
+        "then_named": listed([*map(findings.details.label, findings.previous.causes)]) if findings.previous else "",
         "percent": percent,
         "number": with_unit,
         "levels": level_range,
         "label": label_of,
         "listed": listed,
-        "shown": lambda *one: _in_words(found, *one),
+        "shown": lambda *one: _in_words(findings, *one),
     }
 
 
@@ -248,10 +248,10 @@ def _may_differ(cost: Cost) -> bool:
     return cost.name in CLOSED and cost.before.excludes_zero and abs(cost.before.estimate) > cost.floor
 
 
-def _remaining(found: Findings) -> list[tuple[str, str, str]]:
+def _remaining(findings: Findings) -> list[tuple[str, str, str]]:
     """Time at equal speed and rate that are left with the causes, those before, and their names."""
     rows = []
-    for cost in whole_costs(found):
+    for cost in whole_costs(findings):
         if cost.name in CLOSED and cost.after:
             left, before = (with_unit(size.estimate, cost.unit, signed=True) for size in (cost.after, cost.before))
             rows.append((left, before, cost.label))
@@ -289,35 +289,35 @@ def limit_text(limit: DetectionLimit) -> str:
     return f"{limit.label or limit.parameter.replace('_', ' ')} {with_unit(size, limit.unit)}"
 
 
-def _limits(found: Findings) -> list[list[str]]:
-    return [[found.details.label(x.effect), limit_text(x)] for x in found.details.detection_limits if x.size]
+def _limits(findings: Findings) -> list[list[str]]:
+    return [[findings.details.label(x.effect), limit_text(x)] for x in findings.details.detection_limits if x.size]
 
 
-def _deciding(found: Findings) -> list[tuple[str, str, str]]:
+def _deciding(findings: Findings) -> list[tuple[str, str, str]]:
     """Effects that look alike, the channels that would separate them, and why no channel would."""
     rows = [
-        (listed([found.details.label(name) for name in row.between if name != UNKNOWN]), row.channels, row.why)
-        for row in found.would_split
+        (listed([findings.details.label(name) for name in row.between if name != UNKNOWN]), row.channels, row.why)
+        for row in findings.would_split
     ]
-    for channel in found.left_out_channels:
-        names = [found.details.label(name) for name in channel.would_separate]
+    for channel in findings.left_out_channels:
+        names = [findings.details.label(name) for name in channel.would_separate]
         if names:
             rows.append((f"{names[0]} from its likes" if len(names) == 1 else listed(names), [channel.channel], ""))
     return list(dict.fromkeys((names, listed(channels, "or"), why) for names, channels, why in rows))
 
 
-def _standing(found: Findings) -> float | None:
+def _standing(findings: Findings) -> float | None:
     """The largest difference that is left, in standard errors; None where it is of several bands."""
-    left = found.remaining.largest
-    curve = found.details.curves.get(left.quantity, Curve([], [], [], []))
+    left = findings.remaining.largest
+    curve = findings.details.curves.get(left.quantity, Curve([], [], [], []))
     pairs = zip(curve.level_fl, curve.error, strict=True)
     errors = [error for fl, error in pairs if fl is None or left.level_low_fl <= fl <= left.level_high_fl]
     return abs(left.difference) / errors[0] if len(errors) == 1 and errors[0] > 0.0 else None
 
 
-def _in_words(found: Findings, quantity: str, value: float, low_fl: float, high_fl: float) -> str:
+def _in_words(findings: Findings, quantity: str, value: float, low_fl: float, high_fl: float) -> str:
     """A difference with sign and unit; of noise its factor."""
-    return with_unit(*aviation_value(quantity, value, low_fl, high_fl, found.details.profile), signed=True)
+    return with_unit(*aviation_value(quantity, value, low_fl, high_fl, findings.details.profile), signed=True)
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> str:
@@ -349,12 +349,12 @@ def _levels_drawn(curves: Mapping[str, Curve]) -> list[str]:
     return sorted(banded, key=lambda name: (name != "rate", -size[name]))[:LEVELS_DRAWN]
 
 
-def _level_alt(found: Findings, name: str, curve: Curve) -> str:
+def _level_alt(findings: Findings, name: str, curve: Curve) -> str:
     """Description of a figure by level."""
     texts = []
-    for when, values in (("now", curve.before), ("with the causes", curve.after))[: 2 if found.causes else 1]:
+    for when, values in (("now", curve.before), ("with the causes", curve.after))[: 2 if findings.causes else 1]:
         k = max(range(len(values)), key=lambda i: abs(values[i]))
         fl = curve.level_fl[k] or 0.0
-        value = with_unit(*aviation_value(name, values[k], fl, fl, at_level(found.details.profile, fl)), signed=True)
+        value = with_unit(*aviation_value(name, values[k], fl, fl, at_level(findings.details.profile, fl)), signed=True)
         texts.append(f"{when} {value} at FL{fl:.0f}")
     return f"Largest difference of {label_of(name)}: {', '.join(texts)}."

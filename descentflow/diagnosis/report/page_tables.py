@@ -19,7 +19,7 @@ Table = tuple[str, list[str], list[list[str]], str]
 """Heading, names of the columns, rows, and how columns are aligned."""
 
 
-def whole_costs(found: Findings) -> list[Cost]:
+def whole_costs(findings: Findings) -> list[Cost]:
     """Costs over all levels.
 
     Example:
@@ -28,10 +28,10 @@ def whole_costs(found: Findings) -> list[Cost]:
         >>> whole_costs(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}))[0].unit
         's'
     """
-    return [c for c in found.costs if (c.low_fl, c.high_fl) == (found.costs[0].low_fl, found.costs[0].high_fl)]
+    return [c for c in findings.costs if (c.low_fl, c.high_fl) == (findings.costs[0].low_fl, findings.costs[0].high_fl)]
 
 
-def shown_costs(found: Findings) -> list[Cost]:
+def shown_costs(findings: Findings) -> list[Cost]:
     """Costs over all levels: of both distances the one over ground, and stretches only where they differ surely.
 
     Example:
@@ -41,17 +41,17 @@ def shown_costs(found: Findings) -> list[Cost]:
         >>> [cost.name for cost in shown_costs(report)][:2]
         ['time', 'time_at_speed']
     """
-    costs = whole_costs(found)
+    costs = whole_costs(findings)
     hidden = {"air_distance"} if any(cost.name == "ground_distance" for cost in costs) else set()
     hidden |= {cost.name for cost in costs if cost.name in OF_STRETCHES and not cost.before.excludes_zero}
     return [cost for cost in costs if cost.name not in hidden]
 
 
-def cost_table(found: Findings, *, means: bool = False) -> list[list[str]]:
+def cost_table(findings: Findings, *, means: bool = False) -> list[list[str]]:
     """Head and rows: each cost, what each cause takes of it, what is left, and what chance gives.
 
     Args:
-        found: What the diagnosis found.
+        findings: What the diagnosis found.
         means: Whether the means of both sides stand before the difference.
 
     Example:
@@ -60,12 +60,12 @@ def cost_table(found: Findings, *, means: bool = False) -> list[list[str]]:
         >>> cost_table(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}))[0]
         ['', 'difference', 'mass', 'left', 'by chance']
     """
-    after = bool(found.causes) and any(cost.after is not None for cost in found.costs)
-    causes = [cause for cause in found.causes if cause.takes_away]
+    after = bool(findings.causes) and any(cost.after is not None for cost in findings.costs)
+    causes = [cause for cause in findings.causes if cause.takes_away]
     head = ["", *(["simulator", "real flights"] if means else []), "difference"]
     head += [cause.label or cause.effect for cause in causes] + (["left"] if after else [])
     rows = []
-    for cost in shown_costs(found):
+    for cost in shown_costs(findings):
         row = [cost.label, *(with_unit(x, cost.unit) for x in (cost.simulator, cost.flights) if means)]
         row.append(between(cost.before, cost.unit))
         taken = [cause.takes_away.get(cost.name, 0.0) for cause in causes]
@@ -75,7 +75,7 @@ def cost_table(found: Findings, *, means: bool = False) -> list[list[str]]:
     return [[*head, "by chance"], *rows]
 
 
-def inputs_table(found: Findings) -> list[list[str]]:
+def inputs_table(findings: Findings) -> list[list[str]]:
     """Both sides by name, kind, flights, days, types and version; empty where nothing is known of them.
 
     Example:
@@ -84,7 +84,7 @@ def inputs_table(found: Findings) -> list[list[str]]:
         >>> inputs_table(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}))[0]
         ['name', 'descents.parquet', 'nominal A320']
     """
-    made = found.provenance
+    made = findings.provenance
     if not made.real.flights:
         return []
     sides = (_side(made.real), _side(made.simulator))
@@ -107,7 +107,7 @@ def _side(used: InputUsed) -> dict[str, str]:
     }
 
 
-def specialist_tables(found: Findings) -> list[Table]:
+def specialist_tables(findings: Findings) -> list[Table]:
     """Every further number that the page has; tables without rows are not shown.
 
     Example:
@@ -117,8 +117,8 @@ def specialist_tables(found: Findings) -> list[Table]:
         >>> specialist_tables(report)[0][2][0][:2]
         ['mass', 'relative change of the mass']
     """
-    d, label = found.details, found.details.label
-    causes = found.causes
+    d, label = findings.details, findings.details.label
+    causes = findings.causes
     alone = [s for s in d.singles if s.gain_nats > 0]
     return [
         (
@@ -131,7 +131,7 @@ def specialist_tables(found: Findings) -> list[Table]:
             ],
             "llr",
         ),
-        ("Where most of the difference lies", ["", "levels", "difference", "share"], _cells(found), "llr"),
+        ("Where most of the difference lies", ["", "levels", "difference", "share"], _cells(findings), "llr"),
         (
             "Best sets of effects",
             ["set", "weight"],
@@ -147,13 +147,13 @@ def specialist_tables(found: Findings) -> list[Table]:
         (
             "Flights and rows",
             ["", ""],
-            [[n.replace("_", " "), f"{count:,}"] for n, count in found.dropped.items()],
+            [[n.replace("_", " "), f"{count:,}"] for n, count in findings.dropped.items()],
             "lr",
         ),
     ]
 
 
-def by_level_table(found: Findings) -> list[list[str]]:
+def by_level_table(findings: Findings) -> list[list[str]]:
     """Head and rows of costs in the thirds of the levels.
 
     Example:
@@ -162,19 +162,20 @@ def by_level_table(found: Findings) -> list[list[str]]:
         >>> by_level_table(diagnose("descents.parquet", "A320", catalogue={"mass": EFFECTS["mass"]}))[1][:2]
         ['time', 'FL150 to FL210']
     """
-    rows = [["", "levels", "difference", *(["left"] if found.causes else []), "by chance"]]
+    rows = [["", "levels", "difference", *(["left"] if findings.causes else []), "by chance"]]
     for name in BY_LEVEL:
-        for cost in [cost for cost in found.costs if cost.name == name][1:]:
-            after = ["-" if cost.after is None else between(cost.after, cost.unit)] if found.causes else []
+        for cost in [cost for cost in findings.costs if cost.name == name][1:]:
+            after = ["-" if cost.after is None else between(cost.after, cost.unit)] if findings.causes else []
             place, floor = level_range(cost.low_fl, cost.high_fl), with_unit(cost.floor, cost.unit)
             rows.append([cost.label, place, between(cost.before, cost.unit), *after, floor])
     return rows
 
 
-def _cells(found: Findings) -> list[list[str]]:
+def _cells(findings: Findings) -> list[list[str]]:
     rows = []
-    for cell in [cell for cell in found.where if cell.share > 0][:CELLS_LISTED]:
+    for cell in [cell for cell in findings.where if cell.share > 0][:CELLS_LISTED]:
         levels = (cell.level_low_fl, cell.level_high_fl)
-        value = with_unit(*aviation_value(cell.quantity, cell.difference, *levels, found.details.profile), signed=True)
+        profile = findings.details.profile
+        value = with_unit(*aviation_value(cell.quantity, cell.difference, *levels, profile), signed=True)
         rows.append([label_of(cell.quantity), level_range(*levels), value, percent(cell.share)])
     return rows

@@ -125,8 +125,8 @@ def by_own_air(state: FlightState, slope_per_s: Tensor, warmth: Tensor) -> Tenso
         >>> from descentflow.effects.example_flights import example_flights
         >>> state = example_flights()
         >>> none, more = torch.zeros(6, 11).double(), torch.full((6, 11), 0.001).double()
-        >>> found = by_own_air(state, more, none)  # 0.6 kt more tailwind for each 1,000 ft
-        >>> torch.allclose(found, log_rate(state, wind_slope_per_s=more) - log_rate(state))
+        >>> changed = by_own_air(state, more, none)  # 0.6 kt more tailwind for each 1,000 ft
+        >>> torch.allclose(changed, log_rate(state, wind_slope_per_s=more) - log_rate(state))
         True
     """
     deviation_k = isa_temperature_k(state.altitude_m) * ((2 * warmth.nan_to_num(0.0)).exp() - 1)
@@ -171,8 +171,8 @@ def by_own_turns(state: FlightState, turning: Tensor, real: Tensor) -> Tensor:
         >>> from descentflow.effects.example_flights import example_flights
         >>> turning = torch.zeros(6, 11).double()
         >>> turning[3, 5] = 0.3  # one of three real flights turns in one band
-        >>> found = by_own_turns(example_flights(), turning, torch.arange(6) > 2)
-        >>> bool(found[3, 5] > 0.04), bool(found[4, 5] < 0), bool((found[:3] == 0).all())
+        >>> changed = by_own_turns(example_flights(), turning, torch.arange(6) > 2)
+        >>> bool(changed[3, 5] > 0.04), bool(changed[4, 5] < 0), bool((changed[:3] == 0).all())
         (True, True, True)
     """
     change = log_rate(state, induced=1 + turning.nan_to_num(0.0)) - state.own_log_rate

@@ -243,7 +243,7 @@ class Inputs:
             )
         own = self.typecode or of_flights[0]
         try:
-            found = find_aircraft(own, self.bada_dir)
+            aircraft = find_aircraft(own, self.bada_dir)
         except UnknownTypeError as error:
             if not self.nearest_type:
                 raise UnknownTypeError(
@@ -252,10 +252,10 @@ class Inputs:
                     mend="name a type whose coefficients stand for it (--typecode), or let the nearest be taken "
                     "(--nearest-type)",
                 ) from error
-            found = nearest_type(own, self.bada_dir)
-        nearest = self.nearest_type and found.typecode != own
+            aircraft = nearest_type(own, self.bada_dir)
+        nearest = self.nearest_type and aircraft.typecode != own
         asked = own if nearest and of_flights != [own] else None
-        return found, CoefficientsUsed(found.typecode, found.source, of_flights, nearest, asked)
+        return aircraft, CoefficientsUsed(aircraft.typecode, aircraft.source, of_flights, nearest, asked)
 
 
 def without_weather(
@@ -290,14 +290,14 @@ def without_weather(
         return frame, 0
     levels_fl = parts.decoder.levels_fl.cpu()
     airs = airs_as_kept(frame, levels_fl, parts.air, air)
-    found = in_standard_air(frame, parts.decoder.aircraft, airs, levels_fl)
-    if found.is_empty():
+    still = in_standard_air(frame, parts.decoder.aircraft, airs, levels_fl)
+    if still.is_empty():
         raise DataError(
             f"none of {airs.without} flights reports its air",
             expected="flights with TAS and groundspeed, for a model of drag in measured air",
             mend="give such flights, or diagnose a model that was fitted with data.air=standard",
         )
-    return found, airs.without
+    return still, airs.without
 
 
 def _own_flights(real: pl.DataFrame, name: str, parts: "Representation") -> dict[str, int]:

@@ -34,8 +34,8 @@ def input_of_flights(name: str, descents: Descents) -> InputUsed:
 
     Example:
         >>> from descentflow.surveillance.descents.prepared_descents import read_descents
-        >>> found = input_of_flights("descents.parquet", read_descents("descents.parquet"))
-        >>> found.flights, found.aircraft, found.first, found.last, found.files
+        >>> described = input_of_flights("descents.parquet", read_descents("descents.parquet"))
+        >>> described.flights, described.aircraft, described.first, described.last, described.files
         (120, 24, '2024-03-04', '2024-03-08', ['rows.parquet'])
     """
     frame, metadata = descents.frame, descents.metadata

@@ -145,11 +145,11 @@ def _channels_shown(frame: pl.DataFrame, low: float, high: float, channels: Sequ
     return [c for c in names if int(by_flight[c].sum()) > least]
 
 
-def check_count(found: Quantities, given: int, low: float, high: float, whose: str = "real flights") -> None:
+def check_count(quantities: Quantities, given: int, low: float, high: float, whose: str = "real flights") -> None:
     """Refuse too few flights of one side on the grid (DataError).
 
     Args:
-        found: The flights that show a band.
+        quantities: The flights that show a band.
         given: How many there were.
         low: Lowest level of the grid.
         high: Highest.
@@ -162,9 +162,9 @@ def check_count(found: Quantities, given: int, low: float, high: float, whose: s
         Traceback (most recent call last):
         descentflow.core.errors.DataError: 4 real flights with levels between FL150 and FL340 (of 120 given); ...
     """
-    if len(found) < MIN_FLIGHTS_A_SIDE:
+    if len(quantities) < MIN_FLIGHTS_A_SIDE:
         raise DataError(
-            f"{len(found)} {whose} with levels between FL{low:.0f} and FL{high:.0f} (of {given} given)",
+            f"{len(quantities)} {whose} with levels between FL{low:.0f} and FL{high:.0f} (of {given} given)",
             expected=f"at least {MIN_FLIGHTS_A_SIDE} flights a side, {FEWEST_FOR_CAUSES} to seek all causes, "
             "and hundreds to tell effects apart",
             mend=f"give more {whose}, or both sides the same levels",

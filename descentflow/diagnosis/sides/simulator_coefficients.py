@@ -52,13 +52,13 @@ class SimulatorCoefficients:
         """Columns (4, 4) that span the covariance: each is one standard deviation of an independent part of it.
 
         Example:
-            >>> found = SimulatorCoefficients.unknown().directions()
-            >>> torch.allclose(found @ found.T, SimulatorCoefficients.unknown().covariance)
+            >>> columns = SimulatorCoefficients.unknown().directions()
+            >>> torch.allclose(columns @ columns.T, SimulatorCoefficients.unknown().covariance)
             True
         """
         values, vectors = torch.linalg.eigh(self.covariance)
-        found: Tensor = vectors * values.clamp(min=0.0).sqrt()
-        return found
+        columns: Tensor = vectors * values.clamp(min=0.0).sqrt()
+        return columns
 
     def applied(self, state: FlightState) -> FlightState:
         """Flights of the type, looked at with these coefficients.
@@ -102,8 +102,8 @@ def simulator_coefficients(
         >>> state = example_flights(60)
         >>> noise = 0.03 * torch.randn(60, 11, generator=torch.Generator().manual_seed(0)).double()
         >>> seen = log_rate(state, mass=1.2) + noise
-        >>> found = simulator_coefficients(state, seen, torch.arange(60))
-        >>> apart = [float((log_rate(scaled(state, x)) - seen).mean()) for x in (torch.zeros(4), found.ln_factors)]
+        >>> known = simulator_coefficients(state, seen, torch.arange(60))
+        >>> apart = [float((log_rate(scaled(state, x)) - seen).mean()) for x in (torch.zeros(4), known.ln_factors)]
         >>> [round(x, 2) for x in apart]  # of ln rate, before and after: the equations may be off as well
         [0.07, -0.02]
     """

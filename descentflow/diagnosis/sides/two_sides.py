@@ -180,13 +180,13 @@ def _with_usual(state: FlightState, values: Mapping[str, Tensor], real: Tensor) 
 
 def _columns(values: Mapping[str, Tensor], real: Tensor, airframe: Tensor, assumed: Assumptions) -> dict[Entry, Tensor]:
     """Entries that can be compared, each with its values (n,)."""
-    found = {}
+    columns = {}
     for name in (name for name in (*BY_BAND, *OF_FLIGHT) if name in values):
         for band, column in enumerate(values[name].unbind(1)) if name in BY_BAND else [(-1, values[name])]:
             compared = _compared(name, column, real, assumed)
             if compared is not None and not _tells_nothing(column, airframe):
-                found[Entry(name, band)] = compared
-    return found
+                columns[Entry(name, band)] = compared
+    return columns
 
 
 def _compared(name: str, column: Tensor, real: Tensor, assumed: Assumptions) -> Tensor | None:
@@ -249,12 +249,12 @@ def _spread(y: Tensor, real: Tensor) -> Tensor:
 
 def _joined(first: Quantities, second: Quantities) -> Quantities:
     def cat(a: dict[str, Tensor], b: dict[str, Tensor]) -> dict[str, Tensor]:
-        found = {}
+        both = {}
         for name in {**a, **b}:
             like = a[name] if name in a else b[name]
             blank = [torch.full((len(q), *like.shape[1:]), torch.nan, dtype=like.dtype) for q in (first, second)]
-            found[name] = torch.cat([a.get(name, blank[0]), b.get(name, blank[1])])
-        return found
+            both[name] = torch.cat([a.get(name, blank[0]), b.get(name, blank[1])])
+        return both
 
     airframe = torch.cat([first.airframe, second.airframe + first.airframe.max() + 1])
     day = torch.cat([first.known_day, second.known_day])

@@ -85,10 +85,10 @@ class Vectors:
 
     def table(self, quantity: str, y: Tensor) -> Tensor:
         """Entries (n, K) of a quantity of bands, from vectors (n, p); NaN in bands that are not compared."""
-        found = torch.full((len(y), len(self.altitude_m)), torch.nan, dtype=torch.float64)
+        entries = torch.full((len(y), len(self.altitude_m)), torch.nan, dtype=torch.float64)
         at = self.columns(quantity)
-        found[:, [self.entries[i].band for i in at.tolist()]] = y[:, at]
-        return found
+        entries[:, [self.entries[i].band for i in at.tolist()]] = y[:, at]
+        return entries
 
     def difference(self, y: Tensor) -> Tensor:
         """Mean (p,) of the real flights minus that of the simulator's, or minus zero where physics claims so."""
@@ -101,11 +101,11 @@ class Vectors:
 
     def vector(self, shift: Mapping[str, Tensor]) -> Tensor:
         """A shift of quantities, (n, K) or (n,), as vectors (n, p); zero where it has none."""
-        found = torch.zeros(len(next(iter(shift.values()))), len(self.entries), dtype=torch.float64)
+        vectors = torch.zeros(len(next(iter(shift.values()))), len(self.entries), dtype=torch.float64)
         for i, e in enumerate(self.entries):
             if e.quantity in shift:
-                found[:, i] = shift[e.quantity][:, e.band] if e.band >= 0 else shift[e.quantity]
-        return found
+                vectors[:, i] = shift[e.quantity][:, e.band] if e.band >= 0 else shift[e.quantity]
+        return vectors
 
     def middles_fl(self) -> list[float]:
         """Flight levels in the middle of each band."""

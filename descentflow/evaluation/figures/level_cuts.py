@@ -47,8 +47,8 @@ def cuts_figure(
 
     Example:
         >>> from descentflow.evaluation.evaluate import evaluate
-        >>> found = evaluate("best.ckpt", "descents.parquet", n=200, n_splits=1)
-        >>> figure = cuts_figure(found.real, {"gaussian": found.samples}, found.nominal, level_fl=287.0)
+        >>> evaluation = evaluate("best.ckpt", "descents.parquet", n=200, n_splits=1)
+        >>> figure = cuts_figure(evaluation.real, {"gaussian": evaluation.samples}, evaluation.nominal, level_fl=287.0)
         >>> figure.axes[4].get_xlabel()
         'CAS at FL287 (kt)'
     """

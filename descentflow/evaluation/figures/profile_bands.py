@@ -50,8 +50,8 @@ def profiles_figure(
 
     Example:
         >>> from descentflow.evaluation.evaluate import evaluate
-        >>> found = evaluate("best.ckpt", "descents.parquet", n=200, n_splits=1)
-        >>> figure = profiles_figure(found.real, {"gaussian": found.samples}, found.nominal, title="A320")
+        >>> judged = evaluate("best.ckpt", "descents.parquet", n=200, n_splits=1)
+        >>> figure = profiles_figure(judged.real, {"gaussian": judged.samples}, judged.nominal, title="A320")
         >>> figure.axes[0].get_title()
         'held out (n = 24)'
     """

@@ -93,8 +93,8 @@ def level_scores_figure(table: ScoreTable, transition_fl: float) -> Figure:
 
     Example:
         >>> from descentflow.evaluation.evaluate import evaluate
-        >>> found = evaluate("best.ckpt", "descents.parquet", n=300, n_splits=2)
-        >>> len(level_scores_figure(found.scores, transition_fl=290.0).axes)
+        >>> evaluation = evaluate("best.ckpt", "descents.parquet", n=300, n_splits=2)
+        >>> len(level_scores_figure(evaluation.scores, transition_fl=290.0).axes)
         4
     """
     by_name = {(level.quantity, level.statistic): level for level in table.levels}

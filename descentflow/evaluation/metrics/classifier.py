@@ -67,8 +67,8 @@ class Detection:
         importance: Of all levels of each quantity, then of bands of them; empty if it was not asked for.
 
     Example:
-        >>> found = Detection(torch.tensor([0.4, 0.6, 0.8, torch.nan]), ())
-        >>> round(found.auc, 3), [round(end, 2) for end in found.interval]
+        >>> detection = Detection(torch.tensor([0.4, 0.6, 0.8, torch.nan]), ())
+        >>> round(detection.auc, 3), [round(end, 2) for end in detection.interval]
         (0.6, [0.41, 0.79])
     """
 
@@ -133,8 +133,8 @@ def detect(samples: DescentSet, real: DescentSet, seed: int = 0, *, explain: boo
         >>> from descentflow.generation.sample import sample
         >>> one, two = (DescentSet.of_trajectories(sample("best.ckpt", 80, seed=s).trajectories) for s in (1, 2))
         >>> faster = replace(one, cas_mps=one.cas_mps + 50)
-        >>> found = detect(faster, two)
-        >>> found.auc > 0.95, found.importance[0].quantity, found.importance[0].loss > found.importance[1].loss
+        >>> seen = detect(faster, two)
+        >>> seen.auc > 0.95, seen.importance[0].quantity, seen.importance[0].loss > seen.importance[1].loss
         (True, 'CAS', True)
     """
     generator = torch.Generator().manual_seed(seed)

@@ -195,8 +195,8 @@ class Comparison:
     Example:
         >>> samples, real = torch.arange(20.0)[:, None], torch.arange(8.0)[:, None] + 3
         >>> samples, real = (samples, samples > -1), (real, real > -1)
-        >>> found = compare(samples, real, seed=0, n_splits=5)
-        >>> found.whole["mae"], found.floor["mae"].shape, found.n_each
+        >>> distances = compare(samples, real, seed=0, n_splits=5)
+        >>> distances.whole["mae"], distances.floor["mae"].shape, distances.n_each
         (tensor([3.], dtype=torch.float64), torch.Size([5, 1]), 4)
     """
 
@@ -225,8 +225,8 @@ def compare(
     Example:
         >>> samples, real = torch.arange(20.0)[:, None], torch.arange(8.0)[:, None] + 3
         >>> samples, real = (samples, samples > -1), (real, real > -1)
-        >>> found = compare(samples, real, seed=0, n_splits=5)
-        >>> found.whole["mae"], found.same["mae"].shape  # the means are 9.5 and 6.5
+        >>> distances = compare(samples, real, seed=0, n_splits=5)
+        >>> distances.whole["mae"], distances.same["mae"].shape  # the means are 9.5 and 6.5
         (tensor([3.], dtype=torch.float64), torch.Size([5, 1]))
     """
     splits = split_distances(samples, real, seed=seed, n_splits=n_splits, progress=progress)

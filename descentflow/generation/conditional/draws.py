@@ -164,8 +164,8 @@ def accepted(target: LatentTarget, seed: int, numbers: np.ndarray, judge: Judge)
         >>> from descentflow.generation.conditional.latent_density import LatentDensities
         >>> model = load_model("best.ckpt")
         >>> target = conditioned_target(DescentRequest(entry=180), LatentDensities(model).before(), model)
-        >>> found = accepted(target, 0, np.arange(50), judge_of(model.representation, 0, flown=False))
-        >>> found.report.accepted, bool(model.representation.plausibility.broken_rules(found.flown).any())
+        >>> draws = accepted(target, 0, np.arange(50), judge_of(model.representation, 0, flown=False))
+        >>> draws.report.accepted, bool(model.representation.plausibility.broken_rules(draws.flown).any())
         (50, False)
     """
     search, pending = _Search(target, seed, numbers, judge), np.arange(len(numbers))

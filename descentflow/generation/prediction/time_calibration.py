@@ -60,10 +60,10 @@ def least_squares(features: Tensor, values: Tensor, prior_flights: float = 0.0) 
     Example:
         >>> x = torch.stack([torch.ones(9), torch.arange(9.0)], 1).double()
         >>> y = (3 + 2 * x[:, 1:]) + torch.eye(9)[:, 4:5]  # the fifth is one off
-        >>> found = least_squares(x, y)
+        >>> fit = least_squares(x, y)
         >>> others = torch.arange(9) != 4
         >>> without = least_squares(x[others], y[others]).coefficients
-        >>> torch.allclose(found.residuals[4], y[4] - x[4] @ without)
+        >>> torch.allclose(fit.residuals[4], y[4] - x[4] @ without)
         True
     """
     # Slopes of features about their means and in their deviations, which the first column undoes.

@@ -248,8 +248,8 @@ def noise_given_loadings(centred: Tensor, mask: Tensor, loadings: Tensor, noise:
     Example:
         >>> curves = torch.randn(400, 1).double() + 0.5 * torch.randn(400, 20).double()
         >>> seen = torch.ones(400, 20, dtype=torch.bool)
-        >>> found = noise_given_loadings(curves, seen, torch.ones(20, 1).double(), torch.tensor(1.0).double())
-        >>> round(float(found.sqrt()), 1)
+        >>> noise = noise_given_loadings(curves, seen, torch.ones(20, 1).double(), torch.tensor(1.0).double())
+        >>> round(float(noise.sqrt()), 1)
         0.5
     """
     # For given loadings the flights of a mask say no more than the sum of the products of their projections.

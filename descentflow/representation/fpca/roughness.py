@@ -208,8 +208,8 @@ def missed(centred: Tensor, seen: Tensor, hidden: Tensor, loadings: Tensor, nois
     Example:
         >>> centred = torch.tensor([[2.0, 2.0]]).double()
         >>> visible = torch.tensor([[True, False]])
-        >>> found = missed(centred, visible, ~visible, torch.ones(2, 1).double(), torch.tensor(1.0).double())
-        >>> round(found[0], 9)  # of the length 1: (2 - 2 / (1 + 1))^2
+        >>> error = missed(centred, visible, ~visible, torch.ones(2, 1).double(), torch.tensor(1.0).double())
+        >>> round(error[0], 9)  # of the length 1: (2 - 2 / (1 + 1))^2
         1.0
     """
     groups = group_masks(seen)

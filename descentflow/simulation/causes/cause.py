@@ -74,8 +74,8 @@ def normal(uniform: Tensor) -> Tensor:
         >>> normal(torch.tensor([0.5]))
         tensor([0.])
     """
-    found: Tensor = torch.special.ndtri(uniform.clamp(1e-9, 1 - 1e-9))
-    return found
+    quantiles: Tensor = torch.special.ndtri(uniform.clamp(1e-9, 1 - 1e-9))
+    return quantiles
 
 
 Inject = Callable[[Fleet, Values], tuple[FlightParameters, Own]]

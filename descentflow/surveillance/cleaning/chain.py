@@ -231,9 +231,9 @@ def _level_flight(rated: pl.DataFrame, held: np.ndarray, rows: pl.DataFrame, rep
     """Level flight in the descents of a batch, counted, with names and types of the flights."""
     at, others = rated[ROW_NUMBER], [name for name in SPEEDS if name in rows.columns and name not in rated.columns]
     with_speeds = rated.with_columns(rows[name][at] for name in others)
-    found = stretches(with_speeds, pl.Series(held[at.to_numpy()]))
-    note_level_flight(found, report)
+    segments = stretches(with_speeds, pl.Series(held[at.to_numpy()]))
+    note_level_flight(segments, report)
     number = pl.col("flight_id").rle_id().alias("number")
     names = rows.select(number, "flight_id", "typecode").unique("number", keep="first")
-    named = found.rename({"flight_id": "number"}).join(names, on="number", maintain_order="left").drop("number")
+    named = segments.rename({"flight_id": "number"}).join(names, on="number", maintain_order="left").drop("number")
     return named.select("flight_id", "typecode", pl.exclude("flight_id", "typecode"))

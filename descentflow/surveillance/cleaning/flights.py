@@ -209,11 +209,11 @@ def _over_midnight(stretches: pl.DataFrame, gap_s: float, report: DropReport) ->
         & (pl.col("first") - pl.col("last").shift() <= _micros(gap_s))
         & (pl.col("first") // day_s != pl.col("last").shift() // day_s)
     ).fill_null(False)
-    found = stretches.select(goes_on).to_series()
-    report.note(OVER_MIDNIGHT, int(found.sum()))
-    if not found.any():
+    continued = stretches.select(goes_on).to_series()
+    report.note(OVER_MIDNIGHT, int(continued.sum()))
+    if not continued.any():
         return stretches
-    return stretches.with_columns(name.first().over((~found).cum_sum()))
+    return stretches.with_columns(name.first().over((~continued).cum_sum()))
 
 
 def _name_of_part() -> pl.Expr:
@@ -293,10 +293,10 @@ def one_type_each(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
     of_flight = counts.unique("flight_id", keep="first", maintain_order=True).select("flight_id", "icao24", "typecode")
     of_address = of_flight.select("icao24", "typecode").unique().filter(~pl.col("icao24").is_duplicated())
     report.note(FLIGHTS_OF_SEVERAL_TYPES, counts.filter(flight.is_duplicated())["flight_id"].n_unique())
-    found = rows.drop("typecode").join(
+    typed = rows.drop("typecode").join(
         of_flight.select("flight_id", "typecode"), on="flight_id", how="left", maintain_order="left"
     )
-    found = found.join(of_address.rename({"typecode": "_type"}), on="icao24", how="left", maintain_order="left")
-    found = found.with_columns(pl.coalesce("typecode", "_type").alias("typecode"))
-    report.note(FILLED_TYPES, rows["typecode"].null_count() - found["typecode"].null_count())
-    return found.select(rows.columns)
+    typed = typed.join(of_address.rename({"typecode": "_type"}), on="icao24", how="left", maintain_order="left")
+    typed = typed.with_columns(pl.coalesce("typecode", "_type").alias("typecode"))
+    report.note(FILLED_TYPES, rows["typecode"].null_count() - typed["typecode"].null_count())
+    return typed.select(rows.columns)

@@ -61,14 +61,14 @@ def with_power(rows: pl.DataFrame, slowest_fpm: float) -> pl.DataFrame:
     rated = with_rate(rows.select(name for name in columns if name in rows.columns))
     falls = (rated["vertical_rate"] <= -slowest_fpm).alias("_falls")
     aircraft, band = pl.col("icao24"), pl.col("altitude") // BAND_FT
-    found = []
+    bands = []
     for name in (one for one in POWER if one in rows.columns):
         value = pl.col(name)
         idle = pl.when("_falls").then(value).quantile(IDLE_SHARE).over(aircraft, band)
         most = value.max().over(aircraft)
         a_point = {"N1": pl.lit(1.0), "thrust": THRUST_A_POINT * most, "fuel_flow": FLOW_A_POINT * idle}[name]
-        found.append((value - idle) / a_point)
-    return rows.with_columns(falls).with_columns(pl.coalesce(found).alias(ABOVE_IDLE)).drop("_falls")
+        bands.append((value - idle) / a_point)
+    return rows.with_columns(falls).with_columns(pl.coalesce(bands).alias(ABOVE_IDLE)).drop("_falls")
 
 
 @dataclass(frozen=True)

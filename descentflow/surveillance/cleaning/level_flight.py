@@ -154,11 +154,11 @@ def _runs(descent: pl.DataFrame, flag: pl.Expr, kind: str, gap_s: float) -> pl.D
     )
 
 
-def by_flight(found: pl.DataFrame) -> pl.DataFrame:
+def by_flight(segments: pl.DataFrame) -> pl.DataFrame:
     """Level flight of each flight that descends.
 
     Args:
-        found: Of :func:`stretches`; the fuel of level segments may be beside
+        segments: Of :func:`stretches`; the fuel of level segments may be beside
             (:mod:`descentflow.measurements.level_fuel`).
 
     Returns:
@@ -168,8 +168,8 @@ def by_flight(found: pl.DataFrame) -> pl.DataFrame:
         altitude of the lowest level segment.
 
     Example:
-        >>> found = by_flight(stretches(pl.read_parquet("rows.parquet")))
-        >>> len(found), bool((found["level_s"] < found["descent_s"]).all())
+        >>> flights = by_flight(stretches(pl.read_parquet("rows.parquet")))
+        >>> len(flights), bool((flights["level_s"] < flights["descent_s"]).all())
         (120, True)
     """
     level, seconds = pl.col("kind") == "level", pl.col("seconds")
@@ -179,8 +179,8 @@ def by_flight(found: pl.DataFrame) -> pl.DataFrame:
         value = pl.col(name).filter(level)
         return pl.when(value.is_not_null().all()).then(value.sum()).alias(name)
 
-    return found.group_by("flight_id", maintain_order=True).agg(
-        *([pl.col("typecode").first()] if "typecode" in found.columns else []),
+    return segments.group_by("flight_id", maintain_order=True).agg(
+        *([pl.col("typecode").first()] if "typecode" in segments.columns else []),
         level.sum().cast(pl.Int64).alias("segments"),
         seconds.filter(level).sum().alias("level_s"),
         known("distance_nm"),
@@ -188,13 +188,13 @@ def by_flight(found: pl.DataFrame) -> pl.DataFrame:
         interval.alias("interval_s"),
         pl.col("altitude_ft").filter(level).min().alias("lowest_ft"),
         pl.when(interval < RARE_S).then(seconds.filter(pl.col("kind") == "held").sum()).alias("held_s"),
-        *(known(name) for name in ("fuel_kg", "idle_fuel_kg") if name in found.columns),
+        *(known(name) for name in ("fuel_kg", "idle_fuel_kg") if name in segments.columns),
     )
 
 
-def note_level_flight(found: pl.DataFrame, report: DropReport) -> None:
+def note_level_flight(stretches_flown: pl.DataFrame, report: DropReport) -> None:
     """Count flights that descend, those without level flight, seconds level by altitude, and seconds at held rates."""
-    level, descents = found.filter(kind="level"), found.filter(kind="descent")
+    level, descents = stretches_flown.filter(kind="level"), stretches_flown.filter(kind="descent")
     flights = descents.height
     report.note(FLIGHTS, flights)
     report.note(CONTINUOUS, flights - level["flight_id"].n_unique())
@@ -202,7 +202,7 @@ def note_level_flight(found: pl.DataFrame, report: DropReport) -> None:
     bands = level.group_by((pl.col("altitude_ft") // BAND_FT).cast(pl.Int64).alias("band")).agg(pl.col("seconds").sum())
     for band, seconds in bands.sort("band").iter_rows():
         report.note(f"{IN_BAND}{band * BAND_FT // 100:03d}", round(seconds))
-    report.note(HELD, round(found.filter(kind="held")["seconds"].sum()))
+    report.note(HELD, round(stretches_flown.filter(kind="held")["seconds"].sum()))
     report.note(RARE, int((descents["interval_s"] >= RARE_S).sum()))
 
 

@@ -85,10 +85,10 @@ def _interpolated(values: np.ndarray, upper: np.ndarray, share: np.ndarray, leas
     if least is not None:
         step = (step + 180.0) % 360.0 - 180.0
     # The level of a row itself has that row's value, even if its neighbour lacks one.
-    found = above + share * step
-    if np.isnan(found).any():
-        found = np.where(share == 0.0, above, np.where(share == 1.0, below, found))
-    return pl.Series(found if least is None else (found - least) % 360.0 + least).fill_nan(None)
+    between = above + share * step
+    if np.isnan(between).any():
+        between = np.where(share == 0.0, above, np.where(share == 1.0, below, between))
+    return pl.Series(between if least is None else (between - least) % 360.0 + least).fill_nan(None)
 
 
 def _timed(levels: pl.DataFrame) -> pl.DataFrame:

@@ -152,10 +152,10 @@ class NeighbourAir:
         """
         from scipy.spatial import cKDTree
 
-        found = np.full((3, len(places)), np.nan)
+        air = np.full((3, len(places)), np.nan)
         count = min(NEIGHBOURS, len(self.seen))
         if not count:
-            return found[0], found[1], found[2]
+            return air[0], air[1], air[2]
         seen, here, wind = self._scaled(self.seen), self._scaled(places), self.seen["wind"].to_numpy()
         names, own = self.seen["aircraft"], places["aircraft"]
         number = {name: i for i, name in enumerate(pl.concat([names, own]).unique())}
@@ -177,8 +177,8 @@ class NeighbourAir:
                 east, north, error = _kriged(seen[k], here[part], other[k], angle[k], values[k], usable, what, ahead)
                 far = blank & ~(error <= what.worst)
                 # A scalar is the component of winds that all blow along tracks to the north.
-                found[rows[0], part], found[rows[1], part] = np.where(far, np.nan, east), np.where(far, np.nan, north)
-        return found[0], found[1], found[2]
+                air[rows[0], part], air[rows[1], part] = np.where(far, np.nan, east), np.where(far, np.nan, north)
+        return air[0], air[1], air[2]
 
     def _scaled(self, places: pl.DataFrame) -> Array:
         """East, north, time and height (n, 4), in lengths."""

@@ -65,9 +65,9 @@ def without_other_clocks(rows: pl.DataFrame, gap_s: float, report: DropReport) -
         sure = falling.agg(pl.len(), pl.col("again").mean()).filter(
             pl.col("len") >= MIN_ROWS, pl.col("again") >= MIN_SHARE_AGAIN
         )
-        found = own.filter(later & pl.col("aircraft").is_in(sure["aircraft"].unique().implode()))["row"]
-        report.note(ROWS_OF_OTHER_CLOCK.format(hours=steps * STEP_S / 3600), len(found))
-        is_copy = is_copy.scatter(found, True)
+        shifted = own.filter(later & pl.col("aircraft").is_in(sure["aircraft"].unique().implode()))["row"]
+        report.note(ROWS_OF_OTHER_CLOCK.format(hours=steps * STEP_S / 3600), len(shifted))
+        is_copy = is_copy.scatter(shifted, True)
     return report.count(OTHER_CLOCK, rows, rows.filter(~is_copy) if is_copy.any() else rows)
 
 
@@ -101,8 +101,8 @@ def _possible(clock: pl.DataFrame) -> pl.DataFrame:
     passed = passed.sort("aircraft", "band", "slot", "steps")
     same = pl.all_horizontal(pl.col(name) == pl.col(name).shift() for name in ("aircraft", "band", "slot"))
     again = passed.select("aircraft", pl.when(same).then(pl.col("steps").diff()).alias("steps"))
-    found = again.filter(pl.col("steps") <= MAX_STEPS).group_by("aircraft", "steps").len()
-    return found.filter(pl.col("len") >= MIN_SLOTS)
+    often = again.filter(pl.col("steps") <= MAX_STEPS).group_by("aircraft", "steps").len()
+    return often.filter(pl.col("len") >= MIN_SLOTS)
 
 
 def _is_near(rows: pl.DataFrame, shift_s: float) -> pl.Series:

@@ -113,8 +113,8 @@ class Descents(WithTable):
             >>> read_descents("descents.parquet").report.steps[0].step
             'read'
         """
-        found = self.metadata.get("report")
-        return DropReport.from_dict(found) if found else DropReport()
+        kept = self.metadata.get("report")
+        return DropReport.from_dict(kept) if kept else DropReport()
 
     @property
     def computed(self) -> list[str]:

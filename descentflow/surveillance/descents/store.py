@@ -42,24 +42,24 @@ MEND = "pass the Parquet file or the folder that `descentflow prepare` wrote"
 def described(text: str, path: str | Path) -> dict[str, Any]:
     """The description of a prepared table."""
     try:
-        found = orjson.loads(text)  # which has no number that is not finite
+        known = orjson.loads(text)  # which has no number that is not finite
     except ValueError:
-        found = None
-    if not isinstance(found, dict):
+        known = None
+    if not isinstance(known, dict):
         raise DataError(f"{path}: a damaged description", expected="a JSON object in the metadata", mend=MEND)
-    wrong = [name for name, kinds in DESCRIPTION_TYPES.items() if not isinstance(found.get(name), (*kinds, type(None)))]
-    tops = found.get("top_fl") or {}
+    wrong = [name for name, kinds in DESCRIPTION_TYPES.items() if not isinstance(known.get(name), (*kinds, type(None)))]
+    tops = known.get("top_fl") or {}
     if not wrong and not all(isinstance(top, int | float) for top in tops.values()):
         wrong = ["top_fl"]
-    if not wrong and not _is_report(found.get("report") or {}):
+    if not wrong and not _is_report(known.get("report") or {}):
         wrong = ["report"]
     if wrong:
         raise DataError(
-            f"{path}: a damaged description ({wrong[0]} is {str(found[wrong[0]])[:60]})",
+            f"{path}: a damaged description ({wrong[0]} is {str(known[wrong[0]])[:60]})",
             expected="the description that `descentflow prepare` writes",
             mend=MEND,
         )
-    return found
+    return known
 
 
 def _is_report(report: dict[str, Any]) -> bool:
@@ -108,8 +108,8 @@ class Parts:
         number = flights["rows"].cum_sum() // CHUNK_ROWS
         for some in flights.with_columns(number.alias("_chunk")).partition_by("_chunk", maintain_order=True):
             wanted = pl.col("flight_id").is_between(pl.lit(some["flight_id"][0]), pl.lit(some["flight_id"][-1]))
-            found = pl.concat(pl.collect_all([source.filter(wanted, of_type) for source in self.sources]))
-            yield found.sort("flight_id", maintain_order=True)
+            levels = pl.concat(pl.collect_all([source.filter(wanted, of_type) for source in self.sources]))
+            yield levels.sort("flight_id", maintain_order=True)
 
     @property
     def schema(self) -> pl.Schema:

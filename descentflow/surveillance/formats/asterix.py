@@ -45,7 +45,7 @@ def values_of(register: tuple[int, int], content: int) -> dict[str, float]:
 
     The last is selected in hundreds of feet and sent in steps of 16.
     """
-    found = {}
+    values = {}
     for name, (status, sign, first, count, unit) in REGISTERS.get(register, {}).items():
         if not _bits(content, status, 1):
             continue
@@ -55,8 +55,8 @@ def values_of(register: tuple[int, int], content: int) -> dict[str, float]:
         value = number * unit
         if name in ("track", "heading"):
             value %= 360
-        found[name] = round(value, -2) if name == "selected_altitude" else value
-    return found
+        values[name] = round(value, -2) if name == "selected_altitude" else value
+    return values
 
 
 def _bits(content: int, first: int, count: int) -> int:
@@ -244,12 +244,12 @@ class _Clock:
 def _day(label: str) -> date:
     name = label.rpartition("/")[2]
     for century, year, month, day in (
-        (century, *found) for century, days in DAY_PATTERNS for found in days.findall(name)
+        (century, *written) for century, days in DAY_PATTERNS for written in days.findall(name)
     ):
         with suppress(ValueError):
-            found = date(int(century + year), int(month), int(day))
-            if found.year >= FIRST_YEAR:
-                return found
+            written = date(int(century + year), int(month), int(day))
+            if written.year >= FIRST_YEAR:
+                return written
     return NO_DAY
 
 

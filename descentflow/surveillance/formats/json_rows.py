@@ -30,11 +30,11 @@ def documents(source: Input, report: DropReport) -> Iterator[object]:
     whole, damaged = 0, list[DataError]()
     for number, line in source.lines():
         try:
-            found = [orjson.loads(line)]
+            documents_read = [orjson.loads(line)]
         except orjson.JSONDecodeError:
             # One that the faster parser does not take, several, or the first line of a document of many.
             try:
-                found = list(_one_after_the_other(line, number, source.label))
+                documents_read = list(_one_after_the_other(line, number, source.label))
             except DataError as error:
                 if not isinstance(error.__cause__, json.JSONDecodeError | UnicodeDecodeError):
                     raise
@@ -45,12 +45,12 @@ def documents(source: Input, report: DropReport) -> Iterator[object]:
                 damaged.append(error)
                 continue
         whole += 1
-        yield from _elements(found)
+        yield from _elements(documents_read)
     _judge_damaged(damaged, whole, report)
 
 
-def _elements(found: Iterable[object]) -> Iterator[object]:
-    for document in found:
+def _elements(documents_read: Iterable[object]) -> Iterator[object]:
+    for document in documents_read:
         yield from document if isinstance(document, list) else [document]
 
 
@@ -59,16 +59,16 @@ def _of_many_lines(text: bytes, first_line: int, label: str, report: DropReport)
     try:
         return list(_one_after_the_other(text, first_line, label, report))
     except DataError as error:
-        found, damaged = [], list[DataError]()
+        read, damaged = [], list[DataError]()
         for number, line in enumerate(text.splitlines(), first_line):
             try:
-                found += list(_one_after_the_other(line, number, label))
+                read += list(_one_after_the_other(line, number, label))
             except DataError as wrong:
                 damaged.append(wrong)
-        if len(damaged) >= len(found):
+        if len(damaged) >= len(read):
             raise error from error.__cause__
-        _judge_damaged(damaged, len(found), report)
-        return found
+        _judge_damaged(damaged, len(read), report)
+        return read
 
 
 def _judge_damaged(damaged: Sequence[DataError], whole: int, report: DropReport) -> None:

@@ -204,28 +204,28 @@ def recognised(
     if not head:
         mend = "check how it was written or copied, or take it out of what is read"
         raise DataError(f"{source.label} is empty", expected=ACCEPTED, mend=mend)
-    found = FORMATS[name] if name else format_of_bytes(head, source.label)
-    if found and found.kind != "JSON":
-        return _table_or_frames(found, found.read(source, report, block_rows), report)
+    known = FORMATS[name] if name else format_of_bytes(head, source.label)
+    if known and known.kind != "JSON":
+        return _table_or_frames(known, known.read(source, report, block_rows), report)
     each = documents(source, report)
     begin: list[object] = []
     for document in each:  # to the first object: a list may begin with null
         begin.append(document)
         if isinstance(document, dict):
             break
-    found = found or format_of_document(begin[-1] if begin else None, source.label)
-    return found, found.read(itertools.chain(begin, each), source.label, report, block_rows)
+    known = known or format_of_document(begin[-1] if begin else None, source.label)
+    return known, known.read(itertools.chain(begin, each), source.label, report, block_rows)
 
 
-def _table_or_frames(found: Format, parts: Iterator[Columns], report: DropReport) -> tuple[Format, Iterator[Columns]]:
+def _table_or_frames(known: Format, parts: Iterator[Columns], report: DropReport) -> tuple[Format, Iterator[Columns]]:
     """The same, unless a table of any columns holds raw Mode S frames: then these are decoded."""
-    if not found.any_columns:
-        return found, parts
+    if not known.any_columns:
+        return known, parts
     first = next(parts)
     parts = itertools.chain([first], parts)
     if mode_s.is_table(first):
         return FORMATS["modes-hex"], mode_s.of_tables(parts, report)
-    return found, parts
+    return known, parts
 
 
 def held_parts(

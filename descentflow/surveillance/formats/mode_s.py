@@ -119,23 +119,23 @@ def _rows_of(messages: pl.DataFrame, due: pl.Expr, known: set[str], report: Drop
     possible = between(reports, ordered)
     sure = possible.filter(pl.col("TAS").is_null() | _agrees(possible))
     report.note("Mode S replies that may be BDS 5,0 or 6,0 and fit neither", len(possible) - len(sure))
-    found = sure.filter(pl.struct("icao24", (pl.col("time") / CLOCK_S).floor()).is_first_distinct())
-    report.note("BDS 6,0 reports within the same second as another", len(sure) - len(found))
-    found = found.select("time", "icao24", "altitude", "IAS", "Mach", "heading", "rate")
+    chosen = sure.filter(pl.struct("icao24", (pl.col("time") / CLOCK_S).floor()).is_first_distinct())
+    report.note("BDS 6,0 reports within the same second as another", len(sure) - len(chosen))
+    chosen = chosen.select("time", "icao24", "altitude", "IAS", "Mach", "heading", "rate")
     certain = pl.col("IAS").is_null()
     turn = ordered.filter(pl.col("TAS").is_not_null() & certain)
-    found = near(found, turn.select("time", "icao24", "TAS", "roll", "groundspeed50", "track50"), WITHIN_S["turns"])
+    chosen = near(chosen, turn.select("time", "icao24", "TAS", "roll", "groundspeed50", "track50"), WITHIN_S["turns"])
     velocity = ordered.filter(pl.col("groundspeed").is_not_null() | pl.col("squittered_rate").is_not_null())
-    found = near(
-        found,
+    chosen = near(
+        chosen,
         velocity.select("time", "icao24", "groundspeed", "track", "squittered_rate", "barometric"),
         WITHIN_S["velocity"],
     )
     for kind, names in OTHER_VALUES.items():
         # A callsign or selection is valid until the next.
         strategy: Any = "backward" if kind in ("selected", "callsign") else "nearest"
-        found = near(found, ordered.select("time", "icao24", *names).drop_nulls(), WITHIN_S[kind], strategy)
-    return found.select(
+        chosen = near(chosen, ordered.select("time", "icao24", *names).drop_nulls(), WITHIN_S[kind], strategy)
+    return chosen.select(
         pl.col("time").alias("timestamp"),
         "icao24",
         "callsign",
@@ -158,10 +158,10 @@ def _rows_of(messages: pl.DataFrame, due: pl.Expr, known: set[str], report: Drop
 OTHER_VALUES = {"position": ("latitude", "longitude"), "selected": ("selected_altitude",), "callsign": ("callsign",)}
 
 
-def _agrees(found: pl.DataFrame) -> pl.Series:
+def _agrees(reports: pl.DataFrame) -> pl.Series:
     """Test for IAS and Mach that agree at the altitude; false where it is missing or either is impossible."""
     possible = [pl.col(name).is_between(*POSSIBLE[name]).fill_null(False) for name in ("altitude", "IAS", "Mach")]
-    usable = found.select(pl.when(pl.all_horizontal(possible)).then(pl.col("altitude", "IAS", "Mach")).fill_null(0.0))
+    usable = reports.select(pl.when(pl.all_horizontal(possible)).then(pl.col("altitude", "IAS", "Mach")).fill_null(0.0))
     altitude, ias, mach = (usable[name].to_numpy() for name in ("altitude", "IAS", "Mach"))
     cas = cas_of_mach_kt(mach, altitude)
     return pl.Series((abs(ias - cas) <= MAX_CAS_DIFFERENCE * cas) & (mach > 0), dtype=pl.Boolean)

@@ -143,7 +143,7 @@ def read_groups(
 
 def _read_again(folder: Path) -> tuple[Intake, list[Bucket]]:
     """Result that :func:`_read_group` left in a folder."""
-    found = json.loads((folder / "group.json").read_text())
-    buckets = [Bucket([folder / name for name in b["files"]], b["rows"], b["bytes"]) for b in found["buckets"]]
+    left = json.loads((folder / "group.json").read_text())
+    buckets = [Bucket([folder / name for name in b["files"]], b["rows"], b["bytes"]) for b in left["buckets"]]
     names = pl.read_parquet(folder / "names.parquet")
-    return Intake(tuple(found["columns"]), DropReport.from_dict(found["report"]), names), buckets
+    return Intake(tuple(left["columns"]), DropReport.from_dict(left["report"]), names), buckets

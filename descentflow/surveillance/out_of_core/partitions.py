@@ -146,5 +146,5 @@ def _plan(buckets: Sequence[Bucket], folder: Path, size: int, memory: Memory) ->
 
 
 def _described(path: Path) -> tuple[DropReport, dict[str, int], dict[str, int]]:
-    found = json.loads(pl.read_parquet_metadata(path)[KEY])
-    return DropReport.from_dict(found["report"]), found["present"], found.get("untyped", {})
+    description = json.loads(pl.read_parquet_metadata(path)[KEY])
+    return DropReport.from_dict(description["report"]), description["present"], description.get("untyped", {})

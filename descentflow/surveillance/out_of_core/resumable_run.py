@@ -114,15 +114,15 @@ def _finished(out: Path, facts: dict[str, Any]) -> Descents | None:
             expected="a name of its own for the store's folder, or a file that ends in .parquet",
             mend="choose another --out",
         )
-    found = store.read_manifest(out)
-    if found.get("fingerprint") != fingerprint(facts):
+    manifest = store.read_manifest(out)
+    if manifest.get("fingerprint") != fingerprint(facts):
         raise ConfigError(
             f"{out} is a store of other inputs or settings",
             expected="those of its manifest, or a folder of its own",
             mend="delete it, or choose another --out",
         )
-    flights = {file["typecode"]: file["flights_of_type"] for file in found["files"] if "flights_of_type" in file}
-    described = {key: value for key, value in found.items() if key not in ("files", "columns")}
+    flights = {file["typecode"]: file["flights_of_type"] for file in manifest["files"] if "flights_of_type" in file}
+    described = {key: value for key, value in manifest.items() if key not in ("files", "columns")}
     return Descents(lambda: read_descents(out).frame, described, flights=flights)
 
 

@@ -136,9 +136,9 @@ def named_types(types: pl.DataFrame, source: object) -> pl.DataFrame:
             expected="columns icao24,typecode, or flight_id,typecode",
             mend="rename its columns",
         )
-    found = {ours: next(name for name, target in names.items() if target == ours) for ours in (key, "typecode")}
-    named = types.rename({theirs: ours for ours, theirs in found.items() if ours not in types.columns})
-    check_types({name: named[name].dtype for name in found}, str(source), "text")
+    columns = {ours: next(name for name, target in names.items() if target == ours) for ours in (key, "typecode")}
+    named = types.rename({theirs: ours for ours, theirs in columns.items() if ours not in types.columns})
+    check_types({name: named[name].dtype for name in columns}, str(source), "text")
     if key == "flight_id":
         return named.select(pl.col(key, "typecode").cast(pl.String).str.strip_chars())
     return named.with_columns(six_digits(named["icao24"], source, DropReport()))

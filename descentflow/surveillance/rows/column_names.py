@@ -38,18 +38,18 @@ def row_names(names: Sequence[str]) -> dict[str, str]:
         True
     """
     small = {name: name.strip().lower() for name in names}
-    found = {name: ALIASES.get(small[name], name) for name in names}
-    taken = set(found.values())
+    targets = {name: ALIASES.get(small[name], name) for name in names}
+    taken = set(targets.values())
     for name in names:
         target = TRADE.get(small[name], OF_ROWS.get(small[name]))
         target = LEVELS if small[name] in LEVEL_NAMES and "altitude" not in taken else target
-        if target is not None and found[name] == name and target not in taken - {name}:
-            found[name] = target
+        if target is not None and targets[name] == name and target not in taken - {name}:
+            targets[name] = target
             # Altitudes in feet are surer than levels, whichever comes first.
             taken |= {target}
     if LEVELS in taken and "altitude" in taken:
-        found = {name: name if target == LEVELS and name != LEVELS else target for name, target in found.items()}
-    return found
+        targets = {name: name if target == LEVELS and name != LEVELS else target for name, target in targets.items()}
+    return targets
 
 
 def with_altitude(table: pl.DataFrame, path: object, report: DropReport) -> pl.DataFrame:

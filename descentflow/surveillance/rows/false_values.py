@@ -120,6 +120,6 @@ def leapt_to(rows: pl.DataFrame, name: str) -> Iterator[float]:
         with np.errstate(all="ignore"):
             change_fpm = (altitude_ft[first] - altitude_ft[last]) / took_s * 60
             leaps &= np.abs((change_fpm - run) / ((before + after) / 2) - 1) < MAX_OFF_CHANGE
-    found, counts = np.unique(run[leaps], return_counts=True)
+    reached, counts = np.unique(run[leaps], return_counts=True)
     often = (counts >= MIN_CHECKED_VALUES) & (counts >= MIN_SHARE_OF_LEAPS * leaps.sum())
-    yield from map(float, found[often])
+    yield from map(float, reached[often])

@@ -338,14 +338,14 @@ def _rate_difference(steps: pl.DataFrame, altitude_factor: float, reading: Readi
     for speed in (change, rate):
         moving |= (np.abs(speed) >= SLOWEST_FPM) & (np.abs(speed) <= FASTEST_FPM)
     moving &= np.abs(change) < LEAP_FPM
-    found = []
+    differences = []
     for sign in (-1, 1):
         chosen = moving & (np.sign(change) == sign)
         if chosen.sum() >= MIN_CHECKED_VALUES:
             ratio = float(np.median(rate[chosen] / np.abs(change[chosen]))) * (1 if reading.meaning else sign)
-            found.append(abs(float(np.log(ratio))) if ratio > 1e-9 else OPPOSITE)
+            differences.append(abs(float(np.log(ratio))) if ratio > 1e-9 else OPPOSITE)
     # Rates without a sign are known by both: with descents alone they are sink rates.
-    return np.nan if not found else OPPOSITE if reading.meaning and len(found) < 2 else max(found)
+    return np.nan if not differences else OPPOSITE if reading.meaning and len(differences) < 2 else max(differences)
 
 
 def steps_of(rows: pl.DataFrame) -> pl.DataFrame:

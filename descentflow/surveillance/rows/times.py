@@ -46,16 +46,16 @@ def timestamps(column: pl.Series) -> pl.Series:
         return _from_epoch(column.cast(pl.Float64, strict=False))
     column = column.str.strip_chars()
     seconds = column.cast(pl.Float64, strict=False)
-    found = pl.repeat(None, len(column), dtype=TIMESTAMP, eager=True)
+    times = pl.repeat(None, len(column), dtype=TIMESTAMP, eager=True)
     for form in DATE_FORMATS:
         # Reading dates costs more than anything else: only those that no earlier form fits are read again.
-        left = (found.is_null() & seconds.is_null() & column.is_not_null()).arg_true()
+        left = (times.is_null() & seconds.is_null() & column.is_not_null()).arg_true()
         if left.is_empty():
             break
-        found = _parsed(column, form) if len(left) == len(column) else found.scatter(left, _parsed(column[left], form))
-    if found.count() > seconds.count():  # among dates, a number such as 0 stands for a missing time
+        times = _parsed(column, form) if len(left) == len(column) else times.scatter(left, _parsed(column[left], form))
+    if times.count() > seconds.count():  # among dates, a number such as 0 stands for a missing time
         seconds = where_fits(seconds, seconds >= FIRST_TIME_S)
-    return found.fill_null(_from_epoch(seconds))
+    return times.fill_null(_from_epoch(seconds))
 
 
 def _in_time(column: pl.Series) -> pl.Series:

@@ -218,7 +218,7 @@ def _contradicting_flights(rows: pl.DataFrame) -> str:
     number = len(ratios) - len(wrong)
     if wrong.is_empty() or number <= MIN_AGREEING_SHARE * len(ratios):
         return ""
-    found: dict[str, list[str]] = {}
+    flights: dict[str, list[str]] = {}
     # Flights of one sign and factor are of one source.
     alike = wrong.with_columns(pl.col(compared).sign() * (pl.col(compared).abs().log(2).round() + 99))
     for some in alike.partition_by(compared, maintain_order=True):
@@ -226,13 +226,13 @@ def _contradicting_flights(rows: pl.DataFrame) -> str:
         given = judged(evidence, evidence.given) if evidence.columns else Solution({})
         best = [] if given.agrees else agreeing(evidence, given)[:1]
         if best and not best[0].off:
-            found.setdefault(readings_in_words(best[0]), []).extend(some[names[0]])
-    if not found:
+            flights.setdefault(readings_in_words(best[0]), []).extend(some[names[0]])
+    if not flights:
         return ""
     described = "; in ".join(
         f"{len(which):,} flights ({', '.join(which[:MAX_LISTED_FLIGHTS])}"
         f"{', ...' * (len(which) > MAX_LISTED_FLIGHTS)}) {words}"
-        for words, which in found.items()
+        for words, which in flights.items()
     )
     return (
         f"columns of some flights contradict each other: in {described}; the columns of {number:,} others "

@@ -40,18 +40,18 @@ def with_values_beside(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
         return rows
     time = (pl.col("timestamp").dt.epoch("us") / 1e6).alias("time")
     ordered = rows.with_columns(time).with_row_index("_row").drop_nulls(["time", "icao24"]).sort("time", "_row")
-    found = ordered.filter(pl.col("IAS").is_not_null()).select("_row", "time", "icao24", *names)
+    reports = ordered.filter(pl.col("IAS").is_not_null()).select("_row", "time", "icao24", *names)
     for name in names:
         others = ordered.filter(pl.col("IAS").is_null()).select("time", "icao24", name).drop_nulls()
-        found = found if name in LEAPING_COLUMNS else between(found, others, name)
+        reports = reports if name in LEAPING_COLUMNS else between(reports, others, name)
         if name != "altitude":
-            beside = near(found.drop(name), others, NEAR_S)
-            found = found.with_columns(pl.coalesce(name, beside[name]).alias(name))
-        number = found[name].count() - measured[name].count()
+            beside = near(reports.drop(name), others, NEAR_S)
+            reports = reports.with_columns(pl.coalesce(name, beside[name]).alias(name))
+        number = reports[name].count() - measured[name].count()
         report.note(JOINED_VALUES.format(name=name), number)
         if not number:
             report.note(VALUES_APART.format(name=name), len(others))
-    joined = rows.with_row_index("_row").join(found.select("_row", *names), on="_row", how="left", suffix="_beside")
+    joined = rows.with_row_index("_row").join(reports.select("_row", *names), on="_row", how="left", suffix="_beside")
     joined = joined.sort("_row").with_columns(pl.coalesce(name, f"{name}_beside").alias(name) for name in names)
     return joined.select(name for name in COLUMNS if name in rows.columns)
 
@@ -61,10 +61,10 @@ def _is_apart(name: str, rows: pl.DataFrame, measured: pl.DataFrame) -> bool:
     return beside <= MAX_SHARE_TOGETHER * len(measured) and rows[name].count() > beside
 
 
-def between(found: pl.DataFrame, others: pl.DataFrame, name: str = "altitude") -> pl.DataFrame:
+def between(reports: pl.DataFrame, others: pl.DataFrame, name: str = "altitude") -> pl.DataFrame:
     """Fill in values between the one before and the one after."""
     values = others.select("icao24", "time", name).drop_nulls(name)
-    sides = found
+    sides = reports
     sided: tuple[tuple[str, Any], ...] = (("before", "backward"), ("after", "forward"))
     for side, strategy in sided:
         named = values.select("icao24", "time", pl.col("time").alias(f"t_{side}"), pl.col(name).alias(side))
@@ -78,9 +78,9 @@ def between(found: pl.DataFrame, others: pl.DataFrame, name: str = "altitude") -
 
 
 def near(
-    found: pl.DataFrame, others: pl.DataFrame, within_s: float, strategy: Literal["nearest", "backward"] = "nearest"
+    reports: pl.DataFrame, others: pl.DataFrame, within_s: float, strategy: Literal["nearest", "backward"] = "nearest"
 ) -> pl.DataFrame:
     """Add the nearest report of another kind."""
-    return found.join_asof(
+    return reports.join_asof(
         others, on="time", by="icao24", strategy=strategy, tolerance=within_s, check_sortedness=False
     )

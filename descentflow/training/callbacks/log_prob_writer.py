@@ -24,7 +24,7 @@ class WriteLogProb(BasePredictionWriter):
         >>> data = DescentDataModule("descents.parquet")
         >>> options = {"logger": False, "enable_progress_bar": False, "default_root_dir": "usual"}
         >>> trainer = Trainer(callbacks=[WriteLogProb()], accelerator="cpu", **options)
-        >>> found = trainer.predict(fit(data, "gaussian"), data)
+        >>> predicted = trainer.predict(fit(data, "gaussian"), data)
         >>> pl.read_csv("usual/log_prob.csv").columns, len(pl.read_csv("usual/log_prob.csv"))
         (['flight_id', 'log_prob'], 24)
     """

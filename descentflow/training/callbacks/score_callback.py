@@ -37,7 +37,7 @@ class ScoreCallback(Callback):
         >>> data = DescentDataModule("descents.parquet")
         >>> options = {"logger": False, "enable_progress_bar": False, "default_root_dir": "scored"}
         >>> trainer = Trainer(callbacks=[ScoreCallback(n_test_samples=100)], accelerator="cpu", **options)
-        >>> found = trainer.test(fit(data, "gaussian"), data, verbose=False)
+        >>> scores = trainer.test(fit(data, "gaussian"), data, verbose=False)
         >>> Path("scored/scores.csv").is_file()
         True
     """
@@ -68,23 +68,23 @@ class ScoreCallback(Callback):
         if len(data_of(trainer).profiles("validation")) == 0:
             # All flights but the test flights train, as in the paper: nothing to score against yet.
             return
-        found = None
+        evaluation = None
         try:
-            found = self._evaluate(trainer, pl_module, "validation", self.n_samples, FEW_SPLITS)
+            evaluation = self._evaluate(trainer, pl_module, "validation", self.n_samples, FEW_SPLITS)
         except SamplingError as error:
             # An untrained density may propose nothing plausible; the fit goes on.
             rank_zero_warn(f"epoch {trainer.current_epoch}: not scored, {error}")
-        self._log(trainer, pl_module, found, "val")
+        self._log(trainer, pl_module, evaluation, "val")
 
     def on_test_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Score against the test flights, write the files and print the table."""
-        found = self._evaluate(trainer, pl_module, "test", self.n_test_samples, N_SPLITS)
-        self._log(trainer, pl_module, found, "test")
-        if found is not None:
+        evaluation = self._evaluate(trainer, pl_module, "test", self.n_test_samples, N_SPLITS)
+        self._log(trainer, pl_module, evaluation, "test")
+        if evaluation is not None:
             folder = folder_of(trainer)
             with stage("drawing figures and writing"):
-                found.write(folder)
-            rank_zero_info(f"{found.rejections}\n{found.scores}\nwrote {folder / 'scores.csv'} and figures")
+                evaluation.write(folder)
+            rank_zero_info(f"{evaluation.rejections}\n{evaluation.scores}\nwrote {folder / 'scores.csv'} and figures")
 
     def _due(self, trainer: Trainer) -> bool:
         epoch = trainer.current_epoch + 1
@@ -114,27 +114,27 @@ class ScoreCallback(Callback):
                 score_progress=shown.part("scoring samples", n_comparisons(n_splits), "comparisons"),
             )
 
-    def _log(self, trainer: Trainer, module: LightningModule, found: Evaluation | None, kind: str) -> None:
+    def _log(self, trainer: Trainer, module: LightningModule, evaluation: Evaluation | None, kind: str) -> None:
         """Log the scores of the first process in all processes: a callback in each may monitor them."""
-        values: dict[str, Any] = trainer.strategy.broadcast({} if found is None else _values(found, kind))
+        values: dict[str, Any] = trainer.strategy.broadcast({} if evaluation is None else _values(evaluation, kind))
         module.log_dict(values, sync_dist=True, batch_size=1)
         for logger in trainer.loggers:
-            if found is not None and isinstance(logger, TensorBoardLogger):
-                self._show(logger, found, kind, trainer.global_step)
+            if evaluation is not None and isinstance(logger, TensorBoardLogger):
+                self._show(logger, evaluation, kind, trainer.global_step)
 
-    def _show(self, logger: TensorBoardLogger, found: Evaluation, kind: str, step: int) -> None:
+    def _show(self, logger: TensorBoardLogger, evaluation: Evaluation, kind: str, step: int) -> None:
         """The figures."""
         with stage("drawing figures"):
-            for name, picture in found.pictures.items():
+            for name, picture in evaluation.pictures.items():
                 image = imread(BytesIO(picture), format="png")[:, :, :3]
                 logger.experiment.add_image(f"{kind}/{name}", image, step, dataformats="HWC")
 
 
-def _values(found: Evaluation, kind: str) -> dict[str, float]:
+def _values(evaluation: Evaluation, kind: str) -> dict[str, float]:
     """Names and values for loggers."""
-    drawn = max(found.rejections.drawn, 1)
+    drawn = max(evaluation.rejections.drawn, 1)
     return {
-        **{f"{kind}/score/{name}": value for name, value in found.scores.scalars().items()},
-        f"{kind}/acceptance": found.rejections.acceptance,
-        **{f"{kind}/rejected/{rule}": count / drawn for rule, count in found.rejections.broken.items()},
+        **{f"{kind}/score/{name}": value for name, value in evaluation.scores.scalars().items()},
+        f"{kind}/acceptance": evaluation.rejections.acceptance,
+        **{f"{kind}/rejected/{rule}": count / drawn for rule, count in evaluation.rejections.broken.items()},
     }

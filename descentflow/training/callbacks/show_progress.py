@@ -16,7 +16,7 @@ class ShowProgress(Callback):
         >>> options = {"logger": False, "enable_progress_bar": False, "default_root_dir": "shown"}
         >>> trainer = Trainer(callbacks=[ShowProgress()], accelerator="cpu", **options)
         >>> data = DescentDataModule("descents.parquet")
-        >>> found = trainer.validate(fit(data, "gaussian"), data, verbose=False)
+        >>> scores = trainer.validate(fit(data, "gaussian"), data, verbose=False)
     """
 
     def __init__(self, doing: str = "training") -> None:

@@ -89,11 +89,11 @@ class MaskedAffineFlow(LatentModel[MaskedAffineFlowDensity]):
         else:
             seed = self.seed_of_batch(batch_index)
             n_draws = int(self.steps.n_draws)
-            found = estimate(self.density.log_prob, self._proposing(), evidence, n_draws, context, seed)
-            loss = -found.log_prob.mean()
+            drawn = estimate(self.density.log_prob, self._proposing(), evidence, n_draws, context, seed)
+            loss = -drawn.log_prob.mean()
             self.log(
                 "train/effective",
-                found.effective.mean(),
+                drawn.effective.mean(),
                 on_epoch=True,
                 on_step=False,
                 sync_dist=True,
@@ -111,9 +111,9 @@ class MaskedAffineFlow(LatentModel[MaskedAffineFlowDensity]):
         if evidence.known:
             log_prob = self.log_observed(*batch)
         else:
-            found = self.density.estimate_observed(evidence, context, self._proposing(), VALIDATION_DRAWS)
-            log_prob = found.log_prob
-            self.log("val/effective", found.effective.mean(), on_epoch=True, sync_dist=True, batch_size=len(evidence))
+            drawn = self.density.estimate_observed(evidence, context, self._proposing(), VALIDATION_DRAWS)
+            log_prob = drawn.log_prob
+            self.log("val/effective", drawn.effective.mean(), on_epoch=True, sync_dist=True, batch_size=len(evidence))
         self.log("val/nll", -log_prob.mean(), prog_bar=True, on_epoch=True, sync_dist=True, batch_size=len(log_prob))
         base = self.density.base_log_observed(*batch) if self.density.whitened else torch.zeros_like(log_prob)
         self._by_flight.append(torch.stack([log_prob.double(), base.double()]))

@@ -109,16 +109,16 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
                 tried.advance()
 
             options |= {"extend": self.extend, "criterion": self.criterion, "progress": show}
-            found = select_mixture(steps, **options)
-            if found.cap_binds and steps.prior_flights:
+            selected = select_mixture(steps, **options)
+            if selected.cap_binds and steps.prior_flights:
                 # Of components that share a covariance, flights allow more.
                 shared = select_mixture(Steps(steps.weights, steps.context, inf), **options)
-                found = min(found, shared, key=lambda one: one.value)
+                selected = min(selected, shared, key=lambda one: one.value)
         limit = "largest number tried" if self.extend else f"cap of {FLIGHTS_PER_PARAMETER} flights per parameter"
-        cap = f" (the {limit} decides: more components might fit better)" if found.cap_binds else ""
-        chosen = found.mixture.n_components
-        self.print(f"{name} chooses {chosen} of 1..{max(found.values)} mixture components{cap}")
-        return found.mixture
+        cap = f" (the {limit} decides: more components might fit better)" if selected.cap_binds else ""
+        chosen = selected.mixture.n_components
+        self.print(f"{name} chooses {chosen} of 1..{max(selected.values)} mixture components{cap}")
+        return selected.mixture
 
     def training_step(self, batch: Batch, batch_index: int) -> Tensor | None:
         """All of EM at once, or the enumerated ELBO of a batch."""

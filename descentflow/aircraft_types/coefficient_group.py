@@ -44,7 +44,7 @@ class CoefficientGroup:
         Raises:
             AircraftError: If a value is missing, is not known, or is none of this part.
         """
-        known = {one.name: one for one in fields(cls)}
+        known = {field.name: field for field in fields(cls)}
         needed = {name for name, one in known.items() if cls.WHOLE or one.default is MISSING}
         if not isinstance(values, Mapping):
             raise _refused(f"coefficients {str(values)[:60]!r}", "a dictionary")
@@ -81,7 +81,7 @@ class CoefficientGroup:
 
     def plain(self) -> dict[str, Any]:
         """The fields as primitives, parts as dictionaries."""
-        return {one.name: _plain(getattr(self, one.name)) for one in fields(self)}
+        return {field.name: _plain(getattr(self, field.name)) for field in fields(self)}
 
 
 def _part(kind: Any, value: Any) -> Any:

@@ -80,9 +80,9 @@ def nearest_type(typecode: str, bada_dir: str | Path | None = None) -> "AnyAircr
     def away(one: "AnyAircraft") -> float:
         return abs(log(float(one.mass_maximum_kg) / size.mass_maximum_kg))
 
-    alike = [one for one in at_hand.values() if one.engine == size.engine]
-    near = [one for one in alike if away(one) <= log(LARGEST_RATIO)]
-    best = min([one for one in near if one.n_engines == size.n_engines] or near, key=away, default=None)
+    alike = [known for known in at_hand.values() if known.engine == size.engine]
+    near = [known for known in alike if away(known) <= log(LARGEST_RATIO)]
+    best = min([known for known in near if known.n_engines == size.n_engines] or near, key=away, default=None)
     if best is None:
         raise AircraftError(
             f"no coefficients near {typecode} ({size.n_engines} {size.engine} engines, {size.mass_maximum_kg:,.0f} kg)",

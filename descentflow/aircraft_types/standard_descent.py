@@ -182,7 +182,7 @@ class StandardDescent(ABC):
             [2, 1, 0]
         """
         altitude, cas = as_tensors(altitude_m, cas_mps)
-        clean, approach = (self.minimum_cas_mps(altitude, mass_kg, one) + 10 * KT_MPS for one in ("CR", "AP"))
+        clean, approach = (self.minimum_cas_mps(altitude, mass_kg, phase) + 10 * KT_MPS for phase in ("CR", "AP"))
         lands = is_below(altitude, self.limits.landing_ceiling_ft * FT_M) & (cas < approach - _EQUAL_MPS)
         approaches = is_below(altitude, self.limits.approach_ceiling_ft * FT_M) & (cas < clean + _EQUAL_MPS)
         return torch.where(lands, LANDING, torch.where(approaches, APPROACH, CLEAN))

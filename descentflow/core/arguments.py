@@ -117,7 +117,7 @@ def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
 
 def _group(name: str, value: Mapping[Any, Any], settings: type[T]) -> T:
     """A group of settings by a dictionary of them."""
-    known = [one.name for one in fields(settings)]  # type: ignore[arg-type]  # a dataclass, says the caller
+    known = [field.name for field in fields(settings)]  # type: ignore[arg-type]  # a dataclass, says the caller
     unknown = [key for key in value if key not in known]
     if unknown:
         raise ConfigError(
@@ -144,17 +144,17 @@ def kind_of(hint: Any) -> ArgumentKind:
         words = f"{plain.words.removesuffix(BITS)}, {more.words}"
         return ArgumentKind(words, lambda value: plain.takes(value) and more.low <= value <= more.high)
     if origin in (Union, UnionType):
-        kinds = [kind_of(one) for one in inside if not (one is str and Path in inside)]
+        kinds = [kind_of(part) for part in inside if not (part is str and Path in inside)]
         return ArgumentKind(
-            " or ".join(one.words for one in kinds), lambda value: any(one.takes(value) for one in kinds)
+            " or ".join(kind.words for kind in kinds), lambda value: any(kind.takes(value) for kind in kinds)
         )
     if origin is Literal:
         return ArgumentKind(" or ".join(map(repr, inside)), lambda value: isinstance(value, str) and value in inside)
     if origin is Callable:
         return ArgumentKind(f"a function of {len(inside[0])} argument", lambda value: _can_be_called(value, inside[0]))
     if origin is tuple:
-        parts = [kind_of(one) for one in inside]
-        words = f"({', '.join(one.words for one in parts)})"
+        parts = [kind_of(part) for part in inside]
+        words = f"({', '.join(part.words for part in parts)})"
         return ArgumentKind(
             words, lambda value: _is_sequence(value) and len(value) == len(parts) and _all_of(value, parts)
         )

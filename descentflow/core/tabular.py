@@ -44,7 +44,7 @@ def _requirements(extra: str) -> list[str]:
         every = requires("descentflow") or []
     except PackageNotFoundError:
         every = []
-    return [f"'{one.partition(';')[0].strip()}'" for one in every if one.endswith(f'extra == "{extra}"')] or [extra]
+    return [f"'{path.partition(';')[0].strip()}'" for path in every if path.endswith(f'extra == "{extra}"')] or [extra]
 
 
 def to_pandas(table: pl.DataFrame) -> Any:

@@ -58,9 +58,9 @@ class _Copy:
     @classmethod
     def before(cls) -> None:
         names = []
-        for one in Path("/proc/self/task").glob("*/comm"):
+        for task in Path("/proc/self/task").glob("*/comm"):
             with suppress(OSError):  # a thread that has ended meanwhile
-                names.append(one.read_text())
+                names.append(task.read_text())
         cls.begun = any(re.match(r"polars-\d", name) for name in names) if names else "polars" in sys.modules
 
     @classmethod

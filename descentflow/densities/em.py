@@ -111,7 +111,7 @@ def fit_mixture(
 
     def best(starts: list[Mixture], most: int) -> list[Mixture]:
         """Starts converged by some flights, the most probable first."""
-        converged = [converge(some.improve, one, iterations=most, tolerance=tolerance) for one in starts]
+        converged = [converge(some.improve, mixture, iterations=most, tolerance=tolerance) for mixture in starts]
         return [mixture for mixture, _ in sorted(converged, key=lambda pair: -pair[1])]
 
     starts = [start(some, n_components, seed + i) for i in range(n_restarts if n_components > 1 else 1)]

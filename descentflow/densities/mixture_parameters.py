@@ -54,7 +54,7 @@ class Mixture:
 
     def cpu(self) -> "Mixture":
         """The same parameters on the CPU, without their graph."""
-        return Mixture(*(getattr(self, one.name).detach().cpu() for one in fields(self)))
+        return Mixture(*(getattr(self, field.name).detach().cpu() for field in fields(self)))
 
     def at(self, context: Tensor) -> "Mixture":
         """The Gaussian mixture at one context (c,)."""

@@ -80,7 +80,7 @@ def _is_large(cause: Cause, settings: Settings) -> bool:
 def _refit(before: Findings, after: Findings, settings: Settings) -> Findings:
     """Findings of flights that are as the simulator's own were, and not as it assumes."""
     theta = {
-        cause.effect: torch.tensor([one.estimate for one in cause.parameters.values()], dtype=torch.float64)
+        cause.effect: torch.tensor([parameter.estimate for parameter in cause.parameters.values()], dtype=torch.float64)
         for cause in after.causes
     }
     mass_kg, cleaning = before.details.mass_kg, settings.simulator.cleaning

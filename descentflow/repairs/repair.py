@@ -89,7 +89,7 @@ def repair(
         tuple(_estimates(before, own, posterior)),
         judged,
         posterior,
-        {one.aircraft.typecode: len(one.evidence) for one in types},
+        {flights.aircraft.typecode: len(flights.evidence) for flights in types},
         counts,
         own.evidence.quantities.levels_fl,
         f"{frame['timestamp'].to_numpy().max().astype('datetime64[s]').item():%b %d %Y}",
@@ -131,7 +131,7 @@ def _types(
             if code == before.typecode:
                 raise
             skipped[code] = counts[code]
-    flights, aircraft = sum(len(one.evidence) for one in types), len(np.unique(types[0].tails))
+    flights, aircraft = sum(len(flights.evidence) for flights in types), len(np.unique(types[0].tails))
     if flights < FEWEST_FLIGHTS or aircraft < FEWEST_AIRCRAFT:
         raise DataError(
             f"{flights} flights with whole bands of free descent, {aircraft} aircraft of {before.typecode}",

@@ -67,7 +67,7 @@ def page(repair: Repair, paths: Mapping[str, Path]) -> str:
         judged=judged,
         levels=_levels(repair),
         figures=[(alt, drawing(_level_figure(repair, which, title))) for alt, which, title in figures],
-        changes=[[LABELS[one.name], *_numbers(one)] for one in repair.estimates],
+        changes=[[LABELS[estimate.name], *_numbers(estimate)] for estimate in repair.estimates],
         counts=[COUNTS[name].format(value) for name, value in repair.counts.items() if name in COUNTS and value],
         sisters=[f"{number} of {code}" for code, number in repair.flights.items() if code != repair.before.typecode],
         files=[[paths[kind].name, what] for kind, what in FILES.items() if kind in paths],
@@ -123,8 +123,8 @@ def _level_figure(repair: Repair, which: str, title: str) -> "Figure":
             ax.fill_betweenx([level - half, level + half], -error.floor, error.floor, color="#dddddd", linewidth=0)
             ax.plot([error.low, error.high], [level, level], color=BLUE, linewidth=1.4)
         ax.axvline(0.0, color="#888888", linewidth=0.8)
-        ax.plot([one.before for one in errors], levels, "o", color=RED, markersize=5, label="before")
-        after = [one.after for one in errors]
+        ax.plot([error.before for error in errors], levels, "o", color=RED, markersize=5, label="before")
+        after = [error.after for error in errors]
         ax.plot(after, levels, "s", color=BLUE, markersize=5, markerfacecolor="white", label="after")
         ax.set_ylabel("flight level", fontsize=9)
     ax.set_title(title, fontsize=9, loc="left")

@@ -93,7 +93,7 @@ def write_repair(repair: Repair, out: Path) -> list[Path]:
 
 def _write_bada4(repair: Repair, acm: Path, paths: Mapping[str, Path]) -> None:
     """The user's own XML file with the repaired numbers alone changed, and GPF.xml as it is."""
-    numbers = {one.name: one.after for one in repair.estimates if repair.changed}
+    numbers = {estimate.name: estimate.after for estimate in repair.estimates if repair.changed}
     factors = {name: numbers.get(name, 1.0) for name in FACTORS}
     speeds = {name: numbers[name] for name in SPEEDS if name in numbers}
     paths["acm"].parent.mkdir(exist_ok=True)
@@ -118,8 +118,8 @@ def toml_text(repair: Repair, after: Bada3Aircraft) -> str:
         '1'
     """
     judged = repair.held_out
-    units = {one.name: one.unit for one in open_type("A320").coefficients}
-    repaired = {one.name: one for one in repair.estimates} if repair.changed else {}
+    units = {coefficient.name: coefficient.unit for coefficient in open_type("A320").coefficients}
+    repaired = {estimate.name: estimate for estimate in repair.estimates} if repair.changed else {}
     flights = f"{judged.flights} flights of {judged.aircraft} aircraft"
     lines = [
         f"# {after.typecode}, {_title(repair)}; the numbers hold at the reference mass.",
@@ -128,13 +128,13 @@ def toml_text(repair: Repair, after: Bada3Aircraft) -> str:
         "",
         "[coefficients]",
     ]
-    for one in fields(Bada3Aircraft):
-        if one.name in units:
-            value: Any = getattr(after, one.name)
-            entry = {"value": value, "unit": units[one.name], "source": repair.before.source, "confidence": "unchecked"}
-            if one.name in repaired:
-                entry |= _entry(repaired[one.name], flights)
-            lines.append(f"{one.name} = {{ {', '.join(f'{k} = {json.dumps(v)}' for k, v in entry.items())} }}")
+    for row in fields(Bada3Aircraft):
+        if row.name in units:
+            value: Any = getattr(after, row.name)
+            entry = {"value": value, "unit": units[row.name], "source": repair.before.source, "confidence": "unchecked"}
+            if row.name in repaired:
+                entry |= _entry(repaired[row.name], flights)
+            lines.append(f"{row.name} = {{ {', '.join(f'{k} = {json.dumps(v)}' for k, v in entry.items())} }}")
     return "\n".join(lines) + "\n"
 
 

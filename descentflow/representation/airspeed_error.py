@@ -94,7 +94,7 @@ class AirspeedErrors:
         if not flights:
             return None
         shown = None if wind_mps is not None else _measured_wind_mps(frame, temperature_k)
-        size = next(one for one in (wind_mps, shown, WIND_MPS) if one is not None)
+        size = next(size for size in (wind_mps, shown, WIND_MPS) if size is not None)
         return cls(size, temperature_k, shown is not None, flights)
 
     def __str__(self) -> str:

@@ -69,7 +69,7 @@ def check_section(section: dict[str, Any], state_dict: Any) -> None:
         if representation.get(part) is not None:
             _check_type(representation[part], of_part, part)
     types = representation["provenance"].get("typecodes", [])
-    if not isinstance(types, list | tuple) or not all(isinstance(one, str) for one in types):
+    if not isinstance(types, list | tuple) or not all(isinstance(code, str) for code in types):
         raise _wrong("typecodes of the provenance are no texts", "the types that the descents are of")
     for name, bound in representation["plausibility"].items():
         _check_type(bound, Tensor, f"plausibility.{name}")

@@ -144,7 +144,7 @@ class ContextEncoder:
         Raises:
             ConfigError: If a number lies outside of what the training flights had, or an hour is none of a day.
         """
-        for column in (one for one in self.columns if one.kind == "hour"):
+        for column in (column for column in self.columns if column.kind == "hour"):
             hours = frame[column.name].cast(pl.Float64, strict=False)
             if len(none := frame[column.name].filter(~hours.is_between(0, DAY_H).fill_null(True))):
                 raise ConfigError(
@@ -214,7 +214,7 @@ class ContextEncoder:
         for column in state:
             texts, numbers = [column["name"], column["kind"]], [column[n] for n in ("mean", "scale")]
             numbers += [column[name] for name in ("low", "high") if column.get(name) is not None]
-            plain = all(isinstance(one, int | float) and not isinstance(one, bool) for one in numbers)
+            plain = all(isinstance(number, int | float) and not isinstance(number, bool) for number in numbers)
             if not plain or not all(isinstance(one, str) for one in texts) or not isinstance(column["indicator"], bool):
                 raise TypeError(f"the context column {column}")
         return cls([ContextColumn(**{**column, "values": tuple(column["values"])}) for column in state])

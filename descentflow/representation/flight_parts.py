@@ -64,7 +64,7 @@ def levels_shown(train: Profiles) -> tuple[float, float]:
     # Levels of one part have as many levels below them that are not shown.
     part = torch.where(shown, (~shown).cumsum(0), -1)
     parts = [part == number for number in sorted(set(part[shown].tolist()))]
-    best = max(parts, key=lambda one: int(counts[one].sum()), default=shown)
+    best = max(parts, key=lambda flight: int(counts[flight].sum()), default=shown)
     levels = train.levels_fl[best]
     if len(levels) < 2:
         raise DataError(

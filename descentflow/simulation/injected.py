@@ -23,7 +23,7 @@ class FlightRows:
 
     def rows(self, index: Tensor) -> Self:
         """Return the flights of an index tensor."""
-        return type(self)(**{one.name: getattr(self, one.name)[index] for one in fields(self)})
+        return type(self)(**{field.name: getattr(self, field.name)[index] for field in fields(self)})
 
 
 @dataclass(frozen=True)

@@ -90,7 +90,7 @@ def _settings(table: Mapping[str, Any], aircraft: PerformanceModel) -> dict[str,
     settings = {key: tuple(map(float, v)) if isinstance(v, list) else v for key, v in plain.items()}
     ceiling_fl = float(aircraft.altitude_maximum_ft) / 100
     if "operators" in table:
-        settings["operators"] = tuple(_operator(one, table.get("knee_fl")) for one in table["operators"])
+        settings["operators"] = tuple(_operator(operator, table.get("knee_fl")) for operator in table["operators"])
     if "tops_fl" in table:
         low, high = table["tops_fl"]
         settings["top_range"] = (low / ceiling_fl, high / ceiling_fl)

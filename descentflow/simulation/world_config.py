@@ -159,7 +159,7 @@ class WorldConfig:
         for name, value in vars(self).items():
             if isinstance(value, tuple) and name != "operators" and value[0] > value[1]:
                 raise ConfigError(f"{name} = {value}", expected="a range from low to high", mend="correct the setting")
-        if self.operators is not None and sum(one.share for one in self.operators) <= 0:
+        if self.operators is not None and sum(operator.share for operator in self.operators) <= 0:
             raise ConfigError("no operator with a share", expected="at least one", mend="add an operator")
 
 

@@ -168,15 +168,15 @@ class FlightSource:
             (True, True)
         """
         sides = {"the real descents": self.prepared, "the simulator's descents": simulator.prepared}
-        prepared = {name: one for name, held in sides.items() for one in held}
+        prepared = {name: part for name, held in sides.items() for part in held}
         _compare_settings(
             {name: one.cleaning for name, one in prepared.items()},
             "prepare the rows of both with the same settings, or pass the rows themselves",
         )
         last_first = [*prepared.values()][::-1]
-        known = [one.cleaning for one in last_first if one.cleaning is not None]
+        known = [part.cleaning for part in last_first if part.cleaning is not None]
         # Of settings that are unknown, the lowest level at least shows in the descents.
-        settings = [*known, *(Cleaning(bottom_fl=one.bottom_fl) for one in last_first), USUAL][0]
+        settings = [*known, *(Cleaning(bottom_fl=part.bottom_fl) for part in last_first), USUAL][0]
         return self.descents(settings), simulator.descents(settings)
 
 
@@ -199,14 +199,14 @@ def paths_of(source: Any) -> list[Path]:
     """
     if isinstance(source, str | Path):
         return [Path(source)]
-    several = isinstance(source, Sequence) and bool(source) and all(isinstance(one, str | Path) for one in source)
-    return [Path(one) for one in source] if several else []
+    several = isinstance(source, Sequence) and bool(source) and all(isinstance(file, str | Path) for file in source)
+    return [Path(file) for file in source] if several else []
 
 
 def are_rows(source: Any) -> bool:
     """Test for rows in memory: a table, several, or what ``simulate`` returned."""
     if isinstance(source, list | tuple):
-        return bool(source) and all(are_rows(one) for one in source)
+        return bool(source) and all(are_rows(file) for file in source)
     return is_table(source) or is_table(getattr(source, "rows", None))
 
 
@@ -248,8 +248,8 @@ def _expanded(paths: Sequence[Path]) -> list[Path]:
     prepared: list[Path] = []
     for path in paths:
         parquet = [] if not path.is_dir() or is_prepared(path) else sorted(path.glob("*.parquet"))
-        inside = [one for one in parquet if not one.name.startswith(".")]  # hidden: what a killed run left
-        prepared += inside if any(is_prepared(one) for one in inside) else [path]
+        inside = [file for file in parquet if not file.name.startswith(".")]  # hidden: what a killed run left
+        prepared += inside if any(is_prepared(file) for file in inside) else [path]
     return prepared
 
 
@@ -257,7 +257,7 @@ def _in_memory(source: Any) -> tuple[Descents, ...]:
     if isinstance(source, Descents):
         return (source,)
     if isinstance(source, list | tuple) and source:
-        whole = [held for one in source for held in _in_memory(one)]
+        whole = [held for file in source for held in _in_memory(file)]
         names = [f"table {number}" for number in range(1, len(source) + 1)]
         return (join_descents(whole, names),) if len(whole) == len(source) else ()
     table = held_table(source)

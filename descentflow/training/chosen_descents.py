@@ -25,7 +25,7 @@ def name_of(descents: list[Path] | Path | Descents) -> str:
     """
     if isinstance(descents, str | Path):
         return Path(descents).name
-    return ", ".join(Path(one).name for one in descents) if isinstance(descents, list | tuple) else "in memory"
+    return ", ".join(Path(table).name for table in descents) if isinstance(descents, list | tuple) else "in memory"
 
 
 def of_typecodes(source: Descents, typecodes: list[str] | str | None, name: str) -> pl.DataFrame:
@@ -46,7 +46,7 @@ def of_typecodes(source: Descents, typecodes: list[str] | str | None, name: str)
         return source.frame
     if isinstance(typecodes, str):
         typecodes = typecodes.split(",")
-    typecodes = [one.strip().upper() for one in typecodes]
+    typecodes = [code.strip().upper() for code in typecodes]
     frame = source.frame.filter(pl.col("typecode").is_in(typecodes))
     if frame.is_empty():
         raise DataError(

@@ -72,7 +72,7 @@ def grouped(options: Mapping[str, Any], groups: Mapping[str, type]) -> dict[str,
         >>> grouped(options, groups_of(DescentDataModule))
         {'air': 'measured', 'split': {'split_by': 'aircraft', 'seed': 3}}
     """
-    group_of = {one.name: name for name, group in groups.items() for one in fields(group)}
+    group_of = {field.name: name for name, group in groups.items() for field in fields(group)}
     in_groups = {name: value for name, value in options.items() if name not in group_of}
     for name, value in options.items():
         if name in group_of:

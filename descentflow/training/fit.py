@@ -149,7 +149,7 @@ def _given(**options: Any) -> dict[str, Any]:
 def _data_module(source: Any, settings: dict[str, Any], options: dict[str, Any]) -> DescentDataModule:
     """The DataModule that was passed, or one with the options of the call over those of the settings."""
     groups = groups_of(DescentDataModule)
-    flat = {one.name for group in groups.values() for one in fields(group)}
+    flat = {field.name for group in groups.values() for field in fields(group)}
     known = {*signature(DescentDataModule).parameters, *flat}
     known -= {"descents"}
     for name in options:

@@ -42,7 +42,7 @@ def most_probable(data: DescentDataModule, fitted: Callable[[str, DescentDataMod
             # What a fit to fewer flights warns of is no matter of the one that is made of all.
             warnings.simplefilter("ignore", DescentflowWarning)
             densities = [fitted(name, split) for name in names]
-        parts.append(torch.stack([one.log_observed(evidence, context).double() for one in densities]))
+        parts.append(torch.stack([density.log_observed(evidence, context).double() for density in densities]))
     by_flight = torch.cat(parts, 1)
     # The first of those that are level has the fewest parameters.
     first, second = by_flight.mean(1).sort(descending=True, stable=True).indices[:2].tolist()

@@ -173,9 +173,9 @@ def write_settings(
 def _as_yaml(value: Any) -> Any:
     """Value of an option in YAML: paths are text, and descents in memory are nothing."""
     if isinstance(value, list | tuple):
-        return [_as_yaml(one) for one in value]
+        return [_as_yaml(item) for item in value]
     if is_dataclass(value):
-        return {one.name: _as_yaml(getattr(value, one.name)) for one in fields(value)}
+        return {field.name: _as_yaml(getattr(value, field.name)) for field in fields(value)}
     plain = int | float | str | bool
     return value if isinstance(value, plain) else str(value) if isinstance(value, Path) else None
 

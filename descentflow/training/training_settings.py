@@ -114,7 +114,7 @@ def training_settings(name: str | Path) -> TrainingSettings:
         dict(settings.get("data") or {}),
         CHECKPOINT_DEFAULTS | (settings.get("checkpoint") or {}),
         TRAINER_DEFAULTS | trainer,
-        tuple((one["class_path"], dict(one.get("init_args") or {})) for one in callbacks),
+        tuple((callback["class_path"], dict(callback.get("init_args") or {})) for callback in callbacks),
     )
 
 

@@ -48,7 +48,7 @@ def change_of(days: pl.DataFrame, evidence: Evidence, alarm: int) -> dict[str, A
         },
         "shape": shape,
         "log_e": round(float(evidence.log_e[alarm]), 3),
-        "shown_by": sorted(shown, key=lambda one: -float(one["weight"])),
+        "shown_by": sorted(shown, key=lambda change: -float(change["weight"])),
         "size": {f"{name} ({UNITS[name]})": round(_of_parts(before, after, name), 2) for name in SIZES},
     }
 

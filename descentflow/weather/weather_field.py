@@ -101,7 +101,7 @@ class WeatherField:
         """Times of a variable, and its lowest and highest level, latitude and longitude."""
         steps = self._steps[name]
         axes = zip(*(step.file.axes for step in steps), strict=True)
-        ends = ([min(one[0] for one in axis), max(one[-1] for one in axis)] for axis in axes)
+        ends = ([min(number[0] for number in axis), max(number[-1] for number in axis)] for axis in axes)
         return Points(np.array([step.unix_s for step in steps], dtype=np.float64), *map(np.array, ends))
 
     def at(self, points: Points) -> tuple[Array, Array, Array]:
@@ -176,7 +176,7 @@ class WeatherField:
 
     def _values(self, name: str, step: "_Step") -> Array:
         """Field (k, p, q) of a time, which must be the same wherever it is."""
-        values, *others = (one.file.at_time(name, one.number) for one in (step, *step.again))
+        values, *others = (version.file.at_time(name, version.number) for version in (step, *step.again))
         for one, other in zip(step.again, others, strict=True):
             if not (same(values, other) and all(map(np.array_equal, one.file.axes, step.file.axes))):
                 raise unusable(f"{step.file.path} and {one.file.path} with another {name} at one time")

@@ -61,7 +61,7 @@ class WeatherFile:
             if self._time is not None:
                 variable = variable.isel({self._time: number})
             versions = [variable.isel({VERSION: i}) for i in range(variable.sizes.get(VERSION, 0))] or [variable]
-            variable = reduce(lambda one, other: one.fillna(other), versions)
+            variable = reduce(lambda first, other: first.fillna(other), versions)
             values = layout.values_of(variable.transpose(*self._places), name, self.path)
         for along, (axis, place) in enumerate(self._places.items()):
             if not same(values, values.take(place.first, along)):
@@ -126,7 +126,7 @@ def same(one: Array, other: Array) -> bool:
 
 def weather_files(source: WeatherSource) -> list[Path]:
     """The files that a path stands for: itself, or those of a folder, or several."""
-    paths = [Path(one) for one in ([source] if isinstance(source, str | Path) else source)]
+    paths = [Path(path) for path in ([source] if isinstance(source, str | Path) else source)]
     files = (sorted(path.iterdir()) if path.is_dir() else [path] for path in paths)
     usable = [file for file in chain(*files) if file in paths or file.suffix.lower() in SUFFIXES]
     if not usable:

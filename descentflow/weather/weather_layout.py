@@ -116,9 +116,9 @@ def seconds_of(time: Any, path: str) -> Array:
 
 def variable_of(data: Any, standard: str, dimensions: set[str], path: str) -> Any | None:
     """The variable of a standard name over all dimensions; None if there is none."""
-    named = [one for one in data.data_vars.values() if _standard_name(one, path) == standard]
-    whole = [one for one in named if set(one.dims) - {VERSION} == dimensions and one.dtype.kind in "fiu"]
-    whole = [one for one in whole if unit_of(one) in _units(standard)]
+    named = [field for field in data.data_vars.values() if _standard_name(field, path) == standard]
+    whole = [field for field in named if set(field.dims) - {VERSION} == dimensions and field.dtype.kind in "fiu"]
+    whole = [field for field in whole if unit_of(field) in _units(standard)]
     if named and len(whole) != 1:
         those = (
             f"{one.name} over {', '.join(one.dims)} ({one.dtype}, unit {unit_of(one) or 'missing'})" for one in named

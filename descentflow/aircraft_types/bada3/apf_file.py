@@ -112,11 +112,11 @@ def write_apf(aircraft: Bada3Aircraft, path: str | Path, own: Path | None = None
     """
     lines, name = read_lines(own or EMPTY), f"{aircraft.typecode:_<6}"
     rows, default = _rows(lines)
-    speeds = {one: float(aircraft.to_state()[one]) for one in DESCENT}
+    speeds = {row: float(aircraft.to_state()[row]) for row in DESCENT}
     for row in rows:
         changed = row.put(*_TYPECODE, name)
-        for one in DESCENT if row in default else ():
-            changed = changed.put(*_PLACES[one], _text(speeds[one], one))
+        for place in DESCENT if row in default else ():
+            changed = changed.put(*_PLACES[place], _text(speeds[place], place))
         lines[row.number - 1] = changed
     dates = dict.fromkeys(("Creation_date", "Modification_date") if own is None else ("Modification_date",), day)
     write_lines(lines, Path(path), (rows[0].cut(*_TYPECODE), name), dates if day else {})

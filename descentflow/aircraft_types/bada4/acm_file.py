@@ -70,7 +70,7 @@ class Element:
         elements = self.every(path)
         if len(elements) != n:
             self.fail(f"{len(elements)} elements {self.path}{path}", f"{n} of them")
-        return tuple(one.number() for one in elements)
+        return tuple(element.number() for element in elements)
 
     def single(self, path: str, absent: float | None = None) -> float:
         """The number at a path; a value where it may be absent."""
@@ -113,7 +113,7 @@ def read_root(file: Path, tag: str) -> Element:
     name = etree.QName(root.node)
     if name.localname != tag or not str(name.namespace or "").endswith(NAMESPACE):
         root.fail(f"a root {name.text}", f"{tag} of the namespace {NAMESPACE}", "pass the folder of BADA 4.2 or 4.3")
-    schema = next((one for one in _schemas(file, tag) if one.is_file()), None)
+    schema = next((schema for schema in _schemas(file, tag) if schema.is_file()), None)
     if schema is not None:
         _validate(etree, root, schema)
     return root
@@ -196,10 +196,10 @@ def read_acm(file: str | Path, limits: GlobalParameters, typecode: str | None = 
 
 def _check_numbers(root: Element, aircraft: Bada4Aircraft) -> None:
     """Refuse what no aircraft has, and what the printed table contradicts."""
-    for one in judged(aircraft):
-        if not one.within:
-            node = (root.every(one.path) or [root])[0]
-            node.fail(f"{one.path}: {one.worst:.4g} {one.words}", f"{one.low:,g} to {one.high:,g}")
+    for figure in judged(aircraft):
+        if not figure.within:
+            node = (root.every(figure.path) or [root])[0]
+            node.fail(f"{figure.path}: {figure.worst:.4g} {figure.words}", f"{figure.low:,g} to {figure.high:,g}")
     table = root.file.with_name(f"{root.file.stem}_ISA.PTD")
     if table.is_file() and (difference := contradicted(aircraft, table)):
         mend = "take both files as EUROCONTROL ships them, or move a file of your own away from the table"
@@ -209,7 +209,7 @@ def _check_numbers(root: Element, aircraft: Bada4Aircraft) -> None:
 def _notes(root: Element) -> list[str]:
     """Notes above the root of who changed the file, the last change first."""
     before = root.node.itersiblings(preceding=True)
-    return [str(one.text) for one in before if getattr(one, "target", "") == NOTE]
+    return [str(node.text) for node in before if getattr(node, "target", "") == NOTE]
 
 
 def _fuel_version(root: Element) -> tuple[str, tuple[float, float]]:
@@ -223,7 +223,7 @@ def _fuel_version(root: Element) -> tuple[str, tuple[float, float]]:
 def _placed(part: type[CoefficientGroup], root: Element) -> dict[str, Any]:
     """Fields of a part that have places in the file."""
     numbers: dict[str, Any] = {}
-    optional = {one.name for one in fields(part) if one.default == ()}
+    optional = {field.name for field in fields(part) if field.default == ()}
     for name, places in part.PLACES.items():
         if name in optional and not any(root.every(path) for path, _ in places):
             continue
@@ -248,7 +248,7 @@ def _wing(root: Element) -> Wing:
     )
     scale = clean.above_zero("LGUP/DPM_clean/scalar")
     values = _placed(Wing, root)
-    values["drag"] = tuple(scale * one for one in values["drag"])
+    values["drag"] = tuple(scale * value for value in values["drag"])
     flaps = {field: _flaps(root, phase) for field, phase in (("approach", "AP"), ("landing", "LD"))}
     return Wing.of({**values, **flaps, "clean_lift": lift})
 
@@ -271,9 +271,9 @@ def _flaps(root: Element, phase: str) -> tuple[float, ...]:
 def _speeds(root: Element, phase: str) -> tuple[float, ...]:
     """CAS below and above 10,000 ft and Mach number of a phase, by the first schedule; none where it is absent."""
     schedules = root.one("ARPM/SpeedScheduleList").every("SpeedSchedule")
-    for one in schedules[0].every("SpeedPhase") if schedules else ():
-        if one.text("name") == phase:
-            return tuple(one.above_zero(name) for name in ("CAS1", "CAS2", "M"))
+    for flown in schedules[0].every("SpeedPhase") if schedules else ():
+        if flown.text("name") == phase:
+            return tuple(flown.above_zero(name) for name in ("CAS1", "CAS2", "M"))
     return ()
 
 
@@ -308,7 +308,7 @@ def changed_acm(
     _scale(tree.findall(path), [parasitic] * 5 + [induced] * (n - 5))
     _scale(idles, [idle] * len(idles))
     phases = tree.find("ARPM/SpeedScheduleList/SpeedSchedule").findall("SpeedPhase")
-    descent = next(one for one in phases if (one.findtext("name") or "").strip() == "Descent")
+    descent = next(phase for phase in phases if (phase.findtext("name") or "").strip() == "Descent")
     for name, value in speeds.items():
         descent.find(SPEEDS[name]).text = f"{value:g}"
     etree = optional_library("lxml.etree", "bada4")
@@ -338,8 +338,8 @@ def read_gpf(file: str | Path) -> GlobalParameters:
         descentflow.core.errors.AircraftError: no_such.xml: ...
     """
     root = read_root(Path(file), "GPF")
-    ceilings = {one.text("Phase"): one for one in root.every("HmaxList/HmaxPhase")}
-    steps = {(one.text("Phase/name"), one.text("Phase/index")): one for one in root.every("VdList/VdPhase")}
+    ceilings = {phase.text("Phase"): phase for phase in root.every("HmaxList/HmaxPhase")}
+    steps = {(phase.text("Phase/name"), phase.text("Phase/index")): phase for phase in root.every("VdList/VdPhase")}
 
     def value(known: Mapping[Any, Element], key: Any, name: str) -> float:
         return known[key].single(name) if key in known else root.fail(f"no {name} of {key}", "one of it")

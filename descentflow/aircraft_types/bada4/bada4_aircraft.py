@@ -168,8 +168,8 @@ class Bada4Aircraft(CoefficientGroup, StandardDescent):
         clean = mach_to_cas_mps(self.wing.buffet_mach(needed, self.mmo), altitude) * (1.0 if by_mach else factor)
         needed = self._needed_lift(altitude, mass_kg, 1.0)
         flaps = [
-            factor * mach_to_cas_mps((needed / one[3]).sqrt(), altitude) if one else clean
-            for one in (self.wing.approach, self.wing.landing)
+            factor * mach_to_cas_mps((needed / flaps[3]).sqrt(), altitude) if flaps else clean
+            for flaps in (self.wing.approach, self.wing.landing)
         ]
         return by_configuration(configuration, clean, *flaps)
 

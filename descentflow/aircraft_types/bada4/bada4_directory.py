@@ -30,7 +30,7 @@ def release_folder(folder: str | Path) -> Path | None:
     inside = sorted(file.parent for file in folder.glob(f"*/{GLOBAL_PARAMETERS}"))
     if len(inside) > 1:
         raise AircraftError(
-            f"{folder} holds {len(inside)} folders of BADA 4: {', '.join(one.name for one in inside)}",
+            f"{folder} holds {len(inside)} folders of BADA 4: {', '.join(name.name for name in inside)}",
             expected="one",
             mend="pass one of them",
         )
@@ -121,7 +121,7 @@ def _designators(folder: Path, models: dict[str, Path]) -> dict[str, list[Path]]
     """Files by designator: of the release's list, which has one for each, and else of the files themselves."""
     listed = folder / SYNONYMS
     if listed.is_file():
-        pairs = [(one.text("code"), one.text("file")) for one in read_xml(listed, "the list of types").every(".//MAP")]
+        pairs = [(tag.text("code"), tag.text("file")) for tag in read_xml(listed, "the list of types").every(".//MAP")]
         return {code.upper(): [models[name]] for code, name in pairs if name in models}
     by_designator: dict[str, list[Path]] = {}
     for file in models.values():

@@ -63,8 +63,8 @@ class Wing(CoefficientGroup):
         if isinstance(configuration, str) and configuration == "CR":
             return clean
         flaps = [
-            one[0] * parasitic + (one[1] + one[2] * lift) * lift * induced if one else clean
-            for one in (self.approach, self.landing)
+            flaps[0] * parasitic + (flaps[1] + flaps[2] * lift) * lift * induced if flaps else clean
+            for flaps in (self.approach, self.landing)
         ]
         return by_configuration(configuration, clean, *flaps)
 
@@ -75,7 +75,7 @@ class Wing(CoefficientGroup):
         """
         top = as_tensors(mach, self.mach_max)[1].clamp(max=HIGHEST_MACH)
         rise = ((mach - top + RISE_MACH) / RISE_MACH).clamp(min=0.0) ** 1.5
-        parts = (self._polar(one) for one in (torch.minimum(mach, top), top - RISE_MACH, top))
+        parts = (self._polar(number) for number in (torch.minimum(mach, top), top - RISE_MACH, top))
         still, square, sixth = (
             torch.where(mach <= top, here, low + rise * (high - low)) for here, low, high in zip(*parts, strict=True)
         )
@@ -141,6 +141,6 @@ def polynomial(coefficients: Sequence[Any], x: Tensor) -> Tensor:
         tensor(13.)
     """
     total = torch.zeros_like(x)
-    for one in reversed(coefficients):
-        total = total * x + one
+    for factor in reversed(coefficients):
+        total = total * x + factor
     return total

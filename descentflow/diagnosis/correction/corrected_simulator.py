@@ -95,7 +95,7 @@ def air_of_training(parts: Representation) -> dict[str, list[float]]:
         return {}
     flights, effect = (
         Quantities.from_state(parts.reference),
-        next(one for one in EFFECTS.values() if one.is_temperature),
+        next(effect for effect in EFFECTS.values() if effect.is_temperature),
     )
     state = state_of(flights, parts.decoder.aircraft, float(parts.decoder.aircraft.mass_reference_kg))
     measured = effect.measured(state, flights.values)

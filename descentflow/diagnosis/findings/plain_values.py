@@ -19,10 +19,10 @@ def primitives(value: Any) -> Any:
     """
     if is_dataclass(value):
         plain = {}
-        for one in fields(value):
-            key = one.metadata.get("json", one.name)
+        for field in fields(value):
+            key = field.metadata.get("json", field.name)
             if key is not None:
-                plain[key] = primitives(getattr(value, one.name))
+                plain[key] = primitives(getattr(value, field.name))
         return plain
     if isinstance(value, dict):
         return {key: primitives(content) for key, content in value.items()}

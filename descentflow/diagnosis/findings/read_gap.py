@@ -56,7 +56,7 @@ def _built(hint: Any, content: Any, place: str) -> Any:
     """A value of a type from plain values, each checked against its type."""
     origin, inside = get_origin(hint), get_args(hint)
     if origin in (Union, UnionType):
-        (hint,) = (one for one in inside if one is not NoneType)
+        (hint,) = (kind_inside for kind_inside in inside if kind_inside is not NoneType)
         return None if content is None else _built(hint, content, place)
     if is_dataclass(hint):
         return _built_dataclass(cast("type[Any]", hint), content, place)
@@ -76,12 +76,12 @@ def _built_dataclass(kind: type[Any], content: Any, place: str) -> Any:
     _must(isinstance(content, Mapping), content, "an object", place)
     hints, given = get_type_hints(kind), {}
     left = dict(content)
-    for one in fields(kind):
-        key = one.metadata.get("json", one.name)
+    for field in fields(kind):
+        key = field.metadata.get("json", field.name)
         if key in left:
-            given[one.name] = _built(hints[one.name], left.pop(key), f"{place}: {key}")
+            given[field.name] = _built(hints[field.name], left.pop(key), f"{place}: {key}")
         else:
-            optional = one.default is not MISSING or one.default_factory is not MISSING
+            optional = field.default is not MISSING or field.default_factory is not MISSING
             _must(optional, "nothing", "a value", f"{place}: {key}")
     _must(not left, f"unknown fields {', '.join(left)}", f"those of schema version {SCHEMA_VERSION}", place)
     return kind(**given)

@@ -35,7 +35,7 @@ def cause_of(explanation: Explanation, name: str, closed: ClosedShare, takes_awa
     for member in group:
         # In the cause's place, beside the others.
         other, candidate = explanation.catalogue[member], fits.candidates[member]
-        names = tuple(member if one == name else one for one in best.names)
+        names = tuple(member if some == name else some for some in best.names)
         fit = explanation.search.sized(fits.fit(names, best.unknown, best.sizes))
         known = (other, candidate.theta(fit.sizes[member]), candidate.theta_errors(fit.errors[member]), flights)
         sizes = sizes_beside(other, sizes_of(*known), on_both_sides(compared, other))
@@ -43,7 +43,7 @@ def cause_of(explanation: Explanation, name: str, closed: ClosedShare, takes_awa
     sizes_now = parameters(effect, value, error, flights)
     first = next((size.estimate for size in sizes_now.values()), None)
     weights = zip(explanation.named.weights.tolist(), explanation.sets, strict=True)
-    without = fits.fit(tuple(one for one in best.names if one != name), best.unknown, best.sizes)
+    without = fits.fit(tuple(member for member in best.names if member != name), best.unknown, best.sizes)
     return Cause(
         effect=name,
         group=list(group),
@@ -95,8 +95,8 @@ def discrepancy_of(explanation: Explanation) -> Discrepancy:
     """Evidence (nats) of an unknown cause beyond the named effects."""
     fits, best = explanation.search.fits, explanation.best
     alone = fits.fit(best.names, first=best.sizes)
-    beside = [one.log_weight for one in explanation.sets if one.names == best.names and one.has_unknown]
-    gained = max([one - alone.log_weight for one in beside], default=0.0)
+    beside = [fit.log_weight for fit in explanation.sets if fit.names == best.names and fit.has_unknown]
+    gained = max([weight - alone.log_weight for weight in beside], default=0.0)
     return Discrepancy(alone.log_weight - fits.fit(()).log_weight, max(gained, 0.0), explanation.named.unknown)
 
 

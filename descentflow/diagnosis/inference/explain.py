@@ -87,7 +87,7 @@ def explain(
     search = Search(known, candidates, assumed, exclusive=groups)
     fits, sets = search.fits, search.sets()
     named = name_effects(sets, assumed, alike=groups)
-    heaviest = next((one for one in sets if set(named.groups) <= set(one.names)), sets[0])
+    heaviest = next((fit for fit in sets if set(named.groups) <= set(fit.names)), sets[0])
     is_none = named.none > 1.0 - assumed.named
 
     def at_best(names: Names) -> SetFit:

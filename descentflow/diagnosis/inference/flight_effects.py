@@ -155,7 +155,7 @@ class FlightShapes:
                 tried[sizes] = short
                 values = side.values + short.offset * side.seen
                 sizes = tuple(self.spread.likeliest(values, side.seen, short.normal, sizes))
-        best = max(tried, key=lambda one: tried[one].log_likelihood)
+        best = max(tried, key=lambda names: tried[names].log_likelihood)
         about = [self._about(side, name, tried[best].laws[name].theta) for name in names]
         return self._mixture(side, about, best, EM_ROUNDS)
 

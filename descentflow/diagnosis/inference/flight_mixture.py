@@ -207,7 +207,7 @@ def fit_mixture(
     """
     plain = Precisions(spread, seen)
     others = [Precisions(spread + more, seen) for more in odd]
-    models = [_EffectWindows(one, plain, law_flights) for one in effects]
+    models = [_EffectWindows(effect, plain, law_flights) for effect in effects]
     share = np.array([1.0 - FIRST_ODD * len(odd) - FIRST_SHARE * len(models), *[FIRST_ODD] * len(odd)])
     share = np.concatenate([share, np.full(len(models), FIRST_SHARE)])
     whole, none = np.zeros(len(values)), np.zeros(values.shape[1])

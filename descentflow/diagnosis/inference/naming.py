@@ -64,14 +64,14 @@ def name_effects(sets: Sequence[SetFit], assumed: Assumptions, alike: Sequence[S
         >>> name_effects(fits, Assumptions()).groups
         {'mass': ('drag',)}
     """
-    weights = np.exp(np.array([one.log_weight for one in sets]) - max(one.log_weight for one in sets))
+    weights = np.exp(np.array([fit.log_weight for fit in sets]) - max(fit.log_weight for fit in sets))
     weights = weights / weights.sum()
 
     def held(*names: str) -> float:
         """Weight of the sets that have one of these."""
         return float(sum(w for w, one in zip(weights, sets, strict=True) if set(names) & set(one.names)))
 
-    every = dict.fromkeys(name for one in sets for name in one.names)
+    every = dict.fromkeys(name for fit in sets for name in fit.names)
     probability = {name: held(name) for name in sorted(every, key=lambda name: -held(name))}
     groups: dict[str, Names] = {}
     for name, alone in probability.items():

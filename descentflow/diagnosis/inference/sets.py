@@ -183,7 +183,7 @@ class SetFits:
         for _, name in itertools.product(range(SCALE_SWEEPS), quantities):
             others = {other: scale for other, scale in scales.items() if other != name}
             tries = [others, *({**others, name: scale} for scale in sizes)]
-            scales = max(tries, key=lambda one: score(*sorted(one.items())))
+            scales = max(tries, key=lambda scales: score(*sorted(scales.items())))
         return scales
 
     def _air(self, scales: Mapping[str, float]) -> frozenset[str]:
@@ -274,13 +274,13 @@ class Search:
         for names in self._heaviest():
             fitted[names] = self.fits.fit(names, first=self._alone)
         self._grow(fitted)
-        ordered = sorted(fitted.values(), key=lambda one: -one.log_weight)
-        small = [one for one in ordered if len(one.names) <= 1]
-        for one in {fit.names: fit for fit in (*ordered[: MOST_FITTED // 2], *small[: MOST_FITTED // 2])}.values():
-            in_air = self._with_unknown(one, air=True)
+        ordered = sorted(fitted.values(), key=lambda fit: -fit.log_weight)
+        small = [fit for fit in ordered if len(fit.names) <= 1]
+        for kept in {fit.names: fit for fit in (*ordered[: MOST_FITTED // 2], *small[: MOST_FITTED // 2])}.values():
+            in_air = self._with_unknown(kept, air=True)
             ordered += [in_air, self._with_unknown(in_air, air=False)]
-        by_content = {(one.names, *one.unknown.items()): one for one in filter(self.plausible, ordered)}
-        return sorted(by_content.values(), key=lambda one: -one.log_weight)
+        by_content = {(fit.names, *fit.unknown.items()): fit for fit in filter(self.plausible, ordered)}
+        return sorted(by_content.values(), key=lambda fit: -fit.log_weight)
 
     def _with_unknown(self, fit: SetFit, *, air: bool) -> SetFit:
         """A set with what else is likeliest to move the means; itself where nothing does."""
@@ -308,14 +308,14 @@ class Search:
     def _grow(self, fitted: dict[Names, SetFit]) -> None:
         """Add the best further effect to the heaviest set, as long as that makes it heavier."""
         while True:
-            best = max(fitted.values(), key=lambda one: one.log_weight)
+            best = max(fitted.values(), key=lambda fit: fit.log_weight)
             if len(best.names) < MOST_ENUMERATED:
                 return
             larger = [(*best.names, name) for name in self.fits.candidates if name not in best.names]
             first = {**self._alone, **best.sizes}
             grown = [self.fits.fit(names, first=first) for names in larger if self._allowed(names)]
-            heavier = [one for one in grown if one.log_weight > best.log_weight and self.plausible(one)]
+            heavier = [fit for fit in grown if fit.log_weight > best.log_weight and self.plausible(fit)]
             if not heavier:
                 return
-            top = max(heavier, key=lambda one: one.log_weight)
+            top = max(heavier, key=lambda fit: fit.log_weight)
             fitted[top.names] = top

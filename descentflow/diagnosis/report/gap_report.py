@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 FILES = ("gap.json", "gap.html", FLIGHTS, CHECKPOINT)
 """Files that may be written."""
-KEYS = ("schema_version", *(one.name for one in fields(Findings) if one.name not in ("details", "corrections")))
+KEYS = ("schema_version", *(item.name for item in fields(Findings) if item.name not in ("details", "corrections")))
 """Keys of `gap.json` that readers may rely on; `details` holds the rest."""
 
 

@@ -228,7 +228,7 @@ def _shared(findings: Findings) -> dict[str, Any]:
         "known_flights": findings.dropped.get(SEEN, 0),
         "standing": _standing(findings),
         "stand_in": str(used) if used and used.stand_in else "",
-        "airs_of_simulator": [_air_of_simulator(one) for one in findings.causes if not one.inherited],
+        "airs_of_simulator": [_air_of_simulator(cause) for cause in findings.causes if not cause.inherited],
         "decide": _deciding(findings),
         "repair": repair_command(findings),
         "worth_a_look": findings.flights_worth_a_look if findings.verdict in ("unknown", "partial") else [],

@@ -141,7 +141,7 @@ def clean(
     report.extend(parts)
     shown = [some_flights(pl.concat(dropped_rows), work.shown)] if dropped_rows else []
     both = [pl.concat(levels), pl.concat(level_flight)]
-    found, level = both if silences is None else (named_as_before(one, silences) for one in both)
+    found, level = both if silences is None else (named_as_before(table, silences) for table in both)
     return Outcome(found, report, present, untyped, shown, level)
 
 

@@ -62,7 +62,7 @@ def with_power(rows: pl.DataFrame, slowest_fpm: float) -> pl.DataFrame:
     falls = (rated["vertical_rate"] <= -slowest_fpm).alias("_falls")
     aircraft, band = pl.col("icao24"), pl.col("altitude") // BAND_FT
     bands = []
-    for name in (one for one in POWER if one in rows.columns):
+    for name in (column for column in POWER if column in rows.columns):
         value = pl.col(name)
         idle = pl.when("_falls").then(value).quantile(IDLE_SHARE).over(aircraft, band)
         most = value.max().over(aircraft)

@@ -47,7 +47,7 @@ def asked_in_vain(wanted: Sequence[str], present: Iterable[str]) -> list[str]:
 
 def check_report(report: DropReport, rules: Cleaning) -> None:
     """Refuse rows of which most contradict themselves; warn of notes for which there is advice."""
-    step = next((one for one in report.steps if one.step == "IAS_contradicts_Mach"), None)
+    step = next((step for step in report.steps if step.step == "IAS_contradicts_Mach"), None)
     judged = step.rows_dropped + step.rows_left if step else 0
     if step and step.rows_dropped > MAX_CONTRADICTING_SHARE * judged:
         raise CleaningError(

@@ -95,8 +95,8 @@ class Cleaning:
 
     def __post_init__(self) -> None:
         """Check what was given, as :func:`cleaning_of` does."""
-        for one in dataclasses.fields(self):
-            object.__setattr__(self, one.name, _checked(getattr(self, one.name), one, "Cleaning"))
+        for field in dataclasses.fields(self):
+            object.__setattr__(self, field.name, _checked(getattr(self, field.name), field, "Cleaning"))
 
 
 def meaning_of(name: str) -> str:
@@ -106,7 +106,7 @@ def meaning_of(name: str) -> str:
         >>> meaning_of("slowest_fpm")
         'slowest rate that counts as descent, ft/min'
     """
-    text = next(one.description for one in parse_from_object(Cleaning).params if one.arg_name == name) or ""
+    text = next(param.description for param in parse_from_object(Cleaning).params if param.arg_name == name) or ""
     words = " ".join(text.split()).removesuffix(".")
     return words if words[:2].isupper() else words[:1].lower() + words[1:]
 

@@ -130,7 +130,7 @@ def rows(source: Input, report: DropReport, block_rows: int) -> Iterator[pl.Data
     if not categories & CATEGORIES_READ:
         raise DataError(
             f"{source.label}: ASTERIX without airspeeds, of category "
-            f"{' and '.join(f'{one:03}' for one in sorted(categories))} alone",
+            f"{' and '.join(f'{category:03}' for category in sorted(categories))} alone",
             expected="category 062 with IAS and Mach (I062/380), or 048 with register 6,0 (I048/250)",
             mend="record the tracks (062) or the Mode S radar's plots (048)",
         )

@@ -83,7 +83,7 @@ KNOWN_FORMATS = (
 )
 """The formats. They are tried in this order, but those of any columns after all others: what they recognise is least
 specific."""
-FORMATS = {one.name: one for one in KNOWN_FORMATS}
+FORMATS = {known.name: known for known in KNOWN_FORMATS}
 """Name -> format; each is also read from gzip and tar archives."""
 HELD_TABLE = Format("table", "bytes", bool, tables.held, any_columns=True)
 """Rows that are no file."""
@@ -192,7 +192,7 @@ def refuse_known(begin: bytes, kinds: dict[bytes, tuple[str, str]], label: str) 
 
 
 SPLIT_MEND = "write the table of pandas with orient='records' or as Parquet; names and values apart are not read"
-TRIED = sorted(KNOWN_FORMATS, key=lambda one: one.any_columns)
+TRIED = sorted(KNOWN_FORMATS, key=lambda known: known.any_columns)
 """Formats in the order in which they are tried."""
 
 
@@ -238,13 +238,13 @@ def held_parts(
 def format_of_bytes(head: bytes, label: str) -> Format | None:
     """Format of a file that begins with these bytes; None if it is JSON, whose first document has to be read."""
     refuse_known(head, REFUSED_BINARY, label)
-    for one in TRIED:
-        if one.kind == "bytes" and one.recognise(head):
-            return one
+    for known in TRIED:
+        if known.kind == "bytes" and known.recognise(head):
+            return known
     text = _text(head, label)
     if text[:1] in (b"{", b"["):
         return None
-    return next(one for one in TRIED if one.kind == "text" and one.recognise(text))
+    return next(known for known in TRIED if known.kind == "text" and known.recognise(text))
 
 
 def _text(head: bytes, label: str) -> bytes:
@@ -263,9 +263,9 @@ def _text(head: bytes, label: str) -> bytes:
 
 def format_of_document(document: object, label: str) -> Format:
     """Format of a file whose first JSON document is this one."""
-    for one in TRIED:
-        if one.kind == "JSON" and one.recognise(document):
-            return one
+    for known in TRIED:
+        if known.kind == "JSON" and known.recognise(document):
+            return known
     names = list(document) if isinstance(document, dict) else []
     if "hex" in names:
         raise DataError(

@@ -242,9 +242,9 @@ def of_tables(tables: Iterable[pl.DataFrame], report: DropReport) -> Iterator[pl
     """Rows of tables of times and frames."""
 
     def batches() -> Iterator[pl.DataFrame]:
-        for one in tables:
-            time = timestamps(one[_column(one, TIME_COLUMNS)]).dt.epoch("us").cast(pl.Float64) / 1e6
-            both = pl.DataFrame({"time": time, "frame": one[_column(one, FRAME_COLUMNS)].cast(pl.String)})
+        for messages in tables:
+            time = timestamps(messages[_column(messages, TIME_COLUMNS)]).dt.epoch("us").cast(pl.Float64) / 1e6
+            both = pl.DataFrame({"time": time, "frame": messages[_column(messages, FRAME_COLUMNS)].cast(pl.String)})
             usable = both.filter(pl.col("frame").str.contains(HEX_FRAME) & pl.col("time").is_not_null())
             report.note("rows without a time and a Mode S frame", len(both) - len(usable))
             for part in usable.iter_slices(BATCH_MESSAGES):

@@ -43,7 +43,7 @@ def groups_of(files: Sequence[Path]) -> list[tuple[Path, ...]]:
         [2]
     """
     ends = itertools.accumulate(path.stat().st_size for path in files)
-    numbered = itertools.groupby(zip(ends, files, strict=True), key=lambda one: one[0] // GROUP_BYTES)
+    numbered = itertools.groupby(zip(ends, files, strict=True), key=lambda numbered: numbered[0] // GROUP_BYTES)
     groups = [[path for _, path in some] for _, some in numbered]
     together: list[list[Path]] = []
     for group in groups:

@@ -62,7 +62,7 @@ def _clean_partition(partition: Partition, work: Work) -> None:
         return
     rows = pl.concat([pl.read_ipc(path) for path in partition.files], how="diagonal")
     outcome = clean(rows, work)
-    tables = [(DROPPED_ROWS, one) for one in outcome.dropped_rows]
+    tables = [(DROPPED_ROWS, table) for table in outcome.dropped_rows]
     for kind, table in [*tables, (LEVEL_FLIGHT, outcome.level_flight)]:
         partition.beside(kind).parent.mkdir(exist_ok=True)
         with whole_file(partition.beside(kind)) as temporary:

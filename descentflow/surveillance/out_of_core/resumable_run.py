@@ -58,7 +58,7 @@ def prepare_to(out: Path, request: PreparationRequest, memory: Memory, engine: E
     check_separate([out], [Path(source) for source in request.rows if not isinstance(source, pl.DataFrame)])
     # An output inside a folder of inputs, and what an earlier run left beside it, are no inputs.
     own = (out.resolve(), work_folder(out).resolve())
-    files = [path for path in request.files() if not any(path.resolve().is_relative_to(one) for one in own)]
+    files = [path for path in request.files() if not any(path.resolve().is_relative_to(file) for file in own)]
     progress("hashing inputs")
     facts = request.facts(files)
     is_store = out.suffix != ".parquet"

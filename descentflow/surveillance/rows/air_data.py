@@ -113,5 +113,5 @@ def with_mach(rows: pl.DataFrame, report: DropReport, note: str = MACH_COMPUTED)
 
 def _made(rows: pl.DataFrame, name: str, conversion: Callable[[Array, Array], Array]) -> pl.Series:
     """The other airspeed of one and pressure altitude, missing where either is missing or impossible."""
-    possible = [pl.when(pl.col(one).is_between(*POSSIBLE[one])).then(one) for one in (name, "altitude")]
+    possible = [pl.when(pl.col(column).is_between(*POSSIBLE[column])).then(column) for column in (name, "altitude")]
     return pl.Series(conversion(*(column.to_numpy() for column in rows.select(possible)))).fill_nan(None)

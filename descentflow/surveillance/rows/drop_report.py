@@ -125,7 +125,7 @@ class DropReport(InNotebook):
 
     def left(self, step: str) -> int | None:
         """Number of rows that a step left; None if there was no such step."""
-        return next((one.rows_left for one in self.steps if one.step == step), None)
+        return next((taken.rows_left for taken in self.steps if taken.step == step), None)
 
     def summary(self) -> list[str]:
         """Rows read, rows left and the steps that dropped most, in two lines; none if nothing is known.

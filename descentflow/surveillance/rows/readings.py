@@ -209,7 +209,7 @@ class Solution:
     @property
     def rank(self) -> tuple[float, int, float]:
         """Fewest changes first, then those that compare most columns."""
-        return sum(one.cost for one in self.readings.values()), -len(self.pairs), sum(self.misfits.values())
+        return sum(reading.cost for reading in self.readings.values()), -len(self.pairs), sum(self.misfits.values())
 
     def mends(self, given: "Solution") -> bool:
         """True if columns that contradicted as given are compared and agree closely, where no wind lies between."""
@@ -299,10 +299,10 @@ def _compared(
 
 def _is_earned(name: str, values: Array, machs: dict[str, Array], altitude: Array) -> bool:
     """True for a column that follows the quantity that it is read as, and not its own by a factor."""
-    other = next((machs[one] for one in ("Mach", "IAS", "TAS") if one in machs and one != name), altitude * np.nan)
+    other = next((machs[kind] for kind in ("Mach", "IAS", "TAS") if kind in machs and kind != name), altitude * np.nan)
     own, read = (
-        np.log(one / other)[(altitude > LOWEST_TAS_FT) & np.isfinite(one * other)]
-        for one in (_mach(name, values, altitude, AS_GIVEN), machs[name])
+        np.log(mach / other)[(altitude > LOWEST_TAS_FT) & np.isfinite(mach * other)]
+        for mach in (_mach(name, values, altitude, AS_GIVEN), machs[name])
     )
     if min(len(own), len(read)) < MIN_CHECKED_VALUES:
         return True

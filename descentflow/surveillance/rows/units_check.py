@@ -195,7 +195,7 @@ def _check_contradiction(evidence: UnitEvidence, given: Solution, rows: pl.DataF
         raise refusal(source, given, best)
     if not best and not given.possible:
         return
-    off = {name for one in best for name in one.off}
+    off = {name for reading in best for name in reading.off}
     excess_kt = np.abs(_excess_of_ias(evidence)) * evidence.columns["IAS"]
     poor = best and given.possible and given.wrong == ["IAS and Mach"] and float(np.median(excess_kt)) <= CONTRADICTS_KT
     if poor:

@@ -33,7 +33,7 @@ def refusal(source: str, given: Solution, best: Sequence[Solution]) -> DataError
     differ = _differ(given, worst) if worst else "airliners do not fly so"
     return DataError(
         f"{source}: {' or '.join(map(readings_in_words, best))}; {so}; as given, {differ}",
-        expected=_expected(name for one in best for name in one.changed),
+        expected=_expected(name for reading in best for name in reading.changed),
         mend=" or, if it is that, ".join(map(_mend, best)),
     )
 

@@ -248,7 +248,7 @@ class LatentModel(LightningModule, InNotebook, ABC, Generic[D]):
         Raises:
             ConfigError: If training has diverged.
         """
-        if not all(bool(one.isfinite().all()) for one in self.parameters()):
+        if not all(bool(parameter.isfinite().all()) for parameter in self.parameters()):
             raise self._diverged()
 
     def _diverged(self) -> ConfigError:
@@ -280,7 +280,7 @@ class LatentModel(LightningModule, InNotebook, ABC, Generic[D]):
         checkpoint[SECTION] = section_of(self.density)
         # What a timer stops is not at its end.
         callbacks = self.trainer.callbacks  # type: ignore[attr-defined]
-        stopped = self.trainer.should_stop and not any(isinstance(one, Timer) for one in callbacks)
+        stopped = self.trainer.should_stop and not any(isinstance(callback, Timer) for callback in callbacks)
         checkpoint[TRAINING] = {"seed": self._seed, "stopped": stopped}
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
@@ -303,7 +303,7 @@ class LatentModel(LightningModule, InNotebook, ABC, Generic[D]):
 
     def _check_same_model(self, saved: D, settings: dict[str, Any]) -> None:
         """Refuse a checkpoint of another model, or to go on fitting with other settings; Lightning would take them."""
-        before, now = (type(one).__name__.removesuffix("Density") for one in (saved, self.density))
+        before, now = (type(density).__name__.removesuffix("Density") for density in (saved, self.density))
         given = {name: value for name, value in self.hparams.items() if name in settings and name[0] != "_"}
         other = [f"{n} {settings[n]} (the options: {value})" for n, value in given.items() if settings[n] != value]
         if before != now or (self._fits and other):

@@ -113,7 +113,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
             if selected.cap_binds and steps.prior_flights:
                 # Of components that share a covariance, flights allow more.
                 shared = select_mixture(Steps(steps.weights, steps.context, inf), **options)
-                selected = min(selected, shared, key=lambda one: one.value)
+                selected = min(selected, shared, key=lambda selection: selection.value)
         limit = "largest number tried" if self.extend else f"cap of {FLIGHTS_PER_PARAMETER} flights per parameter"
         cap = f" (the {limit} decides: more components might fit better)" if selected.cap_binds else ""
         chosen = selected.mixture.n_components

@@ -6,8 +6,7 @@ from pathlib import Path
 
 from descentflow.cli.options import pairs
 from descentflow.core.errors import ConfigError
-from descentflow.simulation.cause_values import Plantable
-from descentflow.simulation.plantable import PLANTABLE
+from descentflow.simulation.plantable import PLANTABLE, Plantable
 
 
 def extend(parser: ArgumentParser) -> None:

@@ -11,7 +11,7 @@ from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.arguments import Count, NotNegativeInt, Output, checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_folder, whole_file
-from descentflow.simulation.cause_values import Values
+from descentflow.simulation.plantable import Values
 from descentflow.simulation.scenarios import PLAIN, scenario_settings
 from descentflow.simulation.world import World, simulate
 from descentflow.simulation.world_config import WorldConfig

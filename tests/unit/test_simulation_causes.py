@@ -266,8 +266,8 @@ def test_a_flight_depends_on_its_seed_and_number_alone() -> None:
         ({"mass": {"percent": 3.0}}, "mass with percent; expected of mass: factor=0.9 mean factor"),
         ({"mass": {"factor": 9.0}}, "mass with factor=9; expected a finite number, at least 0.5 and at most 1.5"),
         ({"temperature": {"deviation_k": math.nan}}, "deviation_k': nan.*expected .* a finite number"),
-        ({"speed_brake": {"low_fl": 300.0}}, "low_fl below high_fl"),
-        ({"geometric_path": {"of_idle": 0.95, "of_idle_range": 0.1}}, "together at most 1"),
+        ({"speed_brake": {"low_fl": 300.0}}, "low_fl < high_fl"),
+        ({"geometric_path": {"of_idle": 0.95, "of_idle_range": 0.1}}, r"of_idle \+ of_idle_range <= 1"),
     ],
 )
 def test_what_cannot_be_planted_is_refused(plant: dict[str, dict[str, float]], message: str) -> None:

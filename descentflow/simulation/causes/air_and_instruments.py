@@ -3,9 +3,9 @@
 import torch
 
 from descentflow.core.units import FT_M, KT_MPS
-from descentflow.simulation.cause_values import Values
 from descentflow.simulation.causes.cause import Fleet, Own, normal
 from descentflow.simulation.parameters import FlightParameters
+from descentflow.simulation.plantable import Values
 
 KT_PER_KFT = KT_MPS / (1000 * FT_M)
 """1 kt in 1,000 ft, in 1/s."""

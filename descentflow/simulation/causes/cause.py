@@ -8,9 +8,9 @@ import torch
 from torch import Tensor
 
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.simulation.cause_values import Values
 from descentflow.simulation.injected import Injected
 from descentflow.simulation.parameters import FlightParameters
+from descentflow.simulation.plantable import Values
 
 Own = Mapping[str, Tensor]
 """Number of a cause -> what each flight has of it, (n,); NaN for flights that the cause does not take."""

@@ -5,9 +5,9 @@ import math
 import torch
 
 from descentflow.core.units import FL_M
-from descentflow.simulation.cause_values import Values
 from descentflow.simulation.causes.cause import Fleet, Inject, Own, only
 from descentflow.simulation.parameters import FlightParameters
+from descentflow.simulation.plantable import Values
 
 LEAST_FACTOR = 0.2
 """A factor of a flight's own, however far out its draw, is no less."""

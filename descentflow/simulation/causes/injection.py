@@ -4,14 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.simulation.cause_values import Values
 from descentflow.simulation.causes.air_and_instruments import blow, delay, misread, scatter, warm
 from descentflow.simulation.causes.cause import Fleet, Inject
 from descentflow.simulation.causes.forces import compress, extend, heat, induce, keep, multiply, power, turn
 from descentflow.simulation.causes.operation import hold_path, hold_rate, level_off, plan
 from descentflow.simulation.parameters import FlightParameters
 from descentflow.simulation.planned_changes import uniform_of
-from descentflow.simulation.plantable import complete
+from descentflow.simulation.plantable import Values, complete
 
 _STREAM, _DAY_STREAM, _AIRFRAME_STREAM = 4, 6, 7
 """Of random numbers of flights, days and airframes; a flight's own in the world are 0 to 3, and 5."""

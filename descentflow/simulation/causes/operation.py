@@ -7,10 +7,10 @@ from torch import Tensor
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
 from descentflow.simulation.autopilot import target_tas_mps
-from descentflow.simulation.cause_values import Values
 from descentflow.simulation.causes.cause import Fleet, Own, only
 from descentflow.simulation.motion import Dynamics, Motion
 from descentflow.simulation.parameters import FlightParameters
+from descentflow.simulation.plantable import Values
 
 _POINTS = 8
 """Heights at which an idle descent is computed before a path or a rate below it is chosen."""

@@ -19,10 +19,9 @@ import numpy as np
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M, KT_MPS
-from descentflow.simulation.cause_values import CauseValue, Plantable, Values, completed
 from descentflow.simulation.causes.air_and_instruments import KT_PER_KFT
 from descentflow.simulation.causes.forces import LEAST_FACTOR, NARROWEST_FL
-from descentflow.simulation.plantable import PLANTABLE
+from descentflow.simulation.plantable import PLANTABLE, CauseValue, Plantable, Values, complete
 from studies.jsbsim_world.airframes import Airframe
 from studies.jsbsim_world.flight_plans import FlightPlan
 
@@ -198,11 +197,11 @@ _INJECT: dict[str, Callable[[Case, Values], FlightPlan]] = {
 _OWN = {
     "idle_setting": Plantable(
         "the thrust lever left at a setting in the descent",
-        (CauseValue("lever", "1", 0.12, "lever, 0 at idle and 1 at full thrust", 0.0, 1.0),),
+        (CauseValue("lever", "1", 0.12, 0.0, 1.0, "lever, 0 at idle and 1 at full thrust"),),
     ),
     "wave_drag": Plantable(
         "more or less of the model's drag due to Mach",
-        (CauseValue("factor", "1", 3.0, "factor of that drag", 0.0, 20.0),),
+        (CauseValue("factor", "1", 3.0, 0.0, 20.0, "factor of that drag"),),
     ),
 }
 EFFECTS: dict[str, Plantable] = {name: _OWN.get(name) or PLANTABLE[name] for name in _INJECT}
@@ -240,12 +239,12 @@ def inject(
         >>> round(heavier[0].mass_kg / plans[0].mass_kg, 6)
         1.1
     """
-    complete = {name: completed(name, EFFECTS, values) for name, values in effects.items()}
+    values = complete(effects, EFFECTS)
     changed = list(plans)
     for index, (name, change) in enumerate(_INJECT.items()):
-        if name in complete:
+        if name in values:
             cases = [_case(airframe, plan, seed, index, flights_per_aircraft) for plan in changed]
-            changed = [change(case, complete[name]) for case in cases]
+            changed = [change(case, values[name]) for case in cases]
     return changed
 
 

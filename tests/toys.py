@@ -26,8 +26,8 @@ from descentflow.representation.profiles import Profiles, infer_drag_n
 from descentflow.representation.representation import Representation, Split
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents, write_descents
-from descentflow.training.flight_batches import flight_batches
 from descentflow.training.models import LatentModel
+from descentflow.training.splitting import flight_batches
 
 AIRCRAFT = Bada3Aircraft(
     typecode="TOY", engine="jet", n_engines=2, wake_category="M", source="invented for tests",

@@ -31,7 +31,7 @@ _EQUAL_MPS = 1e-6
 class GlobalParameters(CoefficientGroup):
     """Parameters of section 5 of the manual for a descent; the defaults are the manual's for civil flights.
 
-    A directory's own BADA.GPF is read by :func:`descentflow.aircraft_types.bada3.gpf_file.read_gpf`.
+    A directory's own BADA.GPF is read by :func:`descentflow.aircraft_types.bada3.bada_directory.read_gpf`.
 
     Example:
         >>> GlobalParameters().approach_ceiling_ft

@@ -230,5 +230,5 @@ def class_in(path: str) -> str:
         descentflow.core.errors.ConfigError: absent.py: no such file; expected a Python file with a density ...
     """
     print(f"descentflow: runs {path} for the density that it defines", file=sys.stderr)
-    own = import_module("descentflow.training.own_model").model_of_file(path)
+    own = import_module("descentflow.training.training_settings").model_of_file(path)
     return f"{own.__module__}.{own.__name__}"

@@ -13,8 +13,7 @@ from descentflow.core.threads import one_thread_where_they_spin
 from descentflow.densities.checkpoint import as_density
 from descentflow.densities.density import Density
 from descentflow.densities.mixture_parameters import NO_CONTEXT
-from descentflow.evaluation.evaluation_report import Evaluation
-from descentflow.evaluation.level_flight_of_samples import sampled_level_flight
+from descentflow.evaluation.evaluation_report import Evaluation, sampled_level_flight
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.scores import score
 from descentflow.generation.rejection import sample_descents

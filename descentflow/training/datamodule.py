@@ -44,8 +44,7 @@ from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.open_descents import FlightSource
 from descentflow.training.chosen_descents import aircraft_of, at_mass, bottom_of, known_cleaning, name_of, of_typecodes
 from descentflow.training.data_settings import BatchSettings, ContextSettings
-from descentflow.training.flight_batches import flight_batches
-from descentflow.training.splitting import SplitSettings, split_flights
+from descentflow.training.splitting import SplitSettings, flight_batches, split_flights
 
 FEWEST_AIRCRAFT = 10
 """Aircraft by which training flights are split again."""

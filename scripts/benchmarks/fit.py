@@ -14,7 +14,7 @@ from descentflow.densities.density import Density
 from descentflow.densities.em import fit_mixture
 from descentflow.representation.evidence import WeightEvidence
 from descentflow.representation.fpca.gappy import fit_components
-from descentflow.training.flight_batches import flight_batches
+from descentflow.training.splitting import flight_batches
 
 VARIANCE = 0.95
 LEVELS, COMPONENTS, DIMENSION, CLUSTERS, STARTS, BATCH = 221, 5, 6, 8, 8, 256

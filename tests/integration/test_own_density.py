@@ -9,7 +9,7 @@ import descentflow as df
 from descentflow.cli import main
 from descentflow.core.errors import CheckpointError, ConfigError
 from descentflow.densities.density import Density
-from descentflow.training.own_model import model_of_file
+from descentflow.training.training_settings import model_of_file
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "how-to" / "densities.md"
 OWN = PAGE.read_text().partition("## A density of your own")[2].split("```")[1].removeprefix("python\n")

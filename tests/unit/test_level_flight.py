@@ -12,7 +12,7 @@ from descentflow.aircraft_types.registry import aircraft
 from descentflow.cli.entry import main
 from descentflow.core.errors import DescentflowWarning
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
-from descentflow.evaluation.level_flight_of_samples import in_words, sampled_level_flight
+from descentflow.evaluation.evaluation_report import in_words, sampled_level_flight
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.measurements.level_fuel import with_fuel, write_level_flight
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps

@@ -13,8 +13,7 @@ from torch import Tensor
 
 from descentflow.densities.density import Density
 from descentflow.training.datamodule import DescentDataModule
-from descentflow.training.fit import fit
-from descentflow.training.most_probable import SPLITS, most_probable
+from descentflow.training.fit import SPLITS, fit, most_probable
 
 
 def test_the_likeliest_is_named_with_its_lead() -> None:

@@ -20,10 +20,10 @@ def main() -> None:
     """Print shares of rows by their true label, and errors on levels."""
     world = df.simulate("A320", FLIGHTS, SEED)
     for kind, rows in (("reported rates", world.rows), ("differenced", world.rows.drop("vertical_rate"))):
-        found = fates(rows, world.truth.sort("timestamp"))
-        level, idle = found.filter(label="level_off")["reason"], found.filter(label="idle")["reason"]
-        held, taken = found.filter(label="constant_rate")["reason"], found.filter(reason="constant_rate")["label"]
-        slow = found.filter(reason="not_descending")["label"]
+        reasons = fates(rows, world.truth.sort("timestamp"))
+        level, idle = reasons.filter(label="level_off")["reason"], reasons.filter(label="idle")["reason"]
+        held, taken = reasons.filter(label="constant_rate")["reason"], reasons.filter(reason="constant_rate")["label"]
+        slow = reasons.filter(reason="not_descending")["label"]
         print(
             f"{kind}: of level-offs {level.is_not_null().mean():.3f} go; of managed rows "
             f"{(held == 'constant_rate').sum() / len(held):.2f} go as such, {(taken == 'constant_rate').mean():.2f} of "
@@ -32,9 +32,9 @@ def main() -> None:
         )
     descents = df.prepare(world.rows, cleaning=Cleaning(bottom_fl=100)).frame
     truths = {
-        name: one for (name,), one in world.truth.sort("timestamp").partition_by("flight_id", as_dict=True).items()
+        name: own for (name,), own in world.truth.sort("timestamp").partition_by("flight_id", as_dict=True).items()
     }
-    errors = pl.concat(errors_of(one, truths[name]) for (name,), one in descents.group_by("flight_id"))
+    errors = pl.concat(errors_of(flight, truths[name]) for (name,), flight in descents.group_by("flight_id"))
     for name in errors.columns:
         print(f"error on levels, {name}: mean {errors[name].mean():.3f}, spread {errors[name].std():.2f}")
 
@@ -47,10 +47,10 @@ def fates(rows: pl.DataFrame, truth: pl.DataFrame) -> pl.DataFrame:
     )
     left = rows.sort("flight_id", "timestamp").with_row_index("row")
     labelled, dropped = left.select("row", "label"), pl.DataFrame(schema={"row": pl.UInt32, "reason": pl.String})
-    for one in (*before_rates(Cleaning()), *after_rates(Cleaning())):
+    for step in (*before_rates(Cleaning()), *after_rates(Cleaning())):
         before = left = with_rate(left)
-        left = one(left, DropReport())
-        gone = before.join(left, on="row", how="anti").select("row", pl.lit(one.reason).alias("reason"))
+        left = step(left, DropReport())
+        gone = before.join(left, on="row", how="anti").select("row", pl.lit(step.reason).alias("reason"))
         dropped = pl.concat([dropped, gone])
     return labelled.join(dropped, on="row", how="left")
 

@@ -35,8 +35,8 @@ def cf(checkpoint: str, folder: Path) -> Figure:
     figure = Figure(figsize=(8.5, 3.6), layout="constrained")
     axes = figure.subplots()
     for k in range(data.sizes["trajectory"]):
-        one = data.isel(trajectory=k)
-        dots = axes.scatter(one.time, one.altitude, c=one.TAS, s=4, vmin=330, vmax=470, cmap="cividis")
+        descent = data.isel(trajectory=k)
+        dots = axes.scatter(descent.time, descent.altitude, c=descent.TAS, s=4, vmin=330, vmax=470, cmap="cividis")
     figure.colorbar(dots, ax=axes, label="true airspeed, kt")
     axes.set(xlabel="time, UTC", ylabel="pressure altitude, ft", title="12 trajectories of a CF file, read by xarray")
     tidy([axes])
@@ -77,14 +77,14 @@ def bluesky(checkpoint: str, folder: Path) -> Figure:
         plan = {"files": [str(folder / name)], "step_s": 0.5, "commands": [], "until_s": 7200}
         if name.endswith(".py"):
             plan |= {"files": [str(folder / name), str(folder / "flights.json")], "until_s": 1200}
-            for i, one in enumerate(own.partition_by("sample_id", maintain_order=True)):
-                made = f"CRE DF{i:05d} A320 {i * 0.5 - 40} 0 90 {one['altitude_ft'][0] + 1000} {one['CAS'][0]}"
+            for i, sample in enumerate(own.partition_by("sample_id", maintain_order=True)):
+                made = f"CRE DF{i:05d} A320 {i * 0.5 - 40} 0 90 {sample['altitude_ft'][0] + 1000} {sample['CAS'][0]}"
                 plan["commands"] += [(0, made), (1, f"DFSAMPLE DF{i:05d} {i}"), (1, f"ALT DF{i:05d} 13000")]
         (folder / "plan.json").write_text(json.dumps(plan))
         words = [sys.executable, "-W", "ignore", flyer, folder / "plan.json", folder / "flown.json"]
         subprocess.run(words, check=True)
         flown = json.loads((folder / "flown.json").read_text())["flights"]
-        states = {one: np.array(rows) for one, rows in flown.items()}
+        states = {callsign: np.array(rows) for callsign, rows in flown.items()}
         off = []
         for number in range(40):
             state, sampled = states[f"DF{number:05d}"], own.filter(sample_id=number)
@@ -126,13 +126,13 @@ def bluebird(checkpoint: str, folder: Path) -> Figure:
     flown = df.sample(checkpoint, 2000).trajectories
     top, low = (flown.levels_fl.tolist().index(level) for level in (340.0, 150.0))
     own = (flown.time_s[:, low] - flown.time_s[:, top])[flown.entry >= top].numpy()
-    found = {"the samples": own}
+    times = {"the samples": own}
     made = ("predictor", sampled(3.0, 1.0, None)), ("bluebird's class MEDIUM", LinearPredictor(3.0, 1.0, None))
     for name, predictor in made:
-        found[name] = np.array([seconds(predictor, seed) for seed in range(600)])
+        times[name] = np.array([seconds(predictor, seed) for seed in range(600)])
     figure = Figure(figsize=(8.0, 3.8), layout="constrained")
     axes = figure.subplots()
-    for (name, values), style in zip(found.items(), [("black", "-"), *MODELS[:2]], strict=True):
+    for (name, values), style in zip(times.items(), [("black", "-"), *MODELS[:2]], strict=True):
         label = f"{name}: {values.mean():.0f} s, spread {values.std():.0f} s"
         shares = (np.arange(len(values)) + 0.5) / len(values)
         axes.plot(np.sort(values), shares, color=style[0], linestyle=style[1], label=label)

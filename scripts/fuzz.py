@@ -61,21 +61,21 @@ def run(folder: Path, good: Path, args: argparse.Namespace) -> list[dict]:
     path = folder / f"outcomes-{args.seed}{f'-{args.kind}' if args.kind else ''}.jsonl"
     known = [json.loads(line) for line in path.read_text().splitlines()] if path.is_file() else []
     if args.again:
-        known = [one for one in known if one["verdict"] in FINE]
+        known = [before for before in known if before["verdict"] in FINE]
         whole = path.with_suffix(".part")
-        whole.write_text("".join(json.dumps(one) + "\n" for one in known))
+        whole.write_text("".join(json.dumps(before) + "\n" for before in known))
         whole.replace(path)
-    done = {one["case"] for one in known}
+    done = {before["case"] for before in known}
     left = [number for number in range(args.cases) if number not in done]
     until = None if args.minutes is None else time.time() + 60 * args.minutes
     with path.open("a") as file:
-        for found in workers.run(left, args.seed, good, args.processes, until, args.kind):
-            file.write(json.dumps(found) + "\n")
+        for outcome in workers.run(left, args.seed, good, args.processes, until, args.kind):
+            file.write(json.dumps(outcome) + "\n")
             file.flush()
-            known.append(found)
-            if found["verdict"] not in FINE:
+            known.append(outcome)
+            if outcome["verdict"] not in FINE:
                 print(
-                    f"case {found['case']}: {found['kind']}: {found['verdict']}: {last_line(found['words'])}",
+                    f"case {outcome['case']}: {outcome['kind']}: {outcome['verdict']}: {last_line(outcome['words'])}",
                     flush=True,
                 )
     return known
@@ -83,7 +83,7 @@ def run(folder: Path, good: Path, args: argparse.Namespace) -> list[dict]:
 
 def report(outcomes: list[dict]) -> int:
     """Print how many cases of each kind ended how."""
-    counts = collections.Counter((one["kind"].split()[0], one["verdict"]) for one in outcomes)
+    counts = collections.Counter((outcome["kind"].split()[0], outcome["verdict"]) for outcome in outcomes)
     verdicts = sorted({verdict for _, verdict in counts}, key=lambda name: (name not in FINE, name))
     print("".join(f"{name:>24}" for name in ("", *verdicts)))
     for kind in sorted({kind for kind, _ in counts}):
@@ -102,9 +102,9 @@ def show(folder: Path, good: Path, seed: int | str, number: int, kind: str | Non
     place.mkdir(exist_ok=True)
     case = build(number, seed, good, place, kind)
     print(f"{case.kind}: descentflow {' '.join(word[:200] for word in case.words)}")
-    found = judged(case, place)
-    print(f"{found.verdict}\n{found.words}")
-    return 0 if found.verdict in FINE else 1
+    verdict = judged(case, place)
+    print(f"{verdict.verdict}\n{verdict.words}")
+    return 0 if verdict.verdict in FINE else 1
 
 
 def last_line(words: str) -> str:

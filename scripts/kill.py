@@ -61,7 +61,7 @@ def run(args: argparse.Namespace, path: Path) -> None:
 
     make(args.folder / "inputs")
     path.touch()
-    done = {(one["command"], one["signal"], one["number"]) for one in map(json.loads, path.read_text().splitlines())}
+    done = {(row["command"], row["signal"], row["number"]) for row in map(json.loads, path.read_text().splitlines())}
     every = jobs(args.folder / "inputs")
     chosen = args.commands.split(";") if args.commands else list(every)
     until = None if args.minutes is None else time.time() + 60 * args.minutes
@@ -85,13 +85,13 @@ def run(args: argparse.Namespace, path: Path) -> None:
                 shutil.rmtree(place, ignore_errors=True)
                 place.mkdir()
                 rngs = [random.Random(f"{args.seed}-{name}-{sent}-{number}") for number in numbers]
-                found = trial(every[name], whole[name, anew], signal.Signals[f"SIG{sent}"], place, rngs, warm)
-                for number, (verdict, instant) in zip(numbers, found, strict=False):
+                verdicts = trial(every[name], whole[name, anew], signal.Signals[f"SIG{sent}"], place, rngs, warm)
+                for number, (verdict, instant) in zip(numbers, verdicts, strict=False):
                     told = {"command": name, "signal": sent, "number": number, "after_s": round(instant, 3)}
                     with path.open("a") as file:
                         file.write(json.dumps({**told, "anew": anew, "verdict": verdict}) + "\n")
-                if any(verdict not in FINE for verdict, _ in found):
-                    print(f"{name}, SIG{sent}, {begin}: {found}", flush=True)
+                if any(verdict not in FINE for verdict, _ in verdicts):
+                    print(f"{name}, SIG{sent}, {begin}: {verdicts}", flush=True)
                     kept = args.folder / f"{name.replace(', ', '-').replace(' ', '-')}-{sent}-{begin}"
                     shutil.rmtree(kept, ignore_errors=True)
                     shutil.copytree(place, kept)
@@ -100,12 +100,12 @@ def run(args: argparse.Namespace, path: Path) -> None:
 
 def report(outcomes: list[dict]) -> int:
     """Print how many kills of each command ended how."""
-    counts = collections.Counter((one["command"], one["verdict"].partition(":")[0]) for one in outcomes)
+    counts = collections.Counter((outcome["command"], outcome["verdict"].partition(":")[0]) for outcome in outcomes)
     verdicts = sorted({verdict for _, verdict in counts}, key=lambda name: (name not in FINE, name))
     print(f"{'':<26}" + "".join(f"{name:>16}" for name in verdicts))
-    for command in dict.fromkeys(one["command"] for one in outcomes):
+    for command in dict.fromkeys(outcome["command"] for outcome in outcomes):
         print(f"{command:<26}" + "".join(f"{counts[command, verdict]:>16}" for verdict in verdicts))
-    wrong = sum(one["verdict"] not in FINE for one in outcomes)
+    wrong = sum(outcome["verdict"] not in FINE for outcome in outcomes)
     print(f"{len(outcomes)} kills, {wrong} that were not survived")
     return 1 if wrong else 0
 

@@ -66,7 +66,7 @@ def case(frame: pl.DataFrame, typecode: str, size: float, n_aircraft: int, seed:
     verdicts = [row.verdict for row in (*bands, whole)]
     together = next((v for v in ("outside", "not enough flights") if v in verdicts), "inside")
     covered = [row.difference for row in bands if row.difference is not None and row.difference.ends]
-    held = [one.ends[0] <= size * LIMIT_FPM <= one.ends[1] for one in covered]
+    held = [band.ends[0] <= size * LIMIT_FPM <= band.ends[1] for band in covered]
     return {
         "size": size,
         "type": typecode,
@@ -87,15 +87,15 @@ def main() -> None:
     parser.add_argument("--flights", type=int, default=1000, help="in each fleet")
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args()
-    found = []
+    cases = []
     with one_thread():
         fleets = {code: df.prepare(df.simulate(code, options.flights, seed=seed)).frame for code, seed in FLEETS}
         for number in range(options.cases):
             code = FLEETS[number % len(FLEETS)][0]
             size, count = SIZES[number // 2 % len(SIZES)], AIRCRAFT[number // 8 % len(AIRCRAFT)]
-            found.append(case(fleets[code], code, size, count, 9000 + number))
-    options.out.write_text(json.dumps(found, indent=1))
-    table = pl.DataFrame(found).group_by("size", maintain_order=True).agg(
+            cases.append(case(fleets[code], code, size, count, 9000 + number))
+    options.out.write_text(json.dumps(cases, indent=1))
+    table = pl.DataFrame(cases).group_by("size", maintain_order=True).agg(
         pl.len().alias("cases"),
         (pl.col("whole") == "inside").mean().alias("all levels inside"),
         (pl.col("whole") == "outside").mean().alias("all levels outside"),

@@ -74,8 +74,8 @@ def report(rows: pl.DataFrame, bottom_fl: int, *, vary: bool) -> Iterator[str]:
     """Lines of one recorder."""
     every = rows["flight_id"].n_unique()
     rules = Cleaning(bottom_fl=bottom_fl)
-    found = df.prepare(rows, cleaning=rules, shown=every)
-    levels = found.frame
+    descents = df.prepare(rows, cleaning=rules, shown=every)
+    levels = descents.frame
     kept = above_of_levels(levels, rows, rules)
     known = kept.drop_nulls(ABOVE_IDLE)
     code = levels["typecode"][0]
@@ -93,7 +93,7 @@ def report(rows: pl.DataFrame, bottom_fl: int, *, vary: bool) -> Iterator[str]:
                 f"  FL{band} to {band + 39}: {len(some)} levels, {(some <= IDLE_WITHIN).mean():.0%} at idle, "
                 f"N1 above it by {middle:.0f} points (median), {most:.0f} (nine of ten)"
             )
-    yield from by_filter(found.dropped_rows, rows, rules)
+    yield from by_filter(descents.dropped_rows, rows, rules)
     if vary:
         yield from varied(rows, rules, every)
     if "fuel_flow" in levels.columns:
@@ -118,7 +118,7 @@ def rows_by_reason(dropped: Any, rows: pl.DataFrame, rules: Cleaning) -> dict[st
     some = joined.filter(falls)
     reason = np.array(some["reason"].fill_null("kept").to_list(), dtype=object)
     above = some[ABOVE_IDLE].to_numpy() > IDLE_WITHIN
-    return {str(one): above[reason == one] for one in dict.fromkeys(reason.tolist())}
+    return {str(name): above[reason == name] for name in dict.fromkeys(reason.tolist())}
 
 
 def by_filter(dropped: Any, rows: pl.DataFrame, rules: Cleaning) -> Iterator[str]:
@@ -160,10 +160,10 @@ def fuel_lines(levels: pl.DataFrame, code: str) -> Iterator[str]:
         cas = flight["IAS"].to_numpy() * KT_MPS
         rate = flight["vertical_rate"].to_numpy() * FPM_MPS
         state = [
-            torch.from_numpy(np.ascontiguousarray(one)) for one in (cas, altitude, rate, np.gradient(cas, altitude))
+            torch.from_numpy(np.ascontiguousarray(row)) for row in (cas, altitude, rate, np.gradient(cas, altitude))
         ]
-        found = burn(model, state[0], state[1], state[2], state[3], air[part])
-        law[part] = found.flow_kg_s.numpy()
+        fuel = burn(model, state[0], state[1], state[2], state[3], air[part])
+        law[part] = fuel.flow_kg_s.numpy()
         lowest[part] = model.idle_fuel_flow_kg_s(state[1]).numpy()
         measured[part] = flight["fuel_flow"].to_numpy()
     at_idle = (levels[ABOVE_IDLE] <= IDLE_WITHIN).fill_null(False).to_numpy()

@@ -32,12 +32,12 @@ def main() -> None:
     for done, _ in enumerate(engine.run(_measured, jobs, (plan, args.model, args.study.resolve())), 1):
         print(f"measured {done} of {len(jobs)} types", flush=True)
     types = of_types(plan, args.model, args.study)
-    found = judged(types)
-    for name, frame in (("types", types), ("goals", found)):
+    goals = judged(types)
+    for name, frame in (("types", types), ("goals", goals)):
         with whole_file(args.study / f"{name}_{args.model}.csv") as temporary:
             frame.write_csv(temporary)
     with pl.Config(tbl_rows=-1, tbl_cols=-1, fmt_str_lengths=40, float_precision=3, tbl_hide_dataframe_shape=True):
-        print(found)
+        print(goals)
 
 
 def _measured(typecode: str, about: tuple[StudyPlan, str, Path]) -> None:

@@ -45,14 +45,14 @@ def main() -> None:
     parser.add_argument("--files", type=int, default=50)
     parser.add_argument("--jsbsim", action="store_true", help="flights of JSBSim's models (extra jsbsim)")
     args = parser.parse_args()
-    found = []
-    one = model_file if args.jsbsim else one_file
+    repaired = []
+    fly = model_file if args.jsbsim else one_file
     for number in range(args.files):
         rng = np.random.default_rng([args.seed, number])
-        found.append(one(rng, number, args.out.parent))
-        args.out.write_text(json.dumps(found, indent=1))
-        print(f"{number}: {found[-1]}", flush=True)
-    print(summary(found))
+        repaired.append(fly(rng, number, args.out.parent))
+        args.out.write_text(json.dumps(repaired, indent=1))
+        print(f"{number}: {repaired[-1]}", flush=True)
+    print(summary(repaired))
 
 
 def one_file(rng: np.random.Generator, number: int, folder: Path) -> dict[str, Any]:
@@ -90,7 +90,7 @@ def one_file(rng: np.random.Generator, number: int, folder: Path) -> dict[str, A
         return facts | {"error": str(error)}
     gauge = float(world.flights["mass_kg"].to_numpy().mean()) / float(true.mass_reference_kg)
     truth = [true.cd0_cr / gauge, true.cd2_cr * gauge, true.ct_des_high / gauge]
-    mine = {one.name: one for one in repair.estimates}
+    mine = {estimate.name: estimate for estimate in repair.estimates}
     inside = [bool(mine[n].low <= value <= mine[n].high) for n, value in zip(COEFFICIENTS, truth, strict=True)]
     judge = df.prepare(df.simulate(true, JUDGES, seed=seed + 1))
     return facts | {"planted": sorted(int(k) for k in names), "inside": inside} | judged(repair, judge, out, began)
@@ -111,7 +111,7 @@ def model_file(rng: np.random.Generator, number: int, folder: Path) -> dict[str,
         repair = repaired(flights, airframe.reference, bada, out)
     except DescentflowError as error:
         return facts | {"error": str(error)}
-    pairs = [[{one.name: one for one in found.estimates}[n] for found in (right, repair)] for n in COEFFICIENTS]
+    pairs = [[{one.name: one for one in fit.estimates}[n] for fit in (right, repair)] for n in COEFFICIENTS]
     inside = [
         abs(now.after - first.after) <= np.hypot(first.high - first.low, now.high - now.low) / 2 for first, now in pairs
     ]
@@ -161,7 +161,7 @@ def repaired(flights: Any, typecode: str, bada: Path, out: Path) -> Repair:
 def judged(repair: Repair, judge: Any, out: Path, began: float) -> dict[str, Any]:
     """A fresh diagnosis by other flights, and errors on aircraft that were not used."""
     report = df.diagnose(judge, df.aircraft(repair.after.typecode, bada_dir=out), seed=0)
-    cost = next((one for one in report.costs if one.name == "time"), None)
+    cost = next((each for each in report.costs if each.name == "time"), None)
     return {
         "changed": repair.changed,
         "verdict": report.verdict,
@@ -177,14 +177,14 @@ def judged(repair: Repair, judge: Any, out: Path, began: float) -> dict[str, Any
 
 def summary(found: list[dict[str, Any]]) -> str:
     """Shares of what the issue asks for."""
-    good = [one for one in found if "error" not in one]
-    inside = [flag for one in good for k, flag in enumerate(one["inside"]) if k in one["planted"]]
-    every = [flag for one in good for flag in one["inside"]]
-    close = [one["time_over_floor"] <= 1.2 for one in good]
+    good = [case for case in found if "error" not in case]
+    inside = [flag for case in good for k, flag in enumerate(case["inside"]) if k in case["planted"]]
+    every = [flag for case in good for flag in case["inside"]]
+    close = [case["time_over_floor"] <= 1.2 for case in good]
     return "\n".join(
         [
             f"{len(good)} of {len(found)} files repaired",
-            f"fresh diagnosis says none: {np.mean([one['verdict'] == 'none' for one in good]):.0%}",
+            f"fresh diagnosis says none: {np.mean([case['verdict'] == 'none' for case in good]):.0%}",
             f"time within 1.2 floors, aircraft not used: {np.mean(close):.0%}",
             f"planted coefficients inside their 90 % intervals: {np.mean(inside):.0%} of {len(inside)}",
             f"all coefficients inside: {np.mean(every):.0%} of {len(every)}",

@@ -32,19 +32,19 @@ def varied(value: Any, factor: float, *, odds: bool = False) -> Any:
         ((1.0, 3.0), 0.974)
     """
     if isinstance(value, Mapping):
-        return {name: factor * one for name, one in value.items()}
+        return {name: factor * number for name, number in value.items()}
     if isinstance(value, tuple):
-        return tuple(factor * one for one in value)
+        return tuple(factor * number for number in value)
     return factor * value / (1.0 + (factor - 1.0) * value) if odds else factor * value
 
 
 def every() -> Iterator[tuple[str, Assumptions]]:
     """The usual assumptions, and each of them halved and doubled."""
     yield "as they are", ASSUMED
-    for one in fields(Assumptions):
+    for field in fields(Assumptions):
         for factor in (0.5, 2.0):
-            value = varied(getattr(ASSUMED, one.name), factor, odds=one.name in PROBABILITIES)
-            yield f"{one.name} x {factor:g}", replace(ASSUMED, **{one.name: value})
+            value = varied(getattr(ASSUMED, field.name), factor, odds=field.name in PROBABILITIES)
+            yield f"{field.name} x {factor:g}", replace(ASSUMED, **{field.name: value})
 
 
 def main() -> None:
@@ -58,9 +58,9 @@ def main() -> None:
     sides, usual = both_sides(opened.simulator, opened.frame, CHANNELS), ""
     for name, assumed in every():
         with one_thread(), torch.inference_mode():
-            found = explain(compare(sides.simulated, sides.real, opened.simulator.aircraft, assumed), EFFECTS)
-        sizes = [f"{effect} {float(theta[0]):.3g}" for effect, theta in found.theta.items()]
-        answer = ", ".join([verdict_of(found), *sizes])
+            explained = explain(compare(sides.simulated, sides.real, opened.simulator.aircraft, assumed), EFFECTS)
+        sizes = [f"{effect} {float(theta[0]):.3g}" for effect, theta in explained.theta.items()]
+        answer = ", ".join([verdict_of(explained), *sizes])
         usual = usual or answer
         print(f"{name:<28}{'-' if answer == usual and name != 'as they are' else answer}", flush=True)
 

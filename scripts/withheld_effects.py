@@ -57,7 +57,7 @@ def do_diagnose(args: argparse.Namespace) -> None:
 
 
 def do_score(args: argparse.Namespace) -> None:
-    found: list[Outcome] = []
+    judged: list[Outcome] = []
     closures: dict[str, Any] = {}
     keys = [read_json(folder / MANIFEST)["key_sha256"] for folder in args.folders]
     if len(set(keys)) < len(keys):
@@ -67,8 +67,8 @@ def do_score(args: argparse.Namespace) -> None:
         prefix = "" if len(keys) == 1 else f"{key[:8]}/"
         several = {"processes": args.processes, "prefix": prefix, "progress": say}
         closures |= measure_closures(folder, plan, manifest, **several)
-        found += outcomes(plan, manifest, diagnoses, prefix=prefix)
-    scored = score(found, closures) | {"keys": keys}
+        judged += outcomes(plan, manifest, diagnoses, prefix=prefix)
+    scored = score(judged, closures) | {"keys": keys}
     write_json(args.folders[0] / "score.json", scored)
     with whole_file(args.folders[0] / "score.md") as temporary:
         temporary.write_text(table(scored) + "\n", encoding="utf-8")

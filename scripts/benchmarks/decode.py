@@ -77,7 +77,7 @@ def _bada4() -> None:
     types = {kind: aircraft(f"Dummy-{kind}", folder) for kind in ("TWIN", "TBP", "PST")}
     torch.set_num_threads(1)
     print("BADA 4 over BADA 3, processor time of one thread in turns")
-    print_row(["precision", "BADA 3 ms", *(str(one.engine) for one in types.values())])
+    print_row(["precision", "BADA 3 ms", *(str(kind.engine) for kind in types.values())])
     for dtype in (torch.float64, torch.float32):
         arguments, best = profiles(dtype), dict.fromkeys(("BADA 3", *types), float("inf"))
         arrays = {kind: integrate(aircraft("A320"), *arguments) for kind in best}
@@ -87,7 +87,7 @@ def _bada4() -> None:
                 integrate(types.get(kind) or aircraft("A320"), *arguments, out=arrays[kind])
                 best[kind] = min(best[kind], time.process_time() - started)
         base = best.pop("BADA 3")
-        ratios = (f"{one / base:.2f}" for one in best.values())
+        ratios = (f"{ms / base:.2f}" for ms in best.values())
         print_row([str(dtype).split(".")[1], f"{1000 * base:.1f}", *ratios])
 
 
@@ -137,8 +137,8 @@ for _ in range({chunks}):
 def _memory() -> None:
     """Peak memory of one process that decodes one and twenty chunks."""
     path = [str(Path(__file__).parent.parent)]
-    one, twenty = (peak_mib(_CHUNKED.format(path=path, chunks=chunks)) for chunks in (1, 20))
-    print(f"peak memory: 10,000 descents {one:.0f} MiB, 200,000 in chunks of 10,000 {twenty:.0f} MiB")
+    once, twenty = (peak_mib(_CHUNKED.format(path=path, chunks=chunks)) for chunks in (1, 20))
+    print(f"peak memory: 10,000 descents {once:.0f} MiB, 200,000 in chunks of 10,000 {twenty:.0f} MiB")
 
 
 def _first_descent(checkpoint: Path | None) -> None:

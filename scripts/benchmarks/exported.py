@@ -46,9 +46,9 @@ def run(args: argparse.Namespace) -> None:
 def seconds(session: Any, n: int) -> float:
     """Least processor time of a call that flies n descents."""
     rng, feeds = np.random.default_rng(0), {}
-    for one in session.get_inputs():
-        draw = rng.standard_normal if "noise" in one.name else rng.random
-        feeds[one.name] = draw([n, *one.shape[1:]], np.float32)
+    for asked in session.get_inputs():
+        draw = rng.standard_normal if "noise" in asked.name else rng.random
+        feeds[asked.name] = draw([n, *asked.shape[1:]], np.float32)
     feeds["entry_fl"] = np.full(n, 330, np.float32)
     return least_s(partial(session.run, None, feeds), 8 if n < SIZES[-1] else 3)
 
@@ -56,9 +56,9 @@ def seconds(session: Any, n: int) -> float:
 def least_s(work: Callable[[], object], repeats: int) -> float:
     """Least processor time of some calls, after one that does not count."""
     work()
-    found = []
+    times = []
     for _ in range(repeats):
         started = time.process_time()
         work()
-        found.append(time.process_time() - started)
-    return min(found)
+        times.append(time.process_time() - started)
+    return min(times)

@@ -89,9 +89,9 @@ def run(args: argparse.Namespace) -> None:
 
 def halved(descents: Descents, seed: int) -> DescentDataModule:
     """The data of which half is held out, and nothing for validation."""
-    found = DescentDataModule(descents, split=SplitSettings(0.5, 0.0, seed=seed))
-    found.setup()
-    return found
+    data = DescentDataModule(descents, split=SplitSettings(0.5, 0.0, seed=seed))
+    data.setup()
+    return data
 
 
 def of_profiles(flights: Profiles) -> Vectors:
@@ -101,8 +101,8 @@ def of_profiles(flights: Profiles) -> Vectors:
 
 def sampled(density: Density, n: int, seed: int) -> tuple[Vectors, float]:
     """Vectors of samples, and the share of draws that was rejected."""
-    found = sample_descents(density, density.representation, n, seed)
-    flown, share = found.trajectories, found.report.rejected / found.report.drawn
+    samples = sample_descents(density, density.representation, n, seed)
+    flown, share = samples.trajectories, samples.report.rejected / samples.report.drawn
     return vectors_of(flown.levels_fl, flown.time_s, flown.cas_mps, flown.mask), share
 
 
@@ -118,7 +118,7 @@ def cells(
     scores = auc(coarse(test), coarse(shown), rng), auc(rounded(test), noisy, rng)
     middle = (test.edges_fl[:-1] + test.edges_fl[1:]) / 2
     rates = (over_floor(shown, train, test, at, rng) for at in (middle >= transition_fl, middle < transition_fl))
-    return [name, *(f"{one:.2f}" for one in (*scores, *rates))]
+    return [name, *(f"{number:.2f}" for number in (*scores, *rates))]
 
 
 def over_floor(drawn: Vectors, train: Vectors, test: Vectors, at: NDArray[np.bool_], rng: np.random.Generator) -> float:
@@ -126,8 +126,8 @@ def over_floor(drawn: Vectors, train: Vectors, test: Vectors, at: NDArray[np.boo
     sums = np.zeros(2)
     for _ in range(DRAWS):
         flights = np.exp(-some(test, rng).log_s[:, at])
-        for i, one in enumerate((drawn, train)):
-            others = np.exp(-some(one, rng).log_s[:, at])
+        for i, side in enumerate((drawn, train)):
+            others = np.exp(-some(side, rng).log_s[:, at])
             sums[i] += np.mean([_distance(flights[:, k], others[:, k]) for k in range(flights.shape[1])] or [np.nan])
     return float(sums[0] / sums[1])
 
@@ -146,14 +146,14 @@ def intervals(density: Density, descents: Descents) -> Iterator[str]:
     """Share of held-out flights in 90 % intervals, and their width over that of least squares."""
     for level in OBSERVED_TO_FL:
         try:
-            found = predict(density, descents, from_fl=level, n=200).coverage().sort("level_fl")
+            held_at = predict(density, descents, from_fl=level, n=200).coverage().sort("level_fl")
         except (DataError, SamplingError) as error:
             yield f"from FL{level:.0f}: {error.got}"
             continue
-        width = (found["width_s"] / found["width_s_control"])[0] if "width_s_control" in found.columns else np.nan
-        held = [f"{100 * share:.0f} %" for share in (found["covered"][0], found["covered"].to_numpy().mean())]
+        width = (held_at["width_s"] / held_at["width_s_control"])[0] if "width_s_control" in held_at.columns else np.nan
+        held = [f"{100 * share:.0f} %" for share in (held_at["covered"][0], held_at["covered"].to_numpy().mean())]
         yield (
-            f"from FL{level:.0f}: {found['flights'][0]} flights, 90 % intervals hold {held[0]} at the bottom and "
+            f"from FL{level:.0f}: {held_at['flights'][0]} flights, 90 % intervals hold {held[0]} at the bottom and "
             f"{held[1]} at all levels, {width:.2f} as wide as least squares'"
         )
 
@@ -161,7 +161,7 @@ def intervals(density: Density, descents: Descents) -> Iterator[str]:
 def few_flights(descents: Descents, data: DescentDataModule, n: int, args: argparse.Namespace) -> str:
     """Energy distances to the held-out flights of models of n flights, over that of the smoothed bootstrap."""
     known, test = data.profiles("train"), of_profiles(data.profiles("test"))
-    found: dict[str, list[float]] = {name: [] for name in args.models}
+    ratios_of: dict[str, list[float]] = {name: [] for name in args.models}
     for repeat in range(args.repeats):
         rng = np.random.default_rng((args.seed, n, repeat))
         chosen = rng.permutation(len(known))[:n]
@@ -176,8 +176,8 @@ def few_flights(descents: Descents, data: DescentDataModule, n: int, args: argpa
             few = DescentDataModule(Descents(frame, descents.metadata), split=SplitSettings(0.0, 0.0))
             density = fit(few, name, seed=args.seed, final=False).density.eval()
             drawn = on_edges(sampled(density, args.n, repeat)[0], test.edges_fl)
-            found[name].append(energy_distance(flights, with_gaps_of(drawn, train, rng), spread) / least)
-    ratios = ", ".join(f"{name} {np.mean(values):.2f}" for name, values in found.items())
+            ratios_of[name].append(energy_distance(flights, with_gaps_of(drawn, train, rng), spread) / least)
+    ratios = ", ".join(f"{name} {np.mean(values):.2f}" for name, values in ratios_of.items())
     return f"{n} flights, energy distance over the smoothed bootstrap's: {ratios}"
 
 
@@ -186,7 +186,7 @@ def on_edges(of: Vectors, edges_fl: Array) -> Vectors:
     n = min(len(edges_fl), len(of.edges_fl))
     wider = len(edges_fl) - n
     cas, log_s = (
-        np.pad(one[:, :m], ((0, 0), (0, wider)), constant_values=np.nan)
-        for one, m in ((of.cas_kt, n), (of.log_s, n - 1))
+        np.pad(values[:, :m], ((0, 0), (0, wider)), constant_values=np.nan)
+        for values, m in ((of.cas_kt, n), (of.log_s, n - 1))
     )
     return Vectors(edges_fl, cas, log_s, of.entry_fl)

@@ -86,9 +86,9 @@ def altitude_noise_ft(of: Vectors) -> float:
 
     They are fourth differences of that noise, which widen its variance 70 times; smooth changes of the rate leave none.
     """
-    found = np.diff(of.log_s, 3, axis=1)
-    found = found[np.isfinite(found)]
-    return float(np.median(np.abs(found)) / (norm.ppf(0.75) * 70**0.5) * 100 * STEP) if len(found) else 0.0
+    thirds = np.diff(of.log_s, 3, axis=1)
+    thirds = thirds[np.isfinite(thirds)]
+    return float(np.median(np.abs(thirds)) / (norm.ppf(0.75) * 70**0.5) * 100 * STEP) if len(thirds) else 0.0
 
 
 def reported(samples: Vectors, rng: np.random.Generator, noise_ft: float) -> Vectors:
@@ -109,14 +109,14 @@ def coarse(of: Vectors) -> Vectors:
 
 def auc(flights: Vectors, samples: Vectors, rng: np.random.Generator, *, size: int = 200, repeats: int = 5) -> float:
     """Area under the ROC curve of a classifier of so many of either: 0.5 where it cannot separate them."""
-    found = []
+    areas = []
     n = min(size, len(flights), len(samples))
     for _ in range(repeats):
         pair = []
-        for one in (flights, samples):
-            some = one.rows(rng.permutation(len(one))[:n])
+        for side in (flights, samples):
+            some = side.rows(rng.permutation(len(side))[:n])
             pair.append(some.rows(np.argsort(some.entry_fl, kind="stable")))
-        parts = [_features(one) for one in pair]
+        parts = [_features(side) for side in pair]
         both = np.isfinite(parts[0]) & np.isfinite(parts[1])
         features = np.vstack([np.where(both, part, np.nan) for part in parts])[:, both.any(0)]
         label = np.repeat([0, 1], n)
@@ -124,8 +124,8 @@ def auc(flights: Vectors, samples: Vectors, rng: np.random.Generator, *, size: i
         chances = cross_val_predict(
             HistGradientBoostingClassifier(**TREES), features, label, cv=folds, method="predict_proba"
         )
-        found.append(roc_auc_score(label, chances[:, 1]))
-    return float(np.mean(found))
+        areas.append(roc_auc_score(label, chances[:, 1]))
+    return float(np.mean(areas))
 
 
 def _features(of: Vectors) -> Array:
@@ -135,8 +135,8 @@ def _features(of: Vectors) -> Array:
 
 def energy_distance(first: Vectors, second: Vectors, spread: Array) -> float:
     """Energy distance of root mean squares over what two descents both show, in standard deviations."""
-    one, other = first.whole / spread, second.whole / spread
-    across, within, among = _distances(one, other), _distances(one, one), _distances(other, other)
+    own, other = first.whole / spread, second.whole / spread
+    across, within, among = _distances(own, other), _distances(own, own), _distances(other, other)
     for same in (within, among):
         np.fill_diagonal(same, np.nan)
     return float(2 * np.nanmean(across) - np.nanmean(within) - np.nanmean(among))

@@ -72,5 +72,5 @@ def _levels(rows: pd.DataFrame) -> pd.DataFrame:
             levels = np.arange(np.floor(altitude[0]), max(np.ceil(altitude[-1]), RULES.bottom_fl) - 1, -1.0)
             columns = {name: np.interp(-levels, -altitude, run[name].to_numpy()) for name in ("seconds", *channels)}
             parts.append(pd.DataFrame({"level_fl": levels, **columns}))
-    found = pd.concat(parts) if parts else pd.DataFrame({"level_fl": []})
-    return found.assign(flight_id=rows["flight_id"].iloc[0] if len(rows) else "")
+    table = pd.concat(parts) if parts else pd.DataFrame({"level_fl": []})
+    return table.assign(flight_id=rows["flight_id"].iloc[0] if len(rows) else "")

@@ -44,13 +44,13 @@ def run(args: argparse.Namespace) -> None:
         return
     places = {"bengaluru": df.prepare(embedded_rows(), types=embedded_types(), bottom_fl=60).frame}
     places |= {path.stem: df.prepare(path, bottom_fl=60).frame for path in args.rows}
-    runs = [one for name, frame in places.items() for one in runs_of(frame, name) if one.typecode in TYPES]
-    tails = np.array([one.icao24 for one in runs])
+    runs = [flight for name, frame in places.items() for flight in runs_of(frame, name) if flight.typecode in TYPES]
+    tails = np.array([flight.icao24 for flight in runs])
     models: dict[str, Answer] = {
-        "schedule before": _each(lambda one: nominal_error(one, before(one.typecode))),
-        "schedule now": _each(lambda one: nominal_error(one, open_aircraft(one.typecode))),
-        "own speeds before": _each(lambda one: own_speed_error(one, before(one.typecode))),
-        "own speeds now": _each(lambda one: own_speed_error(one, open_aircraft(one.typecode))),
+        "schedule before": _each(lambda flight: nominal_error(flight, before(flight.typecode))),
+        "schedule now": _each(lambda flight: nominal_error(flight, open_aircraft(flight.typecode))),
+        "own speeds before": _each(lambda flight: own_speed_error(flight, before(flight.typecode))),
+        "own speeds now": _each(lambda flight: own_speed_error(flight, open_aircraft(flight.typecode))),
         "OpenAP schedule": _each(openap_schedule),
         "OpenAP own speeds": _each(openap_own_speeds),
     }
@@ -77,4 +77,4 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _each(error: Callable[[Run], float]) -> Answer:
-    return lambda runs: [error(one) for one in runs]
+    return lambda runs: [error(flight) for flight in runs]

@@ -63,7 +63,7 @@ def print_fidelity(
         flights = list(scores[BASELINE])
         tails = [owner[name] for name in flights]
         print(f"\n{code} family: {len(set(tails))} aircraft, {len(tails)} flights judged, {FOLDS} folds, {deals} deals")
-        means = {name: np.array([np.mean(found[one], 0) for one in flights]) for name, found in scores.items()}
+        means = {name: np.array([np.mean(by[place], 0) for place in flights]) for name, by in scores.items()}
         for name, values in means.items():
             crps, log, held = values.T
             more, gain = (by_aircraft((values - means[BASELINE])[:, i], tails) for i in (0, 1))
@@ -81,10 +81,10 @@ def _shown(values: Array, form: str) -> str:
 def pooled(places: Mapping[str, Descents], code: str, types: tuple[str, ...]) -> Descents:
     """Descents of all places as one fleet of one type; ``own_type`` keeps theirs."""
     frames = [
-        one.frame.filter(pl.col("typecode").is_in(types)).with_columns(
+        held.frame.filter(pl.col("typecode").is_in(types)).with_columns(
             pl.col("flight_id") + f" {place}", own_type=pl.col("typecode"), typecode=pl.lit(code)
         )
-        for place, one in places.items()
+        for place, held in places.items()
     ]
     frame = pl.concat(frames, how="diagonal_relaxed").drop("Mach", strict=False)
     return Descents(frame, {**next(iter(places.values())).metadata, "top_fl": top_levels(frame)})
@@ -112,8 +112,8 @@ def judge(
             seconds = float(np.exp(flights.log_s[row, bins]).sum())
             for generator, answer in answers.items():
                 times = answer(rows, bins)
-                found = scored(times[np.isfinite(times)], seconds)
-                scores.setdefault(generator, {}).setdefault(name, []).append(found)
+                own = scored(times[np.isfinite(times)], seconds)
+                scores.setdefault(generator, {}).setdefault(name, []).append(own)
 
 
 def generators(
@@ -121,14 +121,14 @@ def generators(
 ) -> tuple[dict[str, Answer], int]:
     """Generators fitted to the flights, and OpenAP's; and the number of bins, from the bottom up, that all have."""
     data = DescentDataModule(train, split=SplitSettings(0.0, 0.0))
-    found: dict[str, Answer] = {}
+    drawn: dict[str, Answer] = {}
     for name in models:
         density = fit(data, None if name == DEFAULT else name, seed=seed, final=False).density.eval()
-        found[name] = _drawn(sampled(density, DRAWS, seed)[0], edges_fl)
+        drawn[name] = _drawn(sampled(density, DRAWS, seed)[0], edges_fl)
     known = shown_by_some(of_profiles(data.profiles("train")))
-    found[BASELINE] = _drawn(smoothed_bootstrap(known, DRAWS, seed), edges_fl)
-    found["OpenAP's WRAP"] = lambda rows, bins: _drawn(wrap(rows["own_type"][0], seed), edges_fl)(rows, bins)
-    return found, known.log_s.shape[1]
+    drawn[BASELINE] = _drawn(smoothed_bootstrap(known, DRAWS, seed), edges_fl)
+    drawn["OpenAP's WRAP"] = lambda rows, bins: _drawn(wrap(rows["own_type"][0], seed), edges_fl)(rows, bins)
+    return drawn, known.log_s.shape[1]
 
 
 def _drawn(vectors: Vectors, edges_fl: Array) -> Answer:
@@ -188,8 +188,8 @@ def _by_node_fdm(edges_fl: Array, rows: pl.DataFrame, bins: NDArray[np.intp]) ->
         return np.zeros(0)
     bottom_fl, top_fl = edges_fl[bins[0]], edges_fl[bins[-1] + 1]
     part = rows.filter(pl.col("level_fl").is_between(bottom_fl, top_fl)).with_columns(typecode="own_type")
-    runs = [one for one in runs_of(part, "") if len(one.levels_fl) == top_fl - bottom_fl + 1]
-    return np.array([(1 + node_fdm(one)) * one.seconds for one in runs])
+    runs = [flight for flight in runs_of(part, "") if len(flight.levels_fl) == top_fl - bottom_fl + 1]
+    return np.array([(1 + node_fdm(flight)) * flight.seconds for flight in runs])
 
 
 @cache

@@ -131,15 +131,15 @@ def node_fdm(one: Run) -> float:
             columns.col_temp: float(np.interp(height, altitude, kelvin)),
         }
         with torch.no_grad():
-            found = model.forward({name: torch.tensor([value], dtype=torch.float32) for name, value in inputs.items()})
-        by_mach = by_mach and float(found[columns.col_cas]) < limit
-        rate = float(found[columns.col_vz])
+            ahead = model.forward({name: torch.tensor([value], dtype=torch.float32) for name, value in inputs.items()})
+        by_mach = by_mach and float(ahead[columns.col_cas]) < limit
+        rate = float(ahead[columns.col_vz])
         if height + STEP_S * rate < bottom:
             return (seconds + (height - bottom) / max(-rate, SLOWEST_MPS)) / one.seconds - 1.0
         state[columns.col_alt] = height + STEP_S * rate
-        state[columns.col_dist] += STEP_S * float(found[columns.col_gs])
-        state[columns.col_gamma] += STEP_S * float(found[columns.col_gamma.derivative])
-        state[columns.col_tas] += STEP_S * float(found[columns.col_tas.derivative])
+        state[columns.col_dist] += STEP_S * float(ahead[columns.col_gs])
+        state[columns.col_gamma] += STEP_S * float(ahead[columns.col_gamma.derivative])
+        state[columns.col_tas] += STEP_S * float(ahead[columns.col_tas.derivative])
         seconds += STEP_S
     return seconds / one.seconds - 1.0
 
@@ -148,7 +148,7 @@ def bluesky(runs: Sequence[Run]) -> list[float]:
     """BlueSky from each run's first level at its first speed, side by side: no rate, no air, no path commanded."""
     program = start()
     known = {name.upper() for name in program.traf.perf.coeff.actypes_fixwing}
-    plans = {i: _plan(one, str(i)) for i, one in enumerate(runs) if one.typecode in known}
+    plans = {i: _plan(flight, str(i)) for i, flight in enumerate(runs) if flight.typecode in known}
     errors = [float("nan")] * len(runs)
     for i, state in zip(plans, fly(program, list(plans.values()), Orders()), strict=True):
         # Ascending, for np.interp; the lowest state is a second below the run's bottom.

@@ -29,12 +29,12 @@ def run(args: argparse.Namespace) -> None:
     masks = [torch.rand(values.shape, generator=generator) > 0.1 for values in (samples, real)]
     *chosen, crps = statistics_of(LevelStatistic)
     ours = best_of(lambda: level_distances(samples, masks[0], real, masks[1], chosen), 5)
-    found = level_distances(samples, masks[0], real, masks[1], chosen)
+    distances = level_distances(samples, masks[0], real, masks[1], chosen)
     start = time.perf_counter()
     expected = [_by_scipy(samples[:, k][masks[0][:, k]], real[:, k][masks[1][:, k]]) for k in range(LEVELS)]
     theirs = time.perf_counter() - start
-    assert np.allclose(found["ks"], [row[0] for row in expected])
-    assert np.allclose(found["wasserstein"], [row[1] for row in expected])
+    assert np.allclose(distances["ks"], [row[0] for row in expected])
+    assert np.allclose(distances["wasserstein"], [row[1] for row in expected])
     print(f"{args.n:,} samples against {args.flights:,} flights on {LEVELS} levels; {torch.get_num_threads()} threads")
     print_row(["score", "ms", "scipy's ms", "ratio"], 24)
     cells = [f"{1000 * ours:.0f}", f"{1000 * theirs:,.0f}", f"{theirs / ours:.1f} x"]

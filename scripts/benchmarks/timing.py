@@ -61,13 +61,13 @@ def _in_a_small_parent(command: list[str], said: IO[bytes]) -> tuple[float, int]
     A process inherits the peak of the one that starts it, and benchmarks hold much: a small one stands between.
     """
     with tempfile.TemporaryDirectory() as folder:
-        found = Path(folder) / "usage.json"
+        usage = Path(folder) / "usage.json"
         # As an installed package has it: compiled once, and not for every command.
         others = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
-        words = [sys.executable, "-c", _PARENT, str(found), *command]
+        words = [sys.executable, "-c", _PARENT, str(usage), *command]
         run = subprocess.run(words, stdout=said, stderr=said, env=others)
         if run.returncode:
             said.seek(0)
             raise SystemExit(f"{command} ended with {run.returncode}:\n{said.read().decode()}")
-        cpu, peak = json.loads(found.read_text())
+        cpu, peak = json.loads(usage.read_text())
     return cpu, peak

@@ -74,15 +74,15 @@ def _inserted(content: bytes, rng: random.Random) -> bytes:
 
 def _another_number(content: bytes, rng: random.Random) -> bytes:
     """One number of a text, or each alike, is another."""
-    found = list(NUMBER.finditer(content))
-    if not found:
+    numbers = list(NUMBER.finditer(content))
+    if not numbers:
         return _flipped(content, rng)
     new = str(rng.choice((*NUMBERS, *TEXTS, *(f'"{time}"' for time in TIMES), "[]", "{}", "9" * 5000))).encode()
     if rng.random() < 0.2:
-        old = rng.choice(found).group()
+        old = rng.choice(numbers).group()
         return content.replace(old, new)
-    one = rng.choice(found)
-    return content[: one.start()] + new + content[one.end() :]
+    place = rng.choice(numbers)
+    return content[: place.start()] + new + content[place.end() :]
 
 
 def _swapped(content: bytes, rng: random.Random) -> bytes:

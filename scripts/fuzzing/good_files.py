@@ -67,8 +67,8 @@ def _sources(folder: Path) -> None:
 
 def _bada(folder: Path) -> None:
     """EUROCONTROL's dummy aircraft, which come with pyBADA (the extra `test`)."""
-    found = importlib.util.find_spec("pyBADA")
-    if found is not None and found.origin is not None:
+    package = importlib.util.find_spec("pyBADA")
+    if package is not None and package.origin is not None:
         kept = shutil.ignore_patterns("*.PT*", "*.ATF", "*.OPT", "Dummy-PST", "Dummy-TWIN-plus")
         for family, own in (("BADA3", folder), ("BADA4", folder.with_name("bada4"))):
-            shutil.copytree(Path(found.origin).parent / "aircraft" / family / "DUMMY", own, ignore=kept)
+            shutil.copytree(Path(package.origin).parent / "aircraft" / family / "DUMMY", own, ignore=kept)

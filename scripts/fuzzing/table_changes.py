@@ -34,8 +34,8 @@ def changed(frame: pl.DataFrame, rng: random.Random) -> pl.DataFrame:
 def _some(frame: pl.DataFrame, rng: random.Random) -> pl.Series:
     """Choose rows: one, a tenth, half, or all."""
     share = rng.choice((0.0, 0.1, 0.5, 1.0))
-    one = rng.randrange(max(frame.height, 1))
-    return pl.Series([i == one or rng.random() < share for i in range(frame.height)], dtype=pl.Boolean)
+    always = rng.randrange(max(frame.height, 1))
+    return pl.Series([i == always or rng.random() < share for i in range(frame.height)], dtype=pl.Boolean)
 
 
 def _replaced(frame: pl.DataFrame, name: str, value: object, rng: random.Random) -> pl.DataFrame:

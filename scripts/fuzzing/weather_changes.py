@@ -93,12 +93,12 @@ def wrong_values(path: Path, seed: int) -> str:
     places = rng.uniform(90, 460, 200), rng.uniform(43, 61, 200), rng.uniform(-9, 19, 200)
     points = Points(START.astype(float) + 3600 * hours, *places)
     with weather_field(path) as field:
-        found, windy = field.at(points), field.wind
-        inside = np.isfinite(found[0])
+        read, windy = field.at(points), field.wind
+        inside = np.isfinite(read[0])
         expected = linear(hours, *places), *(linear_wind(hours, *places) if windy else (np.zeros(200),) * 2)
         if not field.times:
             return ""  # it holds at every time
-        for name, got, true in zip(("deviation", "east", "north"), found, expected, strict=True):
+        for name, got, true in zip(("deviation", "east", "north"), read, expected, strict=True):
             off = np.abs(got - true) > TOLERANCE
             if off.any():
                 return f"{name} {got[off][0]:g} in place of {np.asarray(true)[off][0]:g}, wind: {windy}"

@@ -88,15 +88,15 @@ class _Worker:
         try:
             if self.pipe.poll():
                 return {**told, **self.pipe.recv()}
-            found = {"kind": "?", "verdict": "hung", "words": "killed"}
+            ending = {"kind": "?", "verdict": "hung", "words": "killed"}
         except EOFError:
             self.process.join(5)
             code = self.process.exitcode or 0
             name = signal.Signals(-code).name if code < 0 else f"exit {code}"
-            found = {"kind": "?", "verdict": "ended by a signal", "words": name}
+            ending = {"kind": "?", "verdict": "ended by a signal", "words": name}
         self.end()
         self.begin()
-        return {**told, **found}
+        return {**told, **ending}
 
     def end(self) -> None:
         self.process.kill()
@@ -120,8 +120,8 @@ def _work(pipe: Connection, seed: int | str, good: Path, kind: str | None) -> No
         folder = Path(tempfile.mkdtemp(prefix="fuzz-"))
         try:
             case = build(number, seed, good, folder, kind)
-            found = judged(case, folder)
-            verdict, words = found.verdict, found.words
+            judgement = judged(case, folder)
+            verdict, words = judgement.verdict, judgement.words
             used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
             if used > MOST_BYTES:
                 verdict, words = "over the memory", f"{used / 1e9:.1f} GB"

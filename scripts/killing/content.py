@@ -22,9 +22,9 @@ def contents(folder: Path, patterns: Iterable[str]) -> dict[str, str]:
         folder: Of the command.
         patterns: Of the products.
     """
-    found = {path for pattern in patterns for path in folder.glob(pattern) if path.is_file() and path.name[0] != "."}
+    files = {path for pattern in patterns for path in folder.glob(pattern) if path.is_file() and path.name[0] != "."}
     shown: dict[str, str] = {}
-    for path in sorted(found):  # version_0 before version_1: the later one replaces it
+    for path in sorted(files):  # version_0 before version_1: the later one replaces it
         name = "/".join("version" if part.startswith("version_") else part for part in path.relative_to(folder).parts)
         shown[name] = digest(path)
     return shown
@@ -37,9 +37,9 @@ def digest(path: Path) -> str:
         Exception: If a checkpoint or a YAML file is not whole.
     """
     if path.suffix == ".ckpt":
-        found = hashlib.sha256()
-        _add(torch.load(path, weights_only=True), found)
-        return found.hexdigest()
+        sha = hashlib.sha256()
+        _add(torch.load(path, weights_only=True), sha)
+        return sha.hexdigest()
     if path.name == "config.yaml":
         settings = yaml.safe_load(path.read_text())
         return repr({key: settings[key] for key in ("model", "data", "seed_everything")})
@@ -67,5 +67,5 @@ def _add(tree: Any, found: Any) -> None:
 
 def temporary(folder: Path) -> list[str]:
     """Names of what is left over."""
-    found = [path for path in folder.rglob("*") if any(mark in path.name for mark in TEMPORARY) or path.name[0] == "."]
-    return sorted(path.relative_to(folder).as_posix() for path in found)
+    left = [path for path in folder.rglob("*") if any(mark in path.name for mark in TEMPORARY) or path.name[0] == "."]
+    return sorted(path.relative_to(folder).as_posix() for path in left)

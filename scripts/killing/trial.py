@@ -96,9 +96,9 @@ def trial(
             folder.mkdir()
     if any(folder.iterdir()):
         status, said = _finished(_begin(_words(job, folder), folder, warm), folder)
-        found = f"run again: status {status}: {said[-500:]}" if status != 0 else _compared(job, whole, folder)
-        if found != "same":
-            return [(found, instant) for _, instant in done]
+        verdict = f"run again: status {status}: {said[-500:]}" if status != 0 else _compared(job, whole, folder)
+        if verdict != "same":
+            return [(verdict, instant) for _, instant in done]
     return done
 
 
@@ -123,8 +123,8 @@ def _killed(
     if job.spares_parent and _is_message(said):
         return _half_written(job, whole, folder), False
     if ended or job.spares_parent:
-        found = f"status {status}: {said[-500:]}" if status != 0 else _compared(job, whole, folder)
-        return "" if found == "same" else found, True
+        verdict = f"status {status}: {said[-500:]}" if status != 0 else _compared(job, whole, folder)
+        return "" if verdict == "same" else verdict, True
     return _half_written(job, whole, folder), ended
 
 
@@ -149,18 +149,18 @@ def _is_message(said: str) -> bool:
 def _half_written(job: Job, whole: Whole, folder: Path) -> str:
     """Files with a final name that cannot be read, or are not what an undisturbed run leaves."""
     try:
-        found = contents(folder, job.products)
+        digests = contents(folder, job.products)
     except Exception as error:
         return f"half written: {error}"
     if job.words[3:4] == ("fit",):  # its checkpoints are those of an earlier epoch: they are read above
         return ""
-    changed = sorted(name for name, digest in found.items() if digest != whole.contents.get(name))
+    changed = sorted(name for name, digest in digests.items() if digest != whole.contents.get(name))
     return f"half written: {', '.join(changed)}" if changed else ""
 
 
 def _compared(job: Job, whole: Whole, folder: Path) -> str:
-    found = contents(folder, job.products)
-    changed = sorted(name for name in whole.contents if found.get(name) != whole.contents[name])
+    digests = contents(folder, job.products)
+    changed = sorted(name for name in whole.contents if digests.get(name) != whole.contents[name])
     if changed:
         return f"other content: {', '.join(changed)}"
     left = temporary(folder)

@@ -58,8 +58,8 @@ def energy_share_figure(
     }
     figure = Figure(figsize=(10.0, 4.4), layout="constrained")
     axes = figure.subplots(1, 3, sharey=True)
-    for name, (one, colour, style) in flown.items():
-        _draw(axes, one, name, colour, style)
+    for name, (curve, colour, style) in flown.items():
+        _draw(axes, curve, name, colour, style)
     axes[0].set(xlabel="Calibrated airspeed (kt)", ylabel="Flight level")
     axes[1].set(xlabel="Rate of descent (ft/min)")
     axes[2].set(xlabel="Time since FL370 (min)")

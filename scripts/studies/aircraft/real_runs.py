@@ -84,21 +84,21 @@ def runs_of(frame: pl.DataFrame, source: str) -> list[Run]:
     low, high = (int(end) for end in (frame["level_fl"].to_numpy().min(), frame["level_fl"].to_numpy().max()))
     levels = torch.arange(low, high + 1, dtype=torch.float64)
     deviation, tailwind = _airs(frame, levels)
-    found = []
-    for one in frame.sort("flight_id", "level_fl").partition_by("flight_id", maintain_order=True):
-        level = one["level_fl"].to_numpy().astype(float)
+    runs = []
+    for flight in frame.sort("flight_id", "level_fl").partition_by("flight_id", maintain_order=True):
+        level = flight["level_fl"].to_numpy().astype(float)
         for part in np.split(np.arange(len(level)), np.flatnonzero(np.diff(level) > 1) + 1):
             if len(part) < FEWEST_LEVELS:
                 continue
-            rows = one[part.tolist()]
+            rows = flight[part.tolist()]
             own, at = torch.from_numpy(level[part]), (torch.from_numpy(level[part]) - low).long()
-            name = one["flight_id"][0]
+            name = flight["flight_id"][0]
             time = rows["time_s"].to_numpy()
-            found.append(
+            runs.append(
                 Run(
                     source,
-                    one["typecode"][0],
-                    one["icao24"][0] or "",
+                    flight["typecode"][0],
+                    flight["icao24"][0] or "",
                     own,
                     torch.from_numpy(_smoothed(level[part], rows["IAS"].to_numpy() * KT_MPS)),
                     deviation.get(name, deviation[""])[at],
@@ -107,7 +107,7 @@ def runs_of(frame: pl.DataFrame, source: str) -> list[Run]:
                     rows,
                 )
             )
-    return found
+    return runs
 
 
 def _airs(frame: pl.DataFrame, levels: Tensor) -> tuple[dict[str, Tensor], dict[str, Tensor]]:

@@ -110,19 +110,19 @@ class _Draw:
         key = world.name, model, pool is None, drawn
         if key not in self.pools:
             self.pools[key] = f"simulator_{len(self.simulators):03d}"
-            one = SimulatorPlan(self.pools[key], self.new_seed(), world.name, model, world.reference_flights)
-            self.simulators.append(one)
+            planned = SimulatorPlan(self.pools[key], self.new_seed(), world.name, model, world.reference_flights)
+            self.simulators.append(planned)
         return self.pools[key]
 
 
 def _contents(generator: np.random.Generator, world: StudyWorld, n: int) -> list[tuple[Kind, list[str]]]:
     """Kind and causes of each set; single causes come in turn, so that each is met as often as any other."""
     count = {kind: round(n * share) for kind, share in SHARES.items()}
-    found: list[tuple[Kind, list[str]]] = [("null", []) for _ in range(count["null"])]
-    found += [("double", _together(generator, world, 2)) for _ in range(count["double"])]
-    found += [("triple", _together(generator, world, 3)) for _ in range(count["triple"])]
-    found += [("outside", [name]) for name in _in_turn(generator, world.outside, count["outside"])]
-    return found + [("single", [name]) for name in _in_turn(generator, world.catalogued, n - len(found))]
+    contents: list[tuple[Kind, list[str]]] = [("null", []) for _ in range(count["null"])]
+    contents += [("double", _together(generator, world, 2)) for _ in range(count["double"])]
+    contents += [("triple", _together(generator, world, 3)) for _ in range(count["triple"])]
+    contents += [("outside", [name]) for name in _in_turn(generator, world.outside, count["outside"])]
+    return contents + [("single", [name]) for name in _in_turn(generator, world.catalogued, n - len(contents))]
 
 
 def _in_turn(generator: np.random.Generator, names: Sequence[str], n: int) -> list[str]:
@@ -142,11 +142,11 @@ def _without_order(
     generator: np.random.Generator, sets: Sequence[SetPlan], simulators: Sequence[SimulatorPlan]
 ) -> tuple[tuple[SetPlan, ...], tuple[SimulatorPlan, ...]]:
     """Name sets and simulators by chance: their order would show what they hide."""
-    names = [one.name for one in simulators]
+    names = [own.name for own in simulators]
     renamed = dict(zip(names, (names[i] for i in generator.permutation(len(names))), strict=True))
     shuffled = [replace(sets[i], simulator=renamed[sets[i].simulator]) for i in generator.permutation(len(sets))]
-    named = (one if one.part == "withheld" else replace(one, name=f"blind_{k:04d}") for k, one in enumerate(shuffled))
-    return tuple(named), tuple(sorted((replace(s, name=renamed[s.name]) for s in simulators), key=lambda one: one.name))
+    named = (own if own.part == "withheld" else replace(own, name=f"blind_{k:04d}") for k, own in enumerate(shuffled))
+    return tuple(named), tuple(sorted((replace(s, name=renamed[s.name]) for s in simulators), key=lambda own: own.name))
 
 
 def _seeds(generator: np.random.Generator) -> Callable[[], int]:

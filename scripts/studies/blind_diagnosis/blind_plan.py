@@ -96,5 +96,5 @@ class Plan:
     @classmethod
     def from_dict(cls, key: dict[str, Any]) -> "Plan":
         """Rebuild from :meth:`as_dict`."""
-        sets = tuple(SetPlan(**one) for one in key["sets"])
-        return cls(key["seed"], key["nonce"], sets, tuple(SimulatorPlan(**one) for one in key["simulators"]))
+        sets = tuple(SetPlan(**fields) for fields in key["sets"])
+        return cls(key["seed"], key["nonce"], sets, tuple(SimulatorPlan(**fields) for fields in key["simulators"]))

@@ -74,10 +74,10 @@ def generate(
             path = simulator_path(folder / "simulators", simulator.name, form)
             if not path.is_file():
                 work.append((_of_key, folder, seal, until, write_simulator, (simulator, form), path))
-    for one in plan.sets:
-        path = folder / "sets" / f"{one.name}.parquet"
+    for drawn in plan.sets:
+        path = folder / "sets" / f"{drawn.name}.parquet"
         if not path.is_file():
-            work.append((_of_key, folder, seal, until, write_set, (one,), path))
+            work.append((_of_key, folder, seal, until, write_set, (drawn,), path))
     begun = time.monotonic()
 
     def count(done: int) -> None:
@@ -98,10 +98,10 @@ def _of_key(
     """
     if until is not None and time.time() > until:
         return
-    found = read_json(folder / MANIFEST)["key_sha256"]
-    if found != seal:
+    seal_there = read_json(folder / MANIFEST)["key_sha256"]
+    if seal_there != seal:
         raise DataError(
-            f"{folder} holds the study of the key {found[:8]}...",
+            f"{folder} holds the study of the key {seal_there[:8]}...",
             expected=f"that of {seal[:8]}..., for which {path.name} was to be written",
             mend="give every study a folder of its own",
         )
@@ -117,16 +117,16 @@ def _publish(folder: Path, plan: Plan, forms: Sequence[Form]) -> None:
 def _jobs(folder: Path, plan: Plan, forms: Sequence[Form]) -> list[dict[str, Any]]:
     """Diagnoses to make: without what was injected, except effects that are left out of the catalogue."""
     jobs = []
-    for one in plan.sets:
-        rows = folder / "sets" / f"{one.name}.parquet"
+    for drawn in plan.sets:
+        rows = folder / "sets" / f"{drawn.name}.parquet"
         if not rows.is_file():
             continue
-        common = {"rows_sha256": digest(rows), "set": one.name, "simulator": one.simulator, "without": None}
+        common = {"rows_sha256": digest(rows), "set": drawn.name, "simulator": drawn.simulator, "without": None}
         for form in forms:
-            closure = one.closure and form in OF_CLOSURE and len(forms) == len(FORMS)
-            jobs.append({**common, "name": f"{one.name}_{form}", "form": form, "closure": closure})
-        if one.part == "withheld":
-            without = {"name": f"{one.name}_without", "form": "flights", "without": next(iter(one.causes))}
+            closure = drawn.closure and form in OF_CLOSURE and len(forms) == len(FORMS)
+            jobs.append({**common, "name": f"{drawn.name}_{form}", "form": form, "closure": closure})
+        if drawn.part == "withheld":
+            without = {"name": f"{drawn.name}_without", "form": "flights", "without": next(iter(drawn.causes))}
             jobs.append({**common, **without, "closure": False})
     return jobs
 
@@ -237,7 +237,7 @@ def measure_closures(
         {}
     """
     (folder / "closures").mkdir(exist_ok=True)
-    simulators = {one.name: one for one in plan.simulators}
+    simulators = {each.name: each for each in plan.simulators}
     jobs = {job["name"]: job for job in manifest["jobs"] if job["closure"]}
     files = {name: folder / "closures" / f"{name}.json" for name in jobs}
     left = [name for name, path in files.items() if not path.is_file()]
@@ -248,7 +248,7 @@ def measure_closures(
     work = [(_measure_closure, folder, jobs[name], simulators[jobs[name]["simulator"]], files[name]) for name in left]
     spread(work, processes, lambda n: progress(f"closures: {n} of {len(work)}, {pace(begun, n, len(work))}"))
     measured = {name: read_json(path) for name, path in files.items()}
-    return {f"{prefix}{name}": one for name, one in measured.items() if one is not None}
+    return {f"{prefix}{name}": each for name, each in measured.items() if each is not None}
 
 
 def _measure_closure(folder: Path, job: Mapping[str, Any], simulator: SimulatorPlan, path: Path) -> None:
@@ -277,14 +277,14 @@ def how_long(folder: Path) -> str:
     jobs = read_json(folder / MANIFEST)["jobs"]
     for form in sorted({job["form"] for job in jobs}):
         files = {j["name"]: folder / "diagnoses" / f"{j['name']}.json" for j in jobs if j["form"] == form}
-        found = {name: read_json(path) for name, path in files.items() if path.is_file()}
-        if found:
-            seconds = {name: float(one["cpu_s"]) for name, one in found.items()}
+        diagnoses = {name: read_json(path) for name, path in files.items() if path.is_file()}
+        if diagnoses:
+            seconds = {name: float(diagnosis["cpu_s"]) for name, diagnosis in diagnoses.items()}
             slowest = max(seconds, key=lambda name: seconds[name])
             lines.append(
-                f"{form}: {len(found)} diagnosed, median {statistics.median(seconds.values()):.1f} s of processor "
+                f"{form}: {len(diagnoses)} diagnosed, median {statistics.median(seconds.values()):.1f} s of processor "
                 f"time, slowest {seconds[slowest]:.1f} s ({slowest}), at most "
-                f"{max(float(one['most_memory_gb']) for one in found.values()):.2f} GB"
+                f"{max(float(diagnosis['most_memory_gb']) for diagnosis in diagnoses.values()):.2f} GB"
             )
     return "\n".join(lines)
 

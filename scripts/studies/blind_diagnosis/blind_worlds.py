@@ -70,8 +70,8 @@ def own_scenario(form: Form, model: str) -> WorldConfig:
 def _mean_operator(model: str) -> Operator:
     """Mean of the operators' planned speeds: a simulator of one trajectory is set to the fleet's."""
     every = default_operators(find_aircraft(model))
-    shares = np.array([one.share for one in every]) / sum(one.share for one in every)
-    cas, mach = (float(shares @ [getattr(one, name) for one in every]) for name in ("cas_kt", "mach"))
+    shares = np.array([operator.share for operator in every]) / sum(operator.share for operator in every)
+    cas, mach = (float(shares @ [getattr(operator, name) for operator in every]) for name in ("cas_kt", "mach"))
     return Operator("ONE", 1.0, cas, mach)
 
 

@@ -80,6 +80,6 @@ def _second_round(rows: Path, corrected: Descents, report: Path) -> Previous:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "corrected.parquet"
         write_descents(corrected, path)
-        found = diagnose(rows, path, previous=report / "gap.json", seed=0).previous
-    assert found is not None
-    return found
+        previous = diagnose(rows, path, previous=report / "gap.json", seed=0).previous
+    assert previous is not None
+    return previous

@@ -103,11 +103,11 @@ def outcomes(
         >>> found.verdict, found.exact
         ('unknown', False)
     """
-    sets = {one.name: one for one in plan.sets}
+    sets = {drawn.name: drawn for drawn in plan.sets}
     jobs = {job["name"]: job for job in manifest["jobs"]}
     return [
-        replace(_outcome(jobs[name], sets[jobs[name]["set"]], found), job=f"{prefix}{name}")
-        for name, found in sorted(diagnoses.items())
+        replace(_outcome(jobs[name], sets[jobs[name]["set"]], diagnosis), job=f"{prefix}{name}")
+        for name, diagnosis in sorted(diagnoses.items())
     ]
 
 
@@ -187,7 +187,7 @@ def sizes(outcome: Outcome, truth: Mapping[str, Mapping[str, float]]) -> list[di
         >>> sizes(found, true_sizes(one))[0]["covered"]
         True
     """
-    found = []
+    rows = []
     causes = [c for c in outcome.report.get("causes", []) if c["effect"] in outcome.one.causes]
     for cause in causes:
         for name, true in truth.get(cause["effect"], {}).items():
@@ -198,5 +198,5 @@ def sizes(outcome: Outcome, truth: Mapping[str, Mapping[str, float]]) -> list[di
             ends = {key: estimate[key] for key in ("estimate", "low", "high")}
             covered = estimate["low"] <= true <= estimate["high"]
             row = {"job": outcome.job, "cause": cause["effect"], "parameter": name, "true": true, "covered": covered}
-            found.append(row | ends)
-    return found
+            rows.append(row | ends)
+    return rows

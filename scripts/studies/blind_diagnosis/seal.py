@@ -100,8 +100,8 @@ def seal_diagnoses(folder: Path, names: list[str]) -> int:
         file = folder / "diagnoses" / f"{name}.json"
         if not file.is_file():
             continue
-        found = digest(file)
-        if known.setdefault(name, found) != found:
+        sha = digest(file)
+        if known.setdefault(name, sha) != sha:
             raise DataError(
                 f"{file} is not the diagnosis that was sealed", expected=known[name], mend="run the study afresh"
             )
@@ -135,16 +135,16 @@ def open_key(folder: Path) -> tuple[Plan, dict[str, Any], dict[str, Any]]:
             f"{folder / KEY} is not the key that was sealed", expected=manifest["key_sha256"], mend="run a new study"
         )
     sealed = read_json(folder / DIAGNOSES)
-    found: dict[str, Any] = {}
+    diagnoses: dict[str, Any] = {}
     for name, expected in sealed.items():
         file = folder / "diagnoses" / f"{name}.json"
         if not file.is_file() or digest(file) != expected:
             raise DataError(f"{file} is not the diagnosis that was sealed", expected=expected, mend="run a new study")
-        found[name] = read_json(file)
+        diagnoses[name] = read_json(file)
     if not (folder / OPENED).is_file():
         at = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
-        write_json(folder / OPENED, {"opened_at": at, "diagnoses": len(found)})
-    return Plan.from_dict(read_json(folder / KEY)), manifest, found
+        write_json(folder / OPENED, {"opened_at": at, "diagnoses": len(diagnoses)})
+    return Plan.from_dict(read_json(folder / KEY)), manifest, diagnoses
 
 
 def refuse_if_open(folder: Path) -> None:

@@ -114,7 +114,7 @@ def score(found: Sequence[Outcome], closures: Mapping[str, Mapping[str, Any]]) -
     rows += [_closure_row(column, columns[column], closures) for column in COLUMNS]
     return {
         "rows": rows,
-        "intervals": [one for column in COLUMNS for one in _intervals(column, columns[column], truth)],
+        "intervals": [row for column in COLUMNS for row in _intervals(column, columns[column], truth)],
         "withheld": [_withheld(o) for o in found if o.without is not None],
         "answers": [_answer(o) for o in blind],
     }
@@ -164,7 +164,7 @@ def _intervals(
 ) -> list[dict[str, Any]]:
     """Coverage of each parameter by itself, beside the median relative error."""
     every = [estimate for o in some if o.groups for estimate in sizes(o, truth[o.one.name])]
-    found = []
+    rows = []
     for cause, parameter in sorted({(s["cause"], s["parameter"]) for s in every}):
         of = [s for s in every if (s["cause"], s["parameter"]) == (cause, parameter)]
         covered = share([s["covered"] for s in of])
@@ -172,8 +172,8 @@ def _intervals(
         judged = len(of) >= FEWEST_ESTIMATES
         met = COVERAGE[0] <= covered["share"] <= COVERAGE[1] if judged else None
         median = errors[len(errors) // 2] if errors else None
-        found.append({"column": column, "cause": cause, "parameter": parameter, **covered, "error": median, "met": met})
-    return found
+        rows.append({"column": column, "cause": cause, "parameter": parameter, **covered, "error": median, "met": met})
+    return rows
 
 
 def _withheld(o: Outcome) -> dict[str, Any]:
@@ -196,18 +196,18 @@ def table(scored: Mapping[str, Any]) -> str:
     """
     lines = ["| | own | foreign | bare |", "|---|---|---|---|"]
     by_goal: dict[str, dict[str, Mapping[str, Any]]] = {}
-    for one in scored["rows"]:
-        text = one["goal"] if not one["goal"].startswith("closure") else "closure near that measured on fresh flights"
-        by_goal.setdefault(text, {})[one["column"]] = one
+    for row in scored["rows"]:
+        text = row["goal"] if not row["goal"].startswith("closure") else "closure near that measured on fresh flights"
+        by_goal.setdefault(text, {})[row["column"]] = row
     lines += [f"| {text} | {' | '.join(_cell(row_of[c]) for c in COLUMNS)} |" for text, row_of in by_goal.items()]
     lines += ["", "| 90 % intervals | column | hold | of | median error |", "|---|---|---|---|---|"]
-    for one in scored["intervals"]:
-        error = "" if one["error"] is None else f"{one['error']:+.0%}"
-        lines.append(f"| {one['cause']} {one['parameter']} | {one['column']} | {_cell(one)} | {one['n']} | {error} |")
+    for row in scored["intervals"]:
+        error = "" if row["error"] is None else f"{row['error']:+.0%}"
+        lines.append(f"| {row['cause']} {row['parameter']} | {row['column']} | {_cell(row)} | {row['n']} | {error} |")
     lines += ["", "| withheld from the catalogue | verdict | named |", "|---|---|---|"]
-    for one in scored["withheld"]:
-        named = ", ".join(" or ".join(group) for group in one["named"])
-        lines.append(f"| {one['effect']} | {one['verdict']} | {named} |")
+    for row in scored["withheld"]:
+        named = ", ".join(" or ".join(group) for group in row["named"])
+        lines.append(f"| {row['effect']} | {row['verdict']} | {named} |")
     return "\n".join(lines)
 
 

@@ -102,8 +102,8 @@ def true_sizes(one: SetPlan) -> dict[str, dict[str, float]]:
     if one.world == "own":
         own = _own_flights(one)
         return {name: reported(name, values) for name, values in own.items()}
-    found = {name: reported(name, values) for name, values in _foreign_flights(one).items()}
-    return {name: {k: size for k, size in sizes.items() if k not in OTHER_BASE} for name, sizes in found.items()}
+    sizes_of = {name: reported(name, values) for name, values in _foreign_flights(one).items()}
+    return {name: {k: size for k, size in sizes.items() if k not in OTHER_BASE} for name, sizes in sizes_of.items()}
 
 
 def _own_flights(one: SetPlan) -> dict[str, Own]:
@@ -122,13 +122,13 @@ def _foreign_flights(one: SetPlan) -> dict[str, Own]:
     """The same of JSBSim's flights, by what each cause changes in their plans."""
     airframe, config = AIRFRAMES[one.model], foreign_scenario("flights", one.model)
     before = draw_plans(airframe, range(one.flights), one.seed, config)
-    found: dict[str, Own] = {}
+    owns: dict[str, Own] = {}
     for name in one.causes:
         if name in _OF_PLANS:
             after = inject(airframe, before, {name: one.causes[name]}, one.seed, config.flights_per_aircraft)
             own = [_OF_PLANS[name](a, b) for a, b in zip(after, before, strict=True)]
-            found[name] = {key: torch.tensor([o[key] for o in own], dtype=torch.float64) for key in own[0]}
-    return found
+            owns[name] = {key: torch.tensor([o[key] for o in own], dtype=torch.float64) for key in own[0]}
+    return owns
 
 
 def _share_at_pressure_altitudes() -> float:

@@ -62,12 +62,12 @@ class JsbsimConfig:
 
     def __post_init__(self) -> None:
         """Refuse values that make no flights."""
-        for one in fields(self):
-            value = getattr(self, one.name)
+        for each in fields(self):
+            value = getattr(self, each.name)
             numbers = value if isinstance(value, tuple) else (value,)
             bad = any(isinstance(v, float | int) and not math.isfinite(v) for v in numbers)
-            if bad or ((one.name.endswith("spread") or "_spread_" in one.name) and value < 0):
-                raise ConfigError(f"{one.name} = {value!r}", expected="finite, no negative spread", mend="correct it")
+            if bad or ((each.name.endswith("spread") or "_spread_" in each.name) and value < 0):
+                raise ConfigError(f"{each.name} = {value!r}", expected="finite, no negative spread", mend="correct it")
         whole = self.interval_s / self.step_s if self.step_s > 0 else 0.0
         if self.step_s <= 0 or self.step_s > 0.2 or whole < 1 or abs(whole - round(whole)) > 1e-6:
             raise ConfigError(
@@ -169,12 +169,12 @@ def draw_plans(airframe: Airframe, numbers: Sequence[int], seed: int, config: Js
 
 
 def _plan(airframe: Airframe, number: int, seed: int, config: JsbsimConfig) -> FlightPlan:
-    one = _drawn_plan(airframe, number, seed, config)
+    drawn = _drawn_plan(airframe, number, seed, config)
     if not config.alike:
-        return one
+        return drawn
     mass, cas = sum(airframe.mass_kg) / 2, float(np.dot(SHARES, airframe.cas_kt)) * KT_MPS
     mach = airframe.mach + float(np.dot(SHARES, MACH_STEPS))
-    return replace(one, operator=1, mass_kg=mass, idle_factor=1.0, cd0_factor=1.0, mach=mach, cas_mps=cas)
+    return replace(drawn, operator=1, mass_kg=mass, idle_factor=1.0, cd0_factor=1.0, mach=mach, cas_mps=cas)
 
 
 def _drawn_plan(airframe: Airframe, number: int, seed: int, config: JsbsimConfig) -> FlightPlan:

@@ -125,13 +125,13 @@ def fly(
     flown_type, each = typecode or airframe.typecode, config.flights_per_aircraft
     named = name_flights(flown_type, range(n_flights), seed, each, prefixes, days)
     outcomes = _flown(airframe, plans, config, workers, progress)
-    reasons = [one if isinstance(one, str) else None for one in outcomes]
+    reasons = [flown if isinstance(flown, str) else None for flown in outcomes]
     failures = pl.DataFrame(
         [(f.flight_id, p.number, why) for f, p, why in zip(named, plans, reasons, strict=True) if why],
         schema={"flight_id": pl.String, "number": pl.Int64, "reason": pl.String},
         orient="row",
     )
-    kept = [(f, one) for f, one in zip(named, outcomes, strict=True) if not isinstance(one, str)]
+    kept = [(f, flown) for f, flown in zip(named, outcomes, strict=True) if not isinstance(flown, str)]
     if not kept:
         counts = Counter(failures["reason"].to_list())
         raise DataError(
@@ -139,7 +139,7 @@ def fly(
             expected="flights that the model can fly",
             mend="inject smaller effects or choose other speeds and levels",
         )
-    return _world([f for f, _ in kept], [one for _, one in kept], seed, config, failures)
+    return _world([f for f, _ in kept], [flown for _, flown in kept], seed, config, failures)
 
 
 def _flown(
@@ -171,9 +171,9 @@ def _fly_share(
     outcomes: list[Record | str] = []
     with TemporaryDirectory(prefix="descentflow-jsbsim-") as folder:
         fleet = ModelFleet(airframe, Path(folder), config)
-        for one in plans:
+        for plan in plans:
             try:
-                outcomes.append(fleet.fly(one))
+                outcomes.append(fleet.fly(plan))
             except FlightFailed as failure:
                 outcomes.append(str(failure))
             if progress is not None:

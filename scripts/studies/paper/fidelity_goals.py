@@ -86,10 +86,10 @@ def of_types(plan: StudyPlan, name: str, folder: Path) -> pl.DataFrame:
 
 def _covered(place: Path) -> dict[str, float | None]:
     """Share of all times inside their intervals, and of the level where it is furthest from 0.9."""
-    found = pl.read_csv(place / "in_flight.csv")
-    told = found.filter(pl.col("flights") >= ENOUGH)["covered"].to_list()
+    table = pl.read_csv(place / "in_flight.csv")
+    told = table.filter(pl.col("flights") >= ENOUGH)["covered"].to_list()
     worst = max(told, key=lambda share: abs(share - 0.9), default=None)
-    inside = found.select((pl.col("flights") * pl.col("covered")).sum() / pl.col("flights").sum()).item()
+    inside = table.select((pl.col("flights") * pl.col("covered")).sum() / pl.col("flights").sum()).item()
     return {"covered": inside, "covered_worst_level": worst}
 
 

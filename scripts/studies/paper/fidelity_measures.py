@@ -69,17 +69,17 @@ def top_spread(samples: DescentSet, real: DescentSet) -> dict[str, float]:
     n = real.mask[:, top].sum(0)
     told = (n >= FEWEST) & (samples.mask[:, top].sum(0) >= FEWEST)
     weight = torch.where(told, n, 0).double()
-    found = {}
+    ratios = {}
     for name, of in (("rate", "rate_mps"), ("cas", "cas_mps")):
         variances = []
-        for one in (samples, real):
-            values, mask = getattr(one, of)[:, top].double(), one.mask[:, top]
+        for side in (samples, real):
+            values, mask = getattr(side, of)[:, top].double(), side.mask[:, top]
             count = mask.sum(0).clamp(min=2)
             mean = torch.where(mask, values, 0.0).sum(0) / count
             square = torch.where(mask, values - mean, 0.0).square().sum(0) / (count - 1)
             variances.append(float((weight * torch.where(told, square, 0.0)).sum()))
-        found[name] = (variances[0] / variances[1]) ** 0.5 if variances[1] > 0 else float("nan")
-    return found
+        ratios[name] = (variances[0] / variances[1]) ** 0.5 if variances[1] > 0 else float("nan")
+    return ratios
 
 
 def time_shown(samples: DescentSet, real: DescentSet, seed: int = 0, n_splits: int = N_SPLITS) -> dict[str, float]:
@@ -105,8 +105,8 @@ def time_shown(samples: DescentSet, real: DescentSet, seed: int = 0, n_splits: i
     legs = seen[:, 1:] & seen[:, :-1]
     n_legs = legs.sum(1, keepdim=True)
     means = []
-    for one, index in ((samples, drawn), (real, judged)):
-        time_s = torch.where(legs, -one.time_s[index].diff(dim=1), 0.0).sum(1, keepdim=True)
+    for side, index in ((samples, drawn), (real, judged)):
+        time_s = torch.where(legs, -side.time_s[index].diff(dim=1), 0.0).sum(1, keepdim=True)
         means.append((time_s / n_legs.clamp(min=1), n_legs >= FEWEST_LEGS))
     same, floor = split_distances(*means, seed=seed, n_splits=n_splits)
     return {name: float(same[name].mean() / floor[name].mean()) for name in ("ks", "wasserstein")}
@@ -137,12 +137,12 @@ def in_flight(model: Density, descents: Path, seed: int = 0, flights: int = MOST
     unseen = split_by_model(source.frame, sorted(source.frame["flight_id"].unique()), model.representation).test
     order = torch.randperm(len(unseen), generator=torch.Generator().manual_seed(seed)).tolist()
     chosen = [unseen[i] for i in order[:flights]]
-    found = []
+    tables = []
     for share in OBSERVED:
         from_fl = round(float(levels[0]) + share * float(levels[-1] - levels[0]))
         ahead = predict(model, source, from_fl, n=CONTINUATIONS, seed=seed, flights=chosen)
-        found.append(ahead.coverage().with_columns(pl.lit(from_fl).alias("from_fl")))
-    return pl.concat(found).select("from_fl", "level_fl", "flights", "covered")
+        tables.append(ahead.coverage().with_columns(pl.lit(from_fl).alias("from_fl")))
+    return pl.concat(tables).select("from_fl", "level_fl", "flights", "covered")
 
 
 def measure(plan: StudyPlan, name: str, folder: Path) -> None:
@@ -164,17 +164,17 @@ def measure(plan: StudyPlan, name: str, folder: Path) -> None:
     """
     place = folder / name
     model = load_model(place / "model.ckpt")
-    found = evaluate(model, folder / "descents.parquet", n=SAMPLES, seed=plan.seed, n_splits=2)
+    scored = evaluate(model, folder / "descents.parquet", n=SAMPLES, seed=plan.seed, n_splits=2)
     ahead = in_flight(model, folder / "descents.parquet", plan.seed)
-    spread = {f"top_spread_{quantity}": value for quantity, value in top_spread(found.samples, found.real).items()}
-    trained = top_spread(_training_flights(model, folder / "descents.parquet"), found.real)
+    spread = {f"top_spread_{quantity}": value for quantity, value in top_spread(scored.samples, scored.real).items()}
+    trained = top_spread(_training_flights(model, folder / "descents.parquet"), scored.real)
     spread |= {f"top_spread_{quantity}_of_training": value for quantity, value in trained.items()}
-    shown = time_shown(found.samples, found.real, plan.seed)
+    shown = time_shown(scored.samples, scored.real, plan.seed)
     spread |= {f"time_shown/{name}": value for name, value in shown.items()}
     with whole_file(place / "in_flight.csv") as temporary:
         ahead.write_csv(temporary)
     with whole_file(place / "fidelity.json") as temporary:
-        temporary.write_text(json.dumps({**spread, "kept": 1 - found.rejections.rejected / found.rejections.drawn}))
+        temporary.write_text(json.dumps({**spread, "kept": 1 - scored.rejections.rejected / scored.rejections.drawn}))
 
 
 def _training_flights(model: Density, descents: Path) -> DescentSet:

@@ -39,12 +39,12 @@ def ratios(scores: pl.DataFrame) -> pl.DataFrame:
             "model": first["model"],
             "n_each": part["n_each"].max(),
         }
-        found = {(r["quantity"], r["statistic"]): r for r in part.iter_rows(named=True)}
+        scores_of = {(r["quantity"], r["statistic"]): r for r in part.iter_rows(named=True)}
         for quantity in QUANTITIES:
             for statistic in STATISTICS:
-                one = found.get((quantity, statistic), {})
-                row[f"{quantity}/{statistic}"] = one.get("over_floor")
-                row[f"{quantity}/{statistic} excess"] = one.get("excess")
+                score = scores_of.get((quantity, statistic), {})
+                row[f"{quantity}/{statistic}"] = score.get("over_floor")
+                row[f"{quantity}/{statistic} excess"] = score.get("excess")
         rows.append(row)
     return pl.DataFrame(rows, infer_schema_length=None)
 
@@ -67,7 +67,7 @@ def summary(ratios: pl.DataFrame, flights: dict[str, int]) -> pl.DataFrame:
     """
     columns = [c for c in ratios.columns if "/" in c and not c.endswith("excess")]
     large = [name for name, n in flights.items() if n >= LARGE]
-    found = []
+    tables = []
     for model in ratios["model"].unique(maintain_order=True):
         own = ratios.filter(pl.col("model") == model)
         kinds = {"median": (own, pl.col(columns).median())}
@@ -77,8 +77,8 @@ def summary(ratios: pl.DataFrame, flights: dict[str, int]) -> pl.DataFrame:
                 pl.col(columns).max(),
             )
         for name, (rows, how) in kinds.items():
-            found.append(rows.select(how).select(pl.lit(model).alias("model"), pl.lit(name).alias("of"), *columns))
-    return pl.concat(found, how="vertical_relaxed")
+            tables.append(rows.select(how).select(pl.lit(model).alias("model"), pl.lit(name).alias("of"), *columns))
+    return pl.concat(tables, how="vertical_relaxed")
 
 
 def whole_descents(plan: StudyPlan, folder: Path) -> pl.DataFrame:
@@ -103,7 +103,7 @@ def whole_descents(plan: StudyPlan, folder: Path) -> pl.DataFrame:
         >>> whole_descents(plan, folder).select("score", "low", "looks_at").row(0)
         (0.7, 0.6, 'rate FL150-175: 0.14')
     """
-    names = [one.name for one in statistics_of(DescentStatistic)]
+    names = [statistic.name for statistic in statistics_of(DescentStatistic)]
     parts = []
     for typecode in plan.flights:
         for name in plan.models:
@@ -112,11 +112,11 @@ def whole_descents(plan: StudyPlan, folder: Path) -> pl.DataFrame:
                 pl.read_csv(place / f"{kind}.csv", infer_schema_length=None)
                 for kind in ("scores", "intervals", "classifier")
             )
-            found = scores.filter(pl.col("statistic").is_in(names)).join(
+            chosen = scores.filter(pl.col("statistic").is_in(names)).join(
                 intervals, on=["quantity", "statistic"], how="left"
             )
             about = (pl.lit(value).alias(key) for key, value in (("typecode", typecode), ("model", name)))
-            parts.append(found.select(*about, pl.all(), pl.lit(_looked_at(looked)).alias("looks_at")))
+            parts.append(chosen.select(*about, pl.all(), pl.lit(_looked_at(looked)).alias("looks_at")))
     return pl.concat(parts, how="diagonal_relaxed")
 
 

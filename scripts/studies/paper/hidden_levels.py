@@ -85,12 +85,12 @@ def hidden_errors(
             mend="give more flights, or hide a larger share",
         )
     seen = mask & ~hidden
-    found = []
+    errors = []
     for method in METHODS:
         error = torch.where(hidden, _COMPLETE[method](values, seen, explained_variance) - values, 0.0)
         rmse = float((error.square().sum() / hidden.sum()).sqrt())
-        found.append(HiddenError(method, pattern, rmse, len(values), int(hidden.sum())))
-    return found
+        errors.append(HiddenError(method, pattern, rmse, len(values), int(hidden.sum())))
+    return errors
 
 
 def hide(mask: Tensor, pattern: Pattern, share: float, speed: Tensor, generator: torch.Generator) -> Tensor:

@@ -74,13 +74,13 @@ def score_intervals(
     drawn = torch.randint(len(real), (n_resamples, len(real)), generator=generator)
     spreads = _level_spreads(few, real, transition_fl, drawn)
     spreads |= {name: flights[drawn].double().nanmean(1).std() for name, flights in scores.by_flight.items()}
-    found = []
+    intervals = []
     for row in scores:
         half = NORMAL_90 * float(spreads[row.quantity, row.statistic])
         # NaN, of a score that could not be told, stays NaN: comparisons with it are false.
         low = 0.0 if row.score - half < 0 else row.score - half
-        found.append(Interval(row.quantity, row.statistic, low, row.score + half))
-    return found
+        intervals.append(Interval(row.quantity, row.statistic, low, row.score + half))
+    return intervals
 
 
 def _level_spreads(
@@ -90,10 +90,10 @@ def _level_spreads(
     spreads = {}
     for quantity in QUANTITIES:
         values, mask = quantity.of(real)
-        each = [whole_distances(quantity.of(samples), (values[one], mask[one])) for one in drawn]
-        distances = {name: torch.stack([one[name] for one in each]) for name in each[0]}
+        each = [whole_distances(quantity.of(samples), (values[draw], mask[draw])) for draw in drawn]
+        distances = {name: torch.stack([draw[name] for draw in each]) for name in each[0]}
         for part in parts_of(quantity):
             chosen = part.levels(real.levels_fl, transition_fl)
-            for one in statistics_of(LevelStatistic):
-                spreads[part.name, one.name] = distances[one.name][:, chosen].nanmean(1).std()
+            for draw in statistics_of(LevelStatistic):
+                spreads[part.name, draw.name] = distances[draw.name][:, chosen].nanmean(1).std()
     return spreads

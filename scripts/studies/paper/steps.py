@@ -87,13 +87,13 @@ def fit_and_score(plan: StudyPlan, name: str, folder: Path) -> None:
         first = folder / plan.models[0] / "model.ckpt"
         _fit(plan, name, descents, model, None if name == plan.models[0] else first)
     with logged_to(model / "scores.log"):
-        found = evaluate(model / "model.ckpt", descents, n=plan.n_samples, seed=plan.seed)
-        found.write(model, figures=False)
+        scored = evaluate(model / "model.ckpt", descents, n=plan.n_samples, seed=plan.seed)
+        scored.write(model, figures=False)
         with whole_file(model / "intervals.csv") as temporary:
-            transition_fl = found.representation.decoder.transition_fl
-            intervals = score_intervals(found.scores, found.samples, found.real, transition_fl, plan.seed, RESAMPLES)
-            pl.DataFrame([asdict(one) for one in intervals]).fill_nan(None).write_csv(temporary)
-        print(found)
+            transition_fl = scored.representation.decoder.transition_fl
+            intervals = score_intervals(scored.scores, scored.samples, scored.real, transition_fl, plan.seed, RESAMPLES)
+            pl.DataFrame([asdict(interval) for interval in intervals]).fill_nan(None).write_csv(temporary)
+        print(scored)
     (model / "done").touch()
 
 
@@ -134,11 +134,11 @@ def _prepared(rows: Path, out: Path, folder: Path) -> Descents:
     from descentflow.surveillance.prepare import prepare
 
     with logged_to(folder / "prepare.log"):
-        found = prepare(rows, out=out)
-        print(found.report)
+        descents = prepare(rows, out=out)
+        print(descents.report)
     with whole_file(folder / "prepare.json") as temporary:
-        temporary.write_text(json.dumps(found.metadata, indent=1))
-    return found
+        temporary.write_text(json.dumps(descents.metadata, indent=1))
+    return descents
 
 
 def _write_slim(descents: Descents, path: Path) -> None:

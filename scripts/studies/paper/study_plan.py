@@ -162,8 +162,8 @@ def begun(folder: Path) -> StudyPlan:
         {'A320': 200}
     """
     try:
-        found = json.loads((folder / "plan.json").read_text())
-        return StudyPlan(**{**found, "models": tuple(found["models"])})
+        plan = json.loads((folder / "plan.json").read_text())
+        return StudyPlan(**{**plan, "models": tuple(plan["models"])})
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ConfigError(
             f"no plan of a study in {folder}", expected="its plan.json", mend="run scripts/paper_study.py there first"

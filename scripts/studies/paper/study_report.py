@@ -114,10 +114,10 @@ def write_report(plan: StudyPlan, folder: Path, published: Path | None = None) -
     page.section("Scores over types", sections.boxes(scores, plan))
     page.section("Likelihood of held-out flights", *sections.likelihoods(plan, folder))
     for quantity, heading in QUANTITIES.items():
-        one = table(scores, quantity, theirs.scores)
+        listed = table(scores, quantity, theirs.scores)
         with whole_file(folder / f"{quantity}.csv") as temporary:
-            one.write_csv(temporary)
-        page.section(heading, *sections.scores_of_quantity(one, plan.models))
+            listed.write_csv(temporary)
+        page.section(heading, *sections.scores_of_quantity(listed, plan.models))
     page.section("Components of profiles and mixtures", *sections.components(plan, folder, theirs.types))
     page.section("Rejected draws", sections.rejections(plan, folder))
     for heading, content in sweep_sections(plan, folder):

@@ -99,8 +99,8 @@ def costs(folder: Path) -> pl.DataFrame:
         >>> costs(Path("nothing_yet")).columns
         ['stage', 'typecode', 'model', 'cpu_s', 'wall_s', 'peak_mb']
     """
-    found = [json.loads(path.read_text()) for path in sorted(folder.glob("*/cost_*.json"))]
-    return pl.DataFrame(found, schema={"stage": pl.String, "typecode": pl.String, "model": pl.String, **_NUMBERS})
+    costs_of = [json.loads(path.read_text()) for path in sorted(folder.glob("*/cost_*.json"))]
+    return pl.DataFrame(costs_of, schema={"stage": pl.String, "typecode": pl.String, "model": pl.String, **_NUMBERS})
 
 
 _NUMBERS = dict.fromkeys(("cpu_s", "wall_s", "peak_mb"), pl.Float64)

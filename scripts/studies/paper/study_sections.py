@@ -83,17 +83,17 @@ def means_over_types(frame: pl.DataFrame, models: tuple[str, ...]) -> list[Html]
     rows: list[Row] = []
     for part in frame.partition_by("quantity", "statistic", maintain_order=True):
         first = part.row(0, named=True)
-        found = {r["model"]: r for r in part.iter_rows(named=True)}
-        best = min((r["score"] for r in found.values() if r["score"] is not None), default=0.0)
+        by_model = {r["model"]: r for r in part.iter_rows(named=True)}
+        best = min((r["score"] for r in by_model.values() if r["score"] is not None), default=0.0)
         cells: Row = [
             level_parts()[first["quantity"]].short,
             f"{STATISTICS[first['statistic']].short}{_unit(first['unit'])}",
         ]
         cells += [
             cell(number(r["score"]), "best" if (r["score"] or 0) <= WITHIN * best else "", _to_floor(r))
-            for r in (found[m] for m in models)
+            for r in (by_model[m] for m in models)
         ]
-        floors = [r["floor"] for r in found.values() if r["floor"] is not None]
+        floors = [r["floor"] for r in by_model.values() if r["floor"] is not None]
         floor = sum(floors) / len(floors) if floors else None
         rows.append([*cells, number(floor), number(first["nominal"]), str(first["types"])])
     text = paragraph(

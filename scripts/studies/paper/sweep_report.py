@@ -37,14 +37,14 @@ def sweep_sections(plan: StudyPlan, folder: Path) -> list[tuple[str, list[Html]]
         "gappy": ("Levels hidden from gappy flights", _gappy),
         "flow": ("Sizes of the flow", _flow),
     }
-    found = []
+    sections = []
     for name, (heading, make) in makers.items():
         order = {typecode: k for k, typecode in enumerate(plan.flights)}
         files = [path for path in (folder / "sweeps" / name).glob("*.[cj]s*[vn]") if _typecode(path) in order]
         files.sort(key=lambda path: (order[_typecode(path)], path.name))
         if files:
-            found.append((heading, make(plan, folder / "sweeps", files)))
-    return found
+            sections.append((heading, make(plan, folder / "sweeps", files)))
+    return sections
 
 
 def _typecode(path: Path) -> str:
@@ -83,10 +83,10 @@ def _gappy(plan: StudyPlan, folder: Path, files: list[Path]) -> list[Html]:
     for path in files:
         frame = pl.read_csv(path)
         for part in frame.partition_by("quantity", "pattern", maintain_order=True):
-            found = dict(part.select("method", "rmse").iter_rows())
-            best = min(found.values())
+            errors_of = dict(part.select("method", "rmse").iter_rows())
+            best = min(errors_of.values())
             about = [_typecode(path), f"{part['quantity'][0]}, {part['pattern'][0]}"]
-            errors = [cell(number(found[m]), "best" if found[m] == best else "") for m in METHODS]
+            errors = [cell(number(errors_of[m]), "best" if errors_of[m] == best else "") for m in METHODS]
             rows.append([*about, *errors, number(int(part["n_flights"][0]))])
     text = paragraph(
         "Root mean square error on flight levels that were hidden from every method: from the top of flights, or at "

@@ -178,7 +178,7 @@ def _variance(job: _SweepJob, common: _Sweeps) -> None:
     data = DescentDataModule(common.own / f"{job.typecode}.parquet", checkpoint=common.checkpoint(job.typecode))
     data.setup()
     decoder = data.representation.decoder
-    found = fold_scores(
+    scores = fold_scores(
         data.profiles("train"),
         decoder.aircraft,
         decoder.transition_fl,
@@ -186,7 +186,7 @@ def _variance(job: _SweepJob, common: _Sweeps) -> None:
         common.sweep.folds,
         common.sweep.shares,
     )
-    _write_csv(found, job.product(common.own))
+    _write_csv(scores, job.product(common.own))
 
 
 def _gappy(job: _SweepJob, common: _Sweeps) -> None:

@@ -77,18 +77,18 @@ def write_type_figures(plan: StudyPlan, folder: Path, typecode: str) -> None:
 
 
 def _facts(real: DescentSet, parts: Representation) -> dict[str, object]:
-    found = mass_range(real, parts.decoder.aircraft)
-    quantiles = torch.tensor([0.05, 0.5, 0.95], dtype=found.time_s.dtype)
+    by_mass = mass_range(real, parts.decoder.aircraft)
+    quantiles = torch.tensor([0.05, 0.5, 0.95], dtype=by_mass.time_s.dtype)
     return {
         "prepared": sum(len(ids) for ids in parts.split.to_state().values()),
         "bottom_fl": int(real.levels_fl[0]),
         "top_fl": int(real.levels_fl[-1]),
         "spanning": float(real.spans_grid().double().mean()),
-        "from_fl": int(found.levels_fl[-1]),
-        "time_s": found.time_s[:, 0].quantile(quantiles).tolist(),
-        "bada_s": float(found.reference_time_s[0]),
-        "bada_range_s": list(found.range_s),
-        "explained": found.explained,
+        "from_fl": int(by_mass.levels_fl[-1]),
+        "time_s": by_mass.time_s[:, 0].quantile(quantiles).tolist(),
+        "bada_s": float(by_mass.reference_time_s[0]),
+        "bada_range_s": list(by_mass.range_s),
+        "explained": by_mass.explained,
     }
 
 

@@ -122,20 +122,20 @@ def _bases(
     train: Profiles, scale: DragScale, shares: tuple[float, ...]
 ) -> dict[float, tuple[FunctionalBasis, FunctionalBasis]]:
     """Bases of drag and of speed for each share, in the order of the weights; drag as the paper has it."""
-    found = scale.observed(train)
-    drag, cas = (_truncated_bases(values, found.mask, shares) for values in found.values)
+    observed = scale.observed(train)
+    drag, cas = (_truncated_bases(values, observed.mask, shares) for values in observed.values)
     return {share: (drag[share], cas[share]) for share in shares}
 
 
 def _truncated_bases(values: Tensor, mask: Tensor, shares: tuple[float, ...]) -> dict[float, FunctionalBasis]:
     """A basis for each share; one fit serves all shares that its latent dimension serves anyway."""
-    found: dict[float, FunctionalBasis] = {}
+    bases: dict[float, FunctionalBasis] = {}
     fitted: FunctionalBasis | None = None
     for share in sorted(shares, reverse=True):
         if fitted is None or fitted.loadings.shape[1] > LATENT_DIMENSION:
             fitted = fit_components(values, mask, FL_M, share)
-        found[share] = truncated(fitted, share)
-    return found
+        bases[share] = truncated(fitted, share)
+    return bases
 
 
 def _representation(train: Profiles, aircraft: PerformanceModel, scale: DragScale, bases: Bases) -> Representation:
@@ -163,9 +163,9 @@ def _one_share(
         # Too many components for the flights: hardly a draw is plausible, which is a result.
         return [_FoldScore(**about, quantity=q, statistic="ks", unit="1", score=float("nan")) for q in QUANTITIES]
     sampled, real = DescentSet.of_trajectories(drawn.trajectories), DescentSet.of_profiles(test)
-    found = score(sampled, real, transition_fl, n_splits=1)
+    scores = score(sampled, real, transition_fl, n_splits=1)
     return [
         _FoldScore(**about, quantity=s.quantity, statistic=s.statistic, unit=s.unit, score=s.score)
-        for s in found
+        for s in scores
         if s.quantity in QUANTITIES and s.statistic in PAPER_STATISTICS
     ]

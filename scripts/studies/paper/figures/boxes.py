@@ -76,13 +76,13 @@ def box_values(
         [('Gaussian mixture', [0.1, 0.3]), ('floor', [0.05, 0.06])]
     """
     first = next(iter(models))
-    found: list[tuple[str, Sequence[float]]] = [
+    boxes: list[tuple[str, Sequence[float]]] = [
         (name, chosen.filter(pl.col("model") == m)["score"].drop_nulls().to_list()) for m, name in models.items()
     ]
-    found.append(("floor", chosen.filter(pl.col("model") == first)["floor"].drop_nulls().to_list()))
+    boxes.append(("floor", chosen.filter(pl.col("model") == first)["floor"].drop_nulls().to_list()))
     if with_nominal:
-        found.append(("BADA", chosen.filter(pl.col("model") == first)["nominal"].drop_nulls().to_list()))
-    return found
+        boxes.append(("BADA", chosen.filter(pl.col("model") == first)["nominal"].drop_nulls().to_list()))
+    return boxes
 
 
 def _draw(

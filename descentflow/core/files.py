@@ -4,10 +4,12 @@ import errno
 import os
 import re
 import shutil
+import tomllib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 from filelock import FileLock, Timeout
 
@@ -87,6 +89,20 @@ def whole_file(path: str | Path) -> Iterator[Path]:
                 mine.end()
             finally:  # an interruption may fall into the first
                 mine.end()
+
+
+def table_beside(module: str) -> dict[str, Any]:
+    """The TOML table that a module has in a file of its own name: texts and numbers that are no code.
+
+    Args:
+        module: Its ``__file__``.
+
+    Example:
+        >>> from descentflow.measurements import quantity_registry
+        >>> table_beside(quantity_registry.__file__)["cas"]["unit"]
+        'kt'
+    """
+    return tomllib.loads(Path(module).with_suffix(".toml").read_text(encoding="utf-8"))
 
 
 def remove_left(folder: Path, pattern: str = "**/*") -> None:

@@ -5,13 +5,12 @@ They stand apart from what the causes do, for a command's help lists them withou
 
 import math
 import operator
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from descentflow.core.errors import ConfigError
+from descentflow.core.files import table_beside
 
 Values = Mapping[str, float]
 ORDERS = {"<": operator.lt, "<=": operator.le}
@@ -64,10 +63,7 @@ def _plantable(table: Mapping[str, Any]) -> Plantable:
     return Plantable(table["description"], values, tuple(map(tuple, table.get("together", ()))))
 
 
-PLANTABLE = {
-    name: _plantable(table)
-    for name, table in tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")).items()
-}
+PLANTABLE = {name: _plantable(table) for name, table in table_beside(__file__).items()}
 """By the name of the cause: first those of the diagnosis's catalogue, then those outside it."""
 
 

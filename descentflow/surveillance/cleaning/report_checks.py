@@ -6,6 +6,7 @@ from dataclasses import asdict
 import polars as pl
 
 from descentflow.core.errors import CleaningError, warn
+from descentflow.core.files import table_beside
 from descentflow.surveillance.cleaning.flights import FLIGHTS_OF_SEVERAL_TYPES, NO_TYPES, OTHER_VALUES
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.cleaning.two_clocks import ROWS_OF_OTHER_CLOCK
@@ -110,74 +111,7 @@ def _no_address_named(types: pl.DataFrame, untyped: Mapping[str, int]) -> Cleani
     )
 
 
-REASONS: dict[str, tuple[str, str]] = {
-    "missing_value": (
-        "lack a time, an address, an altitude, IAS or Mach",
-        "see which column is empty; IAS and Mach come with Mode S enhanced surveillance (BDS 6,0), not with ADS-B: "
-        "rows with groundspeed and track get them by a weather field (--airspeeds-from); a table that has no column "
-        "Mach gets it from IAS and altitude",
-    ),
-    "outside_field_time": (
-        "are of times that the weather field does not have",
-        "take the field of the rows' days, from the hour before the first row to the hour after the last (UTC)",
-    ),
-    "outside_field_place": (
-        "are of places or levels that the weather field does not have",
-        "take a field of the whole region, from 150 hPa or less to the lowest level of the grid",
-    ),
-    "coarse_field": (
-        "lie between times of the weather field too far apart",
-        "take a field of every hour, or every six",
-    ),
-    "without_weather": ("have no wind or temperature", "fill the holes (NaN) of the field or of the columns"),
-    "impossible_derived": (
-        "get an IAS or a Mach number that no airliner has",
-        "check groundspeed (kt), track (degrees) and altitude (ft), and the wind (m/s)",
-    ),
-    "stuck_groundspeed": ("repeat groundspeed and track while they descend", "give each row its own groundspeed"),
-    "impossible_": (
-        "hold a value that no airliner has",
-        "check the unit of that column: altitude in ft, IAS in kt, Mach as 0.78, vertical_rate in ft/min",
-    ),
-    "duplicate": (
-        "have the address and the time of another row",
-        "check that rows of different aircraft have different icao24, and that each row has its own time",
-    ),
-    "other_clock": ("come again by another clock", "write the times of all sources in UTC"),
-    "spike_": ("leap between neighbours", "check that rows of different aircraft have different icao24"),
-    "stale_vertical_rate": (
-        "repeat the same vertical rate while the altitude changes otherwise",
-        "leave the column vertical_rate out if it is one number throughout: rates are then differenced from altitude; "
-        "else give each row the time at which its values were measured",
-    ),
-    "stale_": ("repeat the same values", "give each row the time at which its values were measured"),
-    "IAS_contradicts_Mach": (
-        "hold an IAS that contradicts Mach and altitude",
-        "check that IAS is the indicated airspeed (not TAS or groundspeed) and that both are of one time; "
-        "--airspeeds-differ-kt is the largest difference",
-    ),
-    "not_descending": (
-        "do not descend at {slowest_fpm:g} ft/min or more",
-        "pass rows of descents; check that vertical_rate is in ft/min and negative in descent (--slowest-fpm)",
-    ),
-    "transient": (
-        "lie within {transient_s:g} s of a level-off or climb",
-        "pass rows at shorter intervals, or a smaller --transient-s",
-    ),
-    "constant_rate": (
-        "are flown at a constant rate or path, not in free descent",
-        "pass flights whose crews descend freely; --constant-rate-s is the longest that a rate may be held",
-    ),
-    "second_descent": ("belong to a descent after a climb", "pass each descent of a flight under its own flight_id"),
-    "not_below_earlier_row": ("are not below an earlier row of their descent", "check that times and altitudes belong"),
-    "cleared_speed": ("fly a speed that was cleared", "pass flights without such clearances"),
-    "too_few_levels": (
-        "belong to descents of fewer than {fewest_levels} levels above FL{bottom_fl}",
-        "check first that altitude is in ft (metres are to be multiplied by 3.2808, flight levels by 100); else pass "
-        "rows at shorter intervals and of higher levels; --bottom-fl and --fewest-levels of `descentflow prepare` say "
-        "what is enough",
-    ),
-}
+REASONS = {step: (reason["rows"], reason["mend"]) for step, reason in table_beside(__file__).items()}
 """Step of cleaning, or the beginning of its name, -> what its rows have in common, and what to do about it."""
 
 

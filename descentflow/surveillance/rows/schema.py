@@ -6,6 +6,7 @@ from pathlib import Path
 import polars as pl
 
 from descentflow.core.errors import DataError
+from descentflow.core.files import table_beside
 
 TIMESTAMP = pl.Datetime("us", "UTC")
 
@@ -102,55 +103,12 @@ FILLS = (9999.0, -9999.0)
 MIN_CHECKED_VALUES = 20
 """Values of a column below which nothing of them is checked."""
 
-ALIASES = {
-    "time": "timestamp",
-    "ts": "timestamp",
-    "ias": "IAS",
-    "indicated_airspeed": "IAS",
-    "mach": "Mach",
-    "tas": "TAS",
-    "true_airspeed": "TAS",
-    "gs": "groundspeed",
-    "lat": "latitude",
-    "lon": "longitude",
-    "baro_rate": "vertical_rate",
-    "alt_baro": "altitude",
-    "alt_geom": "geoaltitude",
-    "hex": "icao24",
-    "aircraft_type": "typecode",
-    "mag_heading": "heading",
-    "magnetic_heading": "heading",
-    "vrate_barometric": "vertical_rate",
-    "baro_vertical_rate": "vertical_rate",
-    "selected_mcp": "selected_altitude",
-    "nav_altitude_mcp": "selected_altitude",
-    "true_track": "track",
-    "geom_rate": "geometric_rate",
-    "wd": "wind_direction",
-    "ws": "wind_speed",
-}
-"""Other names of the same quantity in the same unit -> the name in a row."""
-
-TRADE = {
-    **dict.fromkeys(("time_utc", "utc", "utc_time", "timestamp_utc", "datetime", "date_time"), "timestamp"),
-    **dict.fromkeys(
-        ("mode_s", "modes", "mode_s_address", "icao_address", "aircraft_address", "icao24_address"), "icao24"
-    ),
-    **dict.fromkeys(("acid", "aircraft_id", "call_sign"), "callsign"),
-    **dict.fromkeys(("type_code", "icao_type", "ac_type", "actype", "aircraft_typecode"), "typecode"),
-    **dict.fromkeys(("alt_ft", "altitude_ft", "pressure_altitude", "pressure_altitude_ft", "alt_baro_ft"), "altitude"),
-    **dict.fromkeys(("rocd", "rocd_fpm", "roc", "rate_of_climb", "climb_rate", "vertical_speed"), "vertical_rate"),
-    **dict.fromkeys(("vertical_rate_fpm", "vertical_speed_fpm", "vs_fpm", "baro_rate_fpm"), "vertical_rate"),
-    **dict.fromkeys(("ias_kt", "ias_kts", "indicated_airspeed_kt", "indicated_air_speed"), "IAS"),
-    **dict.fromkeys(("mach_number", "mach_no"), "Mach"),
-    **dict.fromkeys(("tas_kt", "tas_kts", "true_airspeed_kt", "true_air_speed"), "TAS"),
-    **dict.fromkeys(("gs_kt", "gs_kts", "ground_speed", "groundspeed_kt", "ground_speed_kt"), "groundspeed"),
-    **dict.fromkeys(("trk", "trk_deg", "track_deg", "track_angle", "true_track_angle"), "track"),
-    **dict.fromkeys(("hdg", "hdg_deg", "heading_deg", "mag_hdg"), "heading"),
-    **dict.fromkeys(("lat_deg", "latitude_deg"), "latitude"),
-    **dict.fromkeys(("lon_deg", "longitude_deg", "lng"), "longitude"),
-}
-"""Names of the trade, in small letters -> the name in a row; they count where no column has a surer name."""
+_NAMES = table_beside(__file__)
+ALIASES, TRADE = (
+    {other: name for name, others in _NAMES[kind].items() for other in others} for kind in ("aliases", "trade")
+)
+"""Other names of the same quantity in the same unit -> the name in a row, and names of the trade, in small letters:
+these count where no column has a surer name."""
 
 
 def check_types(

@@ -9,8 +9,8 @@ import numpy as np
 
 from descentflow.core.files import whole_file
 from descentflow.core.tabular import optional_library
-from descentflow.exports.columns import COLUMNS, FUEL
 from descentflow.exports.export_request import ExportRequest
+from descentflow.generation.sample_columns import COLUMNS, FUEL
 
 CONVENTIONS = "CF-1.11"
 MISSING = 9.969209968386869e36
@@ -83,7 +83,7 @@ def _fill_file(file: Any, request: ExportRequest) -> None:
 def _variable(file: Any, name: str, column: str) -> Any:
     variable = file.createVariable(name, "f8", ("trajectory", "obs"), fill_value=MISSING, compression="zlib")
     about = COLUMNS[column]
-    variable.units, variable.long_name = about.unit, about.meaning
+    variable.units, variable.long_name = about.udunit, about.meaning
     if about.standard_name is not None:
         variable.standard_name = about.standard_name
     if column == "deviation_k":

@@ -11,7 +11,7 @@ from descentflow.core.errors import ConfigError
 from descentflow.core.units import NM_M
 from descentflow.densities.density import Density
 from descentflow.densities.weight_draws import MixtureDraw
-from descentflow.exports.columns import FUEL
+from descentflow.generation.sample_columns import FUEL
 from descentflow.generation.sample_tables import flown_quantities
 from descentflow.representation.decoder.trajectories import Trajectories, through_air_m
 from descentflow.representation.own_air import check_standard_air

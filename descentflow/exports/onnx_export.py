@@ -21,9 +21,9 @@ from descentflow.core.files import whole_file
 from descentflow.core.tabular import optional_library
 from descentflow.core.version import __version__
 from descentflow.densities.density import Density
-from descentflow.exports.columns import COLUMNS, FUEL
 from descentflow.exports.descent_graph import ALL_RULES, PROFILES, Precision, SamplerGraph
 from descentflow.exports.export_request import ExportRequest
+from descentflow.generation.sample_columns import COLUMNS, FUEL
 from descentflow.representation.context import ContextColumn
 
 FORMAT = "descentflow-sampler"
@@ -117,9 +117,9 @@ def _outputs(sampler: SamplerGraph, precision: Precision) -> dict[str, Any]:
     air = ", in standard air whatever the temperature of the context" if sampler.n_context else ""
     profiles = {name: f"{COLUMNS[name].meaning}{air if name in IN_AIR else ''}" for name in PROFILES}
     return {
-        "level_fl": _about([n_levels], precision, "flight levels, ascending", unit=COLUMNS["level_fl"].unit),
+        "level_fl": _about([n_levels], precision, "flight levels, ascending", unit=COLUMNS["level_fl"].udunit),
         **{
-            name: _about(["n", n_levels], precision, f"{meaning}; NaN above the entry level", unit=COLUMNS[name].unit)
+            name: _about(["n", n_levels], precision, f"{meaning}; NaN above the entry level", unit=COLUMNS[name].udunit)
             for name, meaning in profiles.items()
         },
         "accepted": _about(["n"], "bool", "whether the draw keeps every rule; drop it if not"),

@@ -7,8 +7,8 @@ import polars as pl
 
 from descentflow.core.files import whole_file
 from descentflow.core.tabular import optional_library
-from descentflow.exports.columns import COLUMNS
 from descentflow.exports.export_request import ExportRequest
+from descentflow.generation.sample_columns import COLUMNS
 
 
 def write(request: ExportRequest) -> list[Path]:
@@ -29,7 +29,7 @@ def write(request: ExportRequest) -> list[Path]:
 
 
 def write_with_units(table: pl.DataFrame, path: Path, origin: Mapping[str, str]) -> None:
-    """Write a table whose columns are those of :data:`~descentflow.exports.columns.COLUMNS`, or begin with ``given_``.
+    """Write a table with columns of :mod:`~descentflow.generation.sample_columns`, or that begin with ``given_``.
 
     Args:
         table: The table.
@@ -54,4 +54,4 @@ def write_with_units(table: pl.DataFrame, path: Path, origin: Mapping[str, str])
 def _metadata(name: str) -> dict[str, str]:
     if name.startswith("given_"):
         return {"description": f"context {name.removeprefix('given_')} that the sample was drawn for"}
-    return {"units": COLUMNS[name].unit, "description": COLUMNS[name].meaning}
+    return {"units": COLUMNS[name].udunit, "description": COLUMNS[name].meaning}

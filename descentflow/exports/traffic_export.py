@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import whole_file
 from descentflow.densities.checkpoint import as_density
-from descentflow.exports.columns import FUEL
 from descentflow.exports.export_request import ExportRequest, rows_at
 from descentflow.generation.sample import sample
+from descentflow.generation.sample_columns import FUEL
 from descentflow.positions.ground_plan import GroundPlan
 
 Array = NDArray[np.float64]

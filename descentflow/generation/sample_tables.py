@@ -12,6 +12,7 @@ from descentflow.air.level_air import LevelAir
 from descentflow.core.files import whole_file
 from descentflow.core.tabular import optional_library, write_table
 from descentflow.core.units import FPM_MPS, KT_MPS, NM_M
+from descentflow.generation.sample_columns import COLUMNS
 from descentflow.physics.fuel import CO2_PER_FUEL, burnt_kg
 from descentflow.positions.placing import Positions, place
 from descentflow.representation.decoder.trajectories import Trajectories, burn_of
@@ -19,36 +20,10 @@ from descentflow.representation.decoder.trajectories import Trajectories, burn_o
 TIMESTAMP = pl.Datetime("us", "UTC")
 NO_TABLE = pl.DataFrame()
 """Contexts of samples that have none: no columns."""
-UNITS = {
-    "time_s": "s",
-    "altitude_ft": "ft",
-    "CAS": "kt",
-    "Mach": "1",
-    "TAS": "kt",
-    "vertical_rate": "ft/min",
-    "drag_n": "N",
-    "thrust_n": "N",
-    "fuel_flow_kg_s": "kg/s",
-    "fuel_kg": "kg",
-    "co2_kg": "kg",
-    "deviation_k": "K",
-    "tailwind": "kt",
-    "distance_nm": "NM",
-    "distance_to_go_nm": "NM",
-    "top_of_descent_nm": "NM",
-    "groundspeed": "kt",
-    "latitude": "degrees_north",
-    "longitude": "degrees_east",
-    "track": "degrees",
-    "unix_s": "s",
-}
-"""Column of a sample -> unit. `deviation_k` and `tailwind` (along
-the track) if they are flown in an air of their own, the last four if a path or a time was given; a table has the time
-as ``timestamp`` in place of ``unix_s``, seconds since 1970."""
 
 
 def flown_quantities(flown: Trajectories) -> dict[str, Tensor]:
-    """Quantities of :data:`UNITS` that need no air and no path, as (n, L); fuel where the model is known.
+    """Quantities of samples that need no air and no path, as (n, L); fuel where the model is known.
 
     Example:
         >>> from descentflow.generation.sample import sample
@@ -74,7 +49,7 @@ def flown_quantities(flown: Trajectories) -> dict[str, Tensor]:
 
 
 def _quantities(flown: Trajectories, positions: Positions | None, air: LevelAir | None) -> dict[str, np.ndarray]:
-    """Each quantity of :data:`UNITS` as (n, L) float64, on ascending levels."""
+    """Each quantity of samples as (n, L) float64, on ascending levels."""
     quantities = {name: tensor.detach().cpu().double().numpy() for name, tensor in flown_quantities(flown).items()}
     tailwind: Tensor | float = 0.0
     if air is not None:
@@ -110,8 +85,8 @@ def to_frame(
         air: Air (n, L) of each; in standard air if absent.
 
     Returns:
-        Columns ``sample_id level_fl`` and those of :data:`UNITS`; then the sample's context, its columns called
-        ``given_...``.
+        Columns ``sample_id level_fl`` and others of :mod:`~descentflow.generation.sample_columns`; then the
+        sample's context, its columns called ``given_...``.
 
     Example:
         >>> from descentflow.generation.sample import sample
@@ -163,7 +138,7 @@ def to_dataset(
     """
     mask = flown.mask.cpu().numpy()
     variables = {
-        name: (("sample", "level"), np.where(mask, values, np.nan), {"units": UNITS[name]})
+        name: (("sample", "level"), np.where(mask, values, np.nan), {"units": COLUMNS[name].unit})
         for name, values in _quantities(flown, positions, air).items()
     }
     coordinates: dict[str, Any] = {"level_fl": ("level", flown.levels_fl.cpu().numpy().astype(np.int32))}
@@ -234,5 +209,5 @@ def _write_netcdf(
         mask = flown.mask.cpu().numpy()
         for name, values in quantities.items():
             variable = file.createVariable(name, "f8", ("sample", "level"))
-            variable.units, variable.coordinates = UNITS[name], "level_fl"
+            variable.units, variable.coordinates = COLUMNS[name].unit, "level_fl"
             variable[:] = np.where(mask, values, np.nan)

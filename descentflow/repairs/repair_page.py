@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from descentflow.core.files import table_beside
 from descentflow.repairs.flight_evidence import BAND_FL
 from descentflow.repairs.held_out import Error
 from descentflow.repairs.repair_found import CoefficientEstimate, Repair
@@ -13,35 +14,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTH_IN = 3.2
-LABELS = {
-    "cd0_cr": "drag without lift, CD0",
-    "cd2_cr": "drag by lift, CD2",
-    "ct_des_low": "idle thrust below H_p,des, over climb thrust",
-    "ct_des_high": "idle thrust above H_p,des, over climb thrust",
-    "parasitic": "drag without lift (d1 to d5), factor",
-    "induced": "drag by lift (d6 to d15), factor",
-    "idle": "idle thrust (ti), factor",
-    "des_mach": "Mach number of the descent",
-    "des_cas_high_kt": "CAS above 10,000 ft, kt",
-    "des_cas_low_kt": "CAS below 10,000 ft, kt",
-}
-COUNTS = {
-    "flights_without_air": "{:.0f} flights did not measure their air: they have the others' mean, or standard air.",
-    "powered_bands": "{:.0f} bands of 2,000 ft are shallower than any glide at idle (30 to 1): left out.",
-    "share_with_speed_brake": "{:.0%} of the flights have brakes out somewhere: bands where many do are left out.",
-    "share_with_geometric_path": "{:.0%} of the flights hold a path somewhere: taken out of their rates.",
-}
-FILES = {
-    "toml": "coefficients with sources and intervals",
-    "opf": "BADA 3, with the APF a folder for bada_dir",
-    "apf": "BADA 3",
-    "acm": "BADA 4, with GPF.xml a folder for bada_dir",
-    "gpf": "BADA 4, as it was",
-    "openap": "clean polar of OpenAP, which BlueSky reads",
-    "profile": "bluebird-dt",
-    "uncertainty": "bluebird-dt",
-    "mapping": "bluebird-dt",
-}
+LABELS, COUNTS, FILES = (table_beside(__file__)[words] for words in ("labels", "counts", "files"))
+"""Words of coefficients, of what was counted, and of files."""
 
 
 def page(repair: Repair, paths: Mapping[str, Path]) -> str:

@@ -11,9 +11,9 @@ from export_toys import WHERE
 import descentflow as df
 from descentflow.cli.entry import main
 from descentflow.core.errors import ConfigError, DataError
-from descentflow.exports.columns import COLUMNS
 from descentflow.exports.export import export
 from descentflow.exports.targets import TARGETS
+from descentflow.generation.sample_columns import COLUMNS
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +38,7 @@ def test_every_field_of_the_parquet_says_its_unit(a320: Path, table: pl.DataFram
     fields = io.read_parquet(path).schema
     found = {name: fields.field(name).metadata_str for name in fields.names}
     assert found["vertical_rate"]["units"] == "ft/min"
-    assert {name: about["units"] for name, about in found.items()} == {name: COLUMNS[name].unit for name in found}
+    assert {name: about["units"] for name, about in found.items()} == {name: COLUMNS[name].udunit for name in found}
     assert pl.read_parquet_metadata(path)["checkpoint"] == a320.name
     again = pl.read_parquet(path)
     assert again.select(table.columns).drop("timestamp").equals(table.drop("timestamp"))

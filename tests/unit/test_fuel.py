@@ -23,7 +23,7 @@ from descentflow.evaluation.evaluation_report import verdict
 from descentflow.evaluation.metrics.classifier import Detection
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.scores import score
-from descentflow.exports.columns import COLUMNS
+from descentflow.generation.sample_columns import COLUMNS
 from descentflow.generation.sample_tables import to_frame, write_samples
 from descentflow.physics.airspeed import cas_to_tas_mps
 from descentflow.physics.energy import descent_rate_mps, energy_share_factor_local

@@ -22,7 +22,7 @@ from descentflow.generation.prediction.summary import (
     time_intervals,
 )
 from descentflow.generation.prediction.time_calibration import Control
-from descentflow.generation.sample_tables import UNITS
+from descentflow.generation.sample_columns import COLUMNS
 from descentflow.positions.ground_plan import NOWHERE, Ground, GroundPlan, ground_plan
 from descentflow.reporting.in_notebook import WithTable
 from descentflow.representation.encode_flights import (
@@ -104,7 +104,7 @@ class Prediction(WithTable):
             ConfigError: If xarray is not installed.
         """
         names = self._intervals.columns[2:]
-        known = {**UNITS, "continuations": "1"}
+        known = {**{name: column.unit for name, column in COLUMNS.items()}, "continuations": "1"}
         units = {name: known.get(name) or {"s": "s", "nm": "NM"}[name.rpartition("_")[2]] for name in names}
         return to_dataset(self._intervals, ("flight_id", "level_fl"), names, units)
 

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import polars as pl
 
 from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.files import table_beside
 from descentflow.surveillance.formats import aircraft_json, asterix, json_rows, mode_s, readsb_trace, scat, tables
 from descentflow.surveillance.formats.json_rows import documents
 from descentflow.surveillance.rows.drop_report import DropReport
@@ -132,63 +133,15 @@ def _belongs(part: RowBlock, waiting: Sequence[RowBlock], block_rows: int) -> bo
     return part.rows.schema == waiting[0].rows.schema and count < block_rows and len(waiting) < MAX_JOINED_TABLES
 
 
-PICKLE = ("a pickle", "write the table as Parquet: opening a pickle runs whatever code it holds")
-PACKED_MEND = "unpack it, or pack it with gzip"
-CAPTURE = ("a capture of network packets", "take the payloads out of the packets first")
-BEAST = ("Beast binary", "write it as lines of time and frame, or as JSON with jet1090")
-EXCEL = ("a workbook of Excel", "save the sheet as CSV in UTF-8, with commas and decimal points")
-POINTS_MEND = "compare times between levels by the recipe of the docs (Times from so6 and ALL_FT+)"
-REFUSED_BINARY = {
-    rb"\x80[\x02-\x05]": PICKLE,
-    rb"PK\x03\x04.*data\.pkl": (
-        "a checkpoint or another file of torch",
-        "pass the rows; info, sample, evaluate and diagnose take checkpoints",
-    ),
-    rb"PK\x03\x04.*(?:\[Content_Types\]\.xml|docProps/|xl/)": EXCEL,
-    rb"PK\x03\x04": ("a zip archive", "unpack it and pass the folder"),
-    rb"BZh": ("bzip2", PACKED_MEND),
-    rb"\xfd7zXZ": ("xz", PACKED_MEND),
-    rb"\x28\xb5\x2f\xfd": ("zstandard", PACKED_MEND),
-    rb"\x89HDF": ("HDF5", "write the table as Parquet"),
-    rb"FEA1": ("Feather version 1", "write it again as Feather version 2 or Parquet"),
-    rb"\xd4\xc3\xb2\xa1|\xa1\xb2\xc3\xd4|\x0a\x0d\x0d\x0a": CAPTURE,
-    rb"\x1a[1-3]": BEAST,
-    rb"\xff\xfe|\xfe\xff": (
-        "text in UTF-16, not UTF-8",
-        "save it as UTF-8, for instance in an editor or by iconv -f UTF-16 -t UTF-8",
-    ),
-}
-"""Begin of a file -> what it is, and what the user can do; the first that fits counts."""
-REFUSED_TEXT = {
-    rb"(?:\S+[ \t]+){4}(?:\d+[ \t]+){5}\S+(?:[ \t]+\d+){2}(?:[ \t]+\S+){8}[ \t]*[\r\n]": (
-        "so6 of EUROCONTROL, with times and altitudes but no airspeeds",
-        POINTS_MEND,
-    ),
-    rb"\d{1,2}[ \t]*\r?\n(?:[^;\n]*;){20}": (
-        "ALL_FT+ of EUROCONTROL, with times and altitudes but no airspeeds",
-        POINTS_MEND,
-    ),
-    rb"(?:MSG|SEL|ID|AIR|STA|CLK),\d*,\d*,\d*,[0-9A-Fa-f]*,": (
-        "a BaseStation (SBS-1) log, whose messages have no IAS and no Mach",
-        "record raw frames with jet1090, or snapshots (aircraft.json) of readsb or dump1090-fa",
-    ),
-    rb"(?:[*:]|@[0-9a-fA-F]{12})?(?:[0-9a-fA-F]{14}){1,2};?\s": (
-        "Mode S frames without the time of each",
-        "record lines `seconds frame` (seconds since 1970), for instance with jet1090",
-    ),
-    rb"[^\n]*\r[^\n]+\Z": (
-        "text whose lines end in CR alone",
-        r"write the line ends as LF, for instance by tr '\r' '\n' < OLD > NEW",
-    ),
-}
-"""The same of texts, without byte order mark and blanks before them; JSON is not looked at."""
+REFUSED = table_beside(__file__)
+"""Kinds of files, `binary` and `text`, that are not read: how they begin, what they are, and what the user can do."""
 
 
-def refuse_known(begin: bytes, kinds: dict[bytes, tuple[str, str]], label: str) -> None:
+def refuse_known(begin: bytes, kind: Literal["binary", "text"], label: str) -> None:
     """Refuse a file that begins as one of these kinds."""
-    for pattern, (what, mend) in kinds.items():
-        if re.match(pattern, begin, re.DOTALL):
-            raise DataError(f"{label} is {what}", expected=ACCEPTED, mend=mend)
+    for refused in REFUSED[kind]:
+        if re.match(refused["begins"].encode(), begin, re.DOTALL):
+            raise DataError(f"{label} is {refused['what']}", expected=ACCEPTED, mend=refused["mend"])
 
 
 SPLIT_MEND = "write the table of pandas with orient='records' or as Parquet; names and values apart are not read"
@@ -237,7 +190,7 @@ def held_parts(
 
 def format_of_bytes(head: bytes, label: str) -> Format | None:
     """Format of a file that begins with these bytes; None if it is JSON, whose first document has to be read."""
-    refuse_known(head, REFUSED_BINARY, label)
+    refuse_known(head, "binary", label)
     for known in TRIED:
         if known.kind == "bytes" and known.recognise(head):
             return known
@@ -257,7 +210,7 @@ def _text(head: bytes, label: str) -> bytes:
     if not text:
         raise DataError(f"{label} holds no text", expected=ACCEPTED, mend="check how it was written")
     if not text.startswith((b"{", b"[")):
-        refuse_known(text, REFUSED_TEXT, label)
+        refuse_known(text, "text", label)
     return text
 
 

@@ -20,7 +20,7 @@ from descentflow.surveillance.descents.store import KEY, MEND, SCHEMA_VERSION, d
 from descentflow.surveillance.rows.air_data import IAS_COMPUTED, MACH_COMPUTED
 from descentflow.surveillance.rows.airspeed_source import REPORTED
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.rows.schema import CHANNELS
+from descentflow.surveillance.rows.schema import CHANNELS, UNITS
 from descentflow.surveillance.unpacking import whole_input
 
 if TYPE_CHECKING:
@@ -172,7 +172,7 @@ class Descents(WithTable):
             ('flight_id', 'level_fl')
         """
         names = ["time_s", *(name for name in CHANNELS if name in self.frame.columns)]
-        dataset = to_dataset(self.frame, ("flight_id", "level_fl"), names, COLUMN_UNITS)
+        dataset = to_dataset(self.frame, ("flight_id", "level_fl"), names, {"time_s": "s", **UNITS})
         types = self.frame.unique("flight_id", keep="first").sort("flight_id")["typecode"]
         return dataset.assign_coords(typecode=("flight_id", types.to_list()))
 
@@ -203,21 +203,6 @@ class Descents(WithTable):
         pair = ("IAS", "Mach") if IAS_COMPUTED in self.report.notes else ("Mach", "IAS")
         computed = ["  {} is computed from {} and altitude: rows had none".format(*pair)] if self.computed else []
         return "\n".join([head, *types, *self.report.summary(), *computed])
-
-
-COLUMN_UNITS = {
-    "time_s": "s",
-    "vertical_rate": "ft/min",
-    "geometric_rate": "ft/min",
-    "geoaltitude": "ft",
-    "temperature": "K",
-    "fuel_flow": "kg/s",
-    "N1": "percent",
-    "thrust": "N",
-    **dict.fromkeys(("IAS", "TAS", "groundspeed", "wind_speed"), "kt"),
-    **dict.fromkeys(("track", "heading", "roll", "latitude", "longitude", "wind_direction"), "degrees"),
-}
-"""Column -> unit."""
 
 
 def top_levels(frame: pl.DataFrame) -> dict[str, int]:

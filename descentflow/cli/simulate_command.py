@@ -41,6 +41,8 @@ def run(
     plant: list[str] | None = None,
     days: int | None = None,
     change: list[str] | None = None,
+    without_airspeeds: bool = False,
+    wind_error_mps: float = 2.5,
 ) -> None:
     """Fly descents of one aircraft type by the full equation of motion.
 
@@ -64,65 +66,34 @@ def run(
         days: spread the flights over so many days; OUT is then a folder with a file of rows for each
         change (DATE EFFECT): with --days: effect that flights have from a date on, in place of --plant, as
             "2024-03-24 drag_polar:factor=1.05"; may be given again
+        without_airspeeds: leave IAS, Mach, TAS and heading out, as plain ADS-B does, and write the weather field to
+            derive them by, with errors, to OUT_field.nc
+        wind_error_mps: standard error of each component of the field's wind; its temperature errs by 0.4 K for each m/s
     """
+    from descentflow.core.progress import stage
+    from descentflow.simulation.days import simulate_days
+    from descentflow.simulation.world import field_file, simulate, world_files
+
+    effects = planted(plant or [])
+    if days is not None and without_airspeeds:
+        raise ConfigError("--days with --without-airspeeds", expected="one of them", mend="leave out the other")
     if days is not None:
-        _fly_days(out, typecode, flights, days, seed, scenario, bada_dir, plant or [], change or [])
+        dated = (word.strip().partition(" ") for word in change or [])
+        changes = {day: planted(words.split()) for day, _, words in dated}
+        with stage("flying", flights * (1 + len(changes)), "flights") as flown:
+            written = simulate_days(typecode, flights, days, out, seed=seed, scenario=scenario, bada_dir=bada_dir,
+                                    plant=effects, changes=changes, progress=flown.advance)  # fmt: skip
+        print(f"wrote {len(written)} days to {out}")
         return
     if change:
         raise ConfigError("--change without --days", expected="both", mend="say over how many days flights are spread")
-    from descentflow.core.progress import stage
-    from descentflow.simulation.world import simulate, world_files
-
     with stage("flying", flights, "flights") as flown:
-        world = simulate(
-            typecode,
-            flights,
-            seed,
-            scenario,
-            bada_dir=bada_dir,
-            plant=planted(plant or []),
-            out=out,
-            truth_out=truth,
-            progress=flown.advance,
-        )
+        world = simulate(typecode, flights, seed, scenario, bada_dir=bada_dir, plant=effects, out=out, truth_out=truth,
+                         without_airspeeds=without_airspeeds, wind_error_mps=wind_error_mps,
+                         progress=flown.advance)  # fmt: skip
     print(world)
     rows, beside, flown_truth = world_files(out, truth)
-    print(f"wrote {rows}, {flown_truth}, {beside}")
-
-
-def _fly_days(
-    out: Path,
-    typecode: str,
-    flights: int,
-    days: int,
-    seed: int,
-    scenario: str,
-    bada_dir: Path | None,
-    plant: Sequence[str],
-    change: Sequence[str],
-) -> None:
-    """Write a file of rows for each day."""
-    from descentflow.core.progress import stage
-    from descentflow.simulation.days import simulate_days
-
-    changes: dict[str, dict[str, dict[str, float]]] = {}
-    for word in change:
-        day, _, effects = word.strip().partition(" ")
-        changes[day] = planted(effects.split())
-    with stage("flying", flights * (1 + len(changes)), "flights") as flown:
-        written = simulate_days(
-            typecode,
-            flights,
-            days,
-            out,
-            seed=seed,
-            scenario=scenario,
-            bada_dir=bada_dir,
-            plant=planted(plant),
-            changes=changes,
-            progress=flown.advance,
-        )
-    print(f"wrote {len(written)} days to {out}")
+    print(f"wrote {rows}, {flown_truth}, {beside}{f', {field_file(out)}' if without_airspeeds else ''}")
 
 
 def planted(words: Sequence[str]) -> dict[str, dict[str, float]]:

@@ -1,14 +1,15 @@
 """A world: flights of known truth, and the surveillance rows that a radar would have of them."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from dataclasses import field as dataclass_field
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
-from descentflow.core.arguments import Count, NotNegativeInt, Output, checked_arguments
+from descentflow.core.arguments import Count, NotNegativeFloat, NotNegativeInt, Output, checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_output, whole_file
 from descentflow.core.tabular import to_pandas
@@ -18,6 +19,7 @@ from descentflow.simulation.causes.injection import Injection
 from descentflow.simulation.flight import fly
 from descentflow.simulation.observe import observe
 from descentflow.simulation.parameters import FlightParameters, draw_parameters
+from descentflow.simulation.plain_adsb import check_common_air, plain_adsb
 from descentflow.simulation.plantable import Values
 from descentflow.simulation.scenarios import PLAIN, scenario_settings
 from descentflow.simulation.truth import flights_table, name_flights, truth_table
@@ -56,6 +58,16 @@ def world_files(out: str | Path, truth: str | Path | None = None) -> tuple[Path,
     return paths
 
 
+def field_file(out: str | Path) -> Path:
+    """Path of the weather field of a world's rows.
+
+    Example:
+        >>> field_file("rows.parquet").name
+        'rows_field.nc'
+    """
+    return Path(out).with_name(f"{Path(out).stem}_field.nc")
+
+
 @dataclass(frozen=True)
 class World:
     """Simulated flights: what a radar reports of them, and the truth behind it.
@@ -68,6 +80,7 @@ class World:
         scenario: Name of the settings.
         seed: Of all random numbers.
         planted: Effects that were planted, with all of their values.
+        field: Weather field of rows without airspeeds (`xarray.Dataset`); None of others.
 
     Example:
         >>> names = ("rows.parquet", "rows_flights.parquet", "rows_truth.parquet")
@@ -81,7 +94,8 @@ class World:
     truth: pl.DataFrame
     scenario: str = PLAIN
     seed: int = 0
-    planted: Mapping[str, Values] = field(default_factory=dict)
+    planted: Mapping[str, Values] = dataclass_field(default_factory=dict)
+    field: Any = None
 
     def __str__(self) -> str:
         """One line: flights, rows, how many flights leave idle descent on purpose, and what was planted."""
@@ -121,7 +135,8 @@ class World:
         """Write rows, truth and flights as Parquet, each file whole or not at all.
 
         Args:
-            out: The rows, ``NAME.parquet``; the flights go to ``NAME_flights.parquet`` beside it.
+            out: The rows, ``NAME.parquet``; the flights go to ``NAME_flights.parquet`` beside it, and a field to
+                ``NAME_field.nc``.
             truth: The truth; ``NAME_truth.parquet`` if not given.
 
         Returns:
@@ -134,6 +149,9 @@ class World:
         for frame, path in zip((self.rows, self.flights, self.truth), paths, strict=True):
             with whole_file(path) as temporary:
                 frame.write_parquet(temporary)
+        if self.field is not None:
+            with whole_file(field_file(out)) as temporary:
+                self.field.to_netcdf(temporary)
         return paths
 
 
@@ -149,6 +167,8 @@ def simulate(
     inject: Callable[[FlightParameters], FlightParameters] | None = None,
     out: Output | None = None,
     truth_out: Output | None = None,
+    without_airspeeds: bool = False,
+    wind_error_mps: NotNegativeFloat = 2.5,
     chunk: Count = CHUNK,
     progress: Callable[[int], object] | None = None,
 ) -> World:
@@ -170,6 +190,10 @@ def simulate(
             on each flight by itself.
         out: Write the world there too, see :meth:`World.write`; names are checked before anything is flown.
         truth_out: Where ``out`` puts the truth.
+        without_airspeeds: Leave IAS, Mach, TAS and heading out of the rows, as plain ADS-B does. Each day has a wind
+            then, and the world a ``field`` of it, with errors, to derive them by.
+        wind_error_mps: Standard error of each component of the field's wind; its temperature errs by 0.4 K for each
+            m/s.
         chunk: Flights flown together; without effect on the result.
         progress: Called with the number of flights just finished.
 
@@ -178,7 +202,8 @@ def simulate(
 
     Raises:
         ConfigError: If the count or the seed cannot be, there is no such scenario, the output cannot be written, or the
-            aircraft does not descend, or there is no such effect or value to plant, or it cannot be flown.
+            aircraft does not descend, or there is no such effect or value to plant, or it cannot be flown, or rows
+            without airspeeds are asked of a world in which flights have an air of their own.
         AircraftError: If there is no such type.
 
     Example:
@@ -196,6 +221,10 @@ def simulate(
         world_files(out, truth_out)
     kind = find_aircraft(aircraft, bada_dir) if isinstance(aircraft, str) else aircraft
     config = scenario if isinstance(scenario, WorldConfig) else scenario_settings(str(scenario or PLAIN), kind)
+    if without_airspeeds:
+        check_common_air(config)
+        if out is not None:
+            check_output(field_file(out))
     planting = Injection(kind, plant or {}, seed)
 
     def change(parameters: FlightParameters) -> FlightParameters:
@@ -210,7 +239,10 @@ def simulate(
             progress(len(numbers))
     rows, flights, truth = (pl.concat(tables) for tables in zip(*parts, strict=True))
     name = "of your own" if isinstance(scenario, WorldConfig) else str(scenario or PLAIN)
-    world = World(rows, flights, truth, name, seed, planting.causes)
+    weather = None
+    if without_airspeeds:
+        rows, weather = plain_adsb(rows, seed, config.deviation_mean_k, wind_error_mps)
+    world = World(rows, flights, truth, name, seed, planting.causes, weather)
     if out is not None:
         world.write(out, truth_out)
     return world

@@ -11,13 +11,13 @@ from typing import NamedTuple
 import numpy as np
 import polars as pl
 
-from descentflow.core.constants import KAPPA, LAPSE_K_M, R_AIR, T0_K, TROPOPAUSE_M
+from descentflow.core.constants import KAPPA, R_AIR
 from descentflow.core.errors import CleaningError, DataError
-from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
+from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.surveillance.cleaning.filters import SECONDS, clock_of, flights_of
 from descentflow.surveillance.cleaning.ground_vector import Mask, check_course, stuck, turning
 from descentflow.surveillance.cleaning.rates import with_rate
-from descentflow.surveillance.rows.air_data import Array, cas_of_mach_kt
+from descentflow.surveillance.rows.air_data import Array, cas_of_mach_kt, standard_k
 from descentflow.surveillance.rows.airspeed_source import (
     COLUMNS_OF_ROWS,
     PLACED,
@@ -163,11 +163,9 @@ def _air_of_neighbours(rows: pl.DataFrame, seen: pl.DataFrame) -> RowAir:
     inside = clock.clip(bounds["first"].to_numpy(), bounds["last"].to_numpy())
     east, north, deviation = (np.interp(inside, at, values) for values in NeighbourAir(seen).at(places))
     none = np.zeros(len(rows), dtype=bool)
-    return RowAir(east, north, _standard_k(rows) + deviation, [none, none, np.isnan(east + deviation), none])
-
-
-def _standard_k(rows: pl.DataFrame) -> Array:
-    return np.asarray(T0_K + LAPSE_K_M * np.minimum(rows["altitude"].to_numpy() * FT_M, TROPOPAUSE_M))
+    return RowAir(
+        east, north, standard_k(rows["altitude"].to_numpy()) + deviation, [none, none, np.isnan(east + deviation), none]
+    )
 
 
 def _air_of_field(rows: pl.DataFrame, source: AirspeedSource) -> RowAir:
@@ -197,7 +195,12 @@ def _air_of_field(rows: pl.DataFrame, source: AirspeedSource) -> RowAir:
         inside = np.ones(len(rows), dtype=bool)
         if missing.any():
             inside[missing] = np.isfinite(field.read(TEMPERATURE, points.rows(missing), blank=True))
-    return RowAir(east, north, _standard_k(rows) + deviation, [early, coarse, missing & ~inside, missing & inside])
+    return RowAir(
+        east,
+        north,
+        standard_k(rows["altitude"].to_numpy()) + deviation,
+        [early, coarse, missing & ~inside, missing & inside],
+    )
 
 
 def _check_wind(rows: pl.DataFrame, air: RowAir, straight: Mask) -> None:

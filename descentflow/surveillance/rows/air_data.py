@@ -40,10 +40,14 @@ def pressure_ratio(altitude_ft: Array) -> Array:
     return np.asarray(low * np.exp(-G0_MPS2 / (R_AIR * T_TROPOPAUSE_PRINTED_K) * above_m))
 
 
+def standard_k(altitude_ft: Array) -> Array:
+    """Temperature of the standard atmosphere, K."""
+    return np.asarray(T0_K + LAPSE_K_M * np.minimum(altitude_ft * FT_M, TROPOPAUSE_M))
+
+
 def isa_tas_of_mach_kt(mach: Array, altitude_ft: Array) -> Array:
     """True airspeed in the standard atmosphere, kt."""
-    temperature_k = T0_K + LAPSE_K_M * np.minimum(altitude_ft * FT_M, TROPOPAUSE_M)
-    return np.asarray(mach * np.sqrt(KAPPA * R_AIR * temperature_k) / KT_MPS)
+    return np.asarray(mach * np.sqrt(KAPPA * R_AIR * standard_k(altitude_ft)) / KT_MPS)
 
 
 def cas_of_mach_kt(mach: Array, altitude_ft: Array) -> Array:

@@ -19,9 +19,11 @@ import polars as pl
 import torch
 
 import descentflow as df
-from descentflow.core.units import KT_MPS
+from descentflow.core.constants import KAPPA, R_AIR
+from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.generation.samples import Samples
 from descentflow.simulation.world import field_file
+from descentflow.surveillance.cleaning.ground_vector import STEEPEST_DEG
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt
 
@@ -100,13 +102,37 @@ def by_neighbours(name: str, rows: Path, bottom_fl: int, types: Path | None = No
     return lines
 
 
+def by_era5(rows: Path) -> list[str]:
+    """Rows of a table: CAS by ERA5's wind and temperature, which the rows carry, less the IAS of Mode S, by 5,000 ft.
+
+    Args:
+        rows: Of one A319, whose IAS is repeated: rows with the one before are left out. Its TAS and Mach number are
+            ERA5's, too, and are not used.
+    """
+    table = pl.read_parquet(rows).sort("timestamp").filter(pl.col("IAS") != pl.col("IAS").shift())
+    east, north = (table[f"{name}_component_of_wind"].to_numpy() for name in "uv")
+    track, speed = np.radians(table["track"].to_numpy()), table["groundspeed"].to_numpy() * KT_MPS
+    level = np.hypot(speed * np.sin(track) - east, speed * np.cos(track) - north)
+    sound = np.sqrt(KAPPA * R_AIR * table["temperature"].to_numpy())
+    mach = np.hypot(level, table["vertical_rate"].to_numpy() * FPM_MPS) / sound
+    off = cas_of_mach_kt(mach, table["altitude"].to_numpy()) - table["IAS"].to_numpy()
+    falls, straight = pl.col("vertical_rate") < -300, pl.col("roll").abs() < STEEPEST_DEG
+    found = table.with_columns(off=pl.Series(off), band=(pl.col("altitude") // 5000 * 50).cast(int)).filter(straight)
+    descent = found.filter(falls, pl.col("altitude") >= 10_000)
+    cruise = found.filter(pl.col("vertical_rate").abs() < 300, pl.col("altitude") > 30_000)
+    named = [("cruise", cruise), ("descent", descent), *((f"FL{part['band'][0]}", part) for part in bands(descent))]
+    return [
+        f"| {name} | {len(part)} | {part['off'].mean():+.1f} +- {part['off'].std(ddof=0):.1f} |" for name, part in named
+    ]
+
+
 def bands(found: pl.DataFrame) -> list[pl.DataFrame]:
     """Levels by band, the lowest first."""
     return found.sort("band").partition_by("band", maintain_order=True)
 
 
-def neighbours_of(folder: Path) -> list[str]:
-    """The table of three receivers."""
+def real_rows(folder: Path) -> list[str]:
+    """The tables of three receivers, and of one aircraft with ERA5."""
     japan, netherlands = folder / "japan_2022_2023.parquet", folder / "ehs_netherlands_2017-01-11.parquet"
     bengaluru, types = folder / "dump1090fa_bengaluru_2023.jsonl.gz", folder / "bengaluru_typecodes.csv"
     return [
@@ -115,6 +141,10 @@ def neighbours_of(folder: Path) -> list[str]:
         *by_neighbours("Netherlands", netherlands, 100),
         *by_neighbours("Bengaluru", bengaluru, 100, types),
         *by_neighbours("Japan", japan, 150),
+        "",
+        "| A319 | rows | CAS by ERA5 less its IAS, kt |",
+        "|---|---|---|",
+        *by_era5(folder / "nodefdm_a319.parquet"),
     ]
 
 
@@ -125,10 +155,10 @@ def main() -> None:
     parser.add_argument("--flights", type=int, nargs="+", default=[300, 1000], help="of each fleet (default: 300 1000)")
     parser.add_argument("--winds", type=float, nargs="+", default=[2.5, 4.5], help="errors, m/s (default: 2.5 4.5)")
     parser.add_argument("--seed", type=int, default=0, help="of flights, errors and samples (default: 0)")
-    parser.add_argument("--real", type=Path, help="folder of real rows: only the table of neighbours is printed")
+    parser.add_argument("--real", type=Path, help="folder of real rows: only their tables are printed")
     asked = parser.parse_args()
     if asked.real:
-        table = "\n".join(neighbours_of(asked.real)) + "\n"
+        table = "\n".join(real_rows(asked.real)) + "\n"
         asked.out.write_text(table, encoding="utf-8")
         print(table)
         return

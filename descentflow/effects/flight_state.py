@@ -8,7 +8,7 @@ from torch import Tensor
 
 from descentflow.core.recent import Recent
 from descentflow.core.tensors import Number, as_tensors
-from descentflow.physics.airspeed import cas_to_mach, mach_to_cas_mps, mach_to_tas_mps
+from descentflow.physics.airspeed import mach_to_cas_mps, mach_to_tas_mps
 from descentflow.physics.energy import ShareTerms, descent_rate_mps
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.surveillance.cleaning.thresholds import Cleaning
@@ -96,7 +96,7 @@ class FlightState:
 
     def mach(self) -> Tensor:
         """Mach number (n, K) of the CAS."""
-        return cas_to_mach(self.cas_mps, self.altitude_m)
+        return self.share_terms.mach
 
     @cached_property
     def share_terms(self) -> ShareTerms:

@@ -15,7 +15,7 @@ from descentflow.core.linear_gaussian import Precisions, posterior, shrunk
 from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, corrected_entries
 from descentflow.diagnosis.diagnosis_steps import diagnose_compared
 from descentflow.diagnosis.gap.what_is_left import curves, remaining_of, standard_errors
-from descentflow.diagnosis.inference.candidates import FlightsEffect, MeanEffect, linearised
+from descentflow.diagnosis.inference.candidates import FlightsEffect, MeanEffect
 from descentflow.diagnosis.inference.explain import detection_limits, explain
 from descentflow.diagnosis.inference.flight_mixture import (
     FlightWindows,
@@ -32,7 +32,7 @@ from descentflow.diagnosis.inference.moments import (
 )
 from descentflow.diagnosis.inference.naming import name_effects, nuisances
 from descentflow.diagnosis.inference.sets import Search, SetFit, SetFits
-from descentflow.diagnosis.inference.signatures import Signatures
+from descentflow.diagnosis.inference.signatures import Signatures, linearised
 from descentflow.diagnosis.inference.verdict import verdict_of
 from descentflow.diagnosis.sides.assumptions import Assumptions
 from descentflow.diagnosis.sides.diagnosis_settings import Settings
@@ -380,6 +380,17 @@ def test_an_interval_that_holds_no_change_is_of_no_cause() -> None:
     assert not idle.differs(np.array([0.44]), np.array([0.346]))
     assert idle.differs(np.array([0.68]), np.array([0.255]))
     assert bias.differs(np.array([-3.0, 0.01]), np.array([0.1, 0.08]))
+
+
+@pytest.mark.parametrize(("name", "theta"), [("speed_schedule", [6.0, 0.006]), ("idle_thrust", [0.5])])
+def test_a_signature_near_another_is_that_of_the_equation(name: str, theta: list[float]) -> None:
+    sides, effect = example_sides(), EFFECTS[name]
+    at = torch.tensor(theta, dtype=torch.float64)
+    near = at + 0.24 * torch.tensor([parameter.scale for parameter in effect.parameters])
+    kept, anew = (Signatures(sides, moments(sides)) for _ in range(2))
+    kept.of(effect, at)
+    found, true = kept.of(effect, near), anew.of(effect, near)
+    assert np.abs(found.shift - true.shift).max() < 0.01 * np.abs(true.shift - anew.of(effect, 0 * at).shift).max()
 
 
 def test_a_simulator_of_one_speed_leaves_its_rate_at_other_speeds_open() -> None:

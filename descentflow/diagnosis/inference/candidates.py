@@ -12,9 +12,6 @@ from descentflow.diagnosis.inference.flight_mixture import LearntLaw
 from descentflow.diagnosis.inference.signatures import Signature, Signatures
 from descentflow.effects import Effect
 
-MOST_MISFIT_SCALED = 25.0
-"""Factor of a misfit up to which it is scaled with the square of a shift: of an effect that alone has nearly none."""
-
 
 class MeanEffect:
     """An effect that shows in the means: its sizes are those of its parameters that a mean can tell."""
@@ -29,35 +26,27 @@ class MeanEffect:
             signatures: In the real flights.
         """
         self.effect, self.name, self._signatures = effect, effect.name, signatures
-        self._free = [i for i, parameter in enumerate(effect.parameters) if not parameter.from_heterogeneity]
-        free = [effect.parameters[i] for i in self._free]
-        self.start = np.array([parameter.start for parameter in free])
-        self.prior_sd = self.free_sd = np.array(
-            [signatures.assumed.prior_scales * parameter.scale for parameter in free]
-        )
+        self.start = np.array([parameter.start for parameter in effect.parameters])
+        scale = np.array([parameter.scale for parameter in effect.parameters])
+        self.prior_sd = self.free_sd = signatures.assumed.prior_scales * scale
 
     def theta(self, sizes: Array) -> Tensor:
         """All parameters of the effect."""
-        theta = self.effect.start().double()
-        theta[self._free] = torch.from_numpy(np.asarray(sizes, dtype=float))
-        return theta
+        return torch.from_numpy(np.asarray(sizes, dtype=float))
 
     def theta_errors(self, errors: Array) -> Tensor:
         """Standard errors of all parameters, zero where nothing that is compared answers to one."""
         answers = np.abs(self.at(self.start).jacobian).max(0) > 0.0
-        of_all = torch.zeros(len(self.effect.parameters), dtype=torch.float64)
-        of_all[self._free] = torch.from_numpy(np.where(answers, errors, 0.0))
-        return of_all
+        return torch.from_numpy(np.where(answers, errors, 0.0))
 
     def at(self, sizes: Array) -> Signature:
         """Signature at sizes (k,)."""
-        signature = self._signatures.of(self.effect, self.theta(sizes))
-        return Signature(signature.shift, signature.jacobian[:, self._free], signature.misfit, signature.unsure)
+        return self._signatures.of(self.effect, self.theta(sizes))
 
     def clamp(self, sizes: Array) -> Array:
         """Sizes within the effect's bounds."""
-        clamped: Array = self.effect.clamp(self.theta(sizes)).numpy()[self._free]
-        return clamped
+        found: Array = self.effect.clamp(self.theta(sizes)).numpy()
+        return found
 
     def plausible(self, sizes: Array) -> bool:
         """True if the effect finds them so."""
@@ -131,17 +120,3 @@ class FlightsEffect:
 
 Candidate = MeanEffect | FlightsEffect
 """An effect that may be in a set: sizes with a normal prior about ``start``, and a signature at each of them."""
-
-
-def linearised(about: Signature, change: Array) -> Signature:
-    """Signature of sizes that are changed by (k,): a linear shift, and a misfit that goes with its square.
-
-    Example:
-        >>> about = Signature(np.ones(2), np.ones((2, 1)), np.eye(2), np.zeros((2, 2)))
-        >>> linearised(about, np.array([-0.5])).misfit[0, 0]
-        np.float64(0.25)
-    """
-    shift = about.shift + about.jacobian @ change
-    whole = max(float(about.shift @ about.shift), 1e-30)
-    larger = min(float(shift @ shift) / whole, MOST_MISFIT_SCALED)
-    return Signature(shift, about.jacobian, about.misfit * larger, about.unsure * larger)

@@ -25,9 +25,9 @@ from functools import cache
 import numpy as np
 
 from descentflow.core.linear_gaussian import Array, GaussianPosterior, posterior
-from descentflow.diagnosis.inference.candidates import Candidate, linearised
+from descentflow.diagnosis.inference.candidates import Candidate
 from descentflow.diagnosis.inference.moments import Moments
-from descentflow.diagnosis.inference.signatures import Signature
+from descentflow.diagnosis.inference.signatures import Signature, linearised
 from descentflow.diagnosis.sides.assumptions import Assumptions
 from descentflow.measurements.quantity_registry import QUANTITIES
 

@@ -25,6 +25,10 @@ DERIVATIVE_STEP = 0.02
 """Step of differences, in sizes of a parameter that matter: shifts are smooth, and windows have edges."""
 LEAST_DIRECTION = 1e-3
 """A part of the coefficients that is known to a thousandth."""
+NEAR = 0.25
+"""Distance, in sizes of a parameter that matter, within which a signature is taken for linear."""
+MOST_MISFIT_SCALED = 25.0
+"""Factor of a misfit up to which it is scaled with the square of a shift: of an effect that alone has nearly none."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,20 @@ class Signature:
     jacobian: Array
     misfit: Array
     unsure: Array
+
+
+def linearised(about: Signature, change: Array) -> Signature:
+    """Signature of sizes that are changed by (k,): a linear shift, and a misfit that goes with its square.
+
+    Example:
+        >>> about = Signature(np.ones(2), np.ones((2, 1)), np.eye(2), np.zeros((2, 2)))
+        >>> linearised(about, np.array([-0.5])).misfit[0, 0]
+        np.float64(0.25)
+    """
+    shift = about.shift + about.jacobian @ change
+    whole = max(float(about.shift @ about.shift), 1e-30)
+    larger = min(float(shift @ shift) / whole, MOST_MISFIT_SCALED)
+    return Signature(shift, about.jacobian, about.misfit * larger, about.unsure * larger)
 
 
 @dataclass(frozen=True)
@@ -82,26 +100,32 @@ class Signatures:
         directions = [d for d in compared.coefficients.directions().T if float(d.abs().max()) > LEAST_DIRECTION]
         self._beside = [(scaled(some, d), scaled(some, -d)) for d in directions]
         self._rate_by_cas = rate_by_cas(compared, known)
-        self._made: dict[tuple[str, tuple[float, ...]], Signature] = {}
+        self._made: dict[str, list[tuple[Tensor, Signature]]] = {}
 
     def of(self, effect: Effect, theta: Tensor) -> Signature:
-        """Signature of an effect at parameters (k,)."""
-        theta = theta.double()
-        key = effect.name, tuple(theta.tolist())
-        if key not in self._made:
-            shift: Array = (self._vectors(effect, theta, self.state) * self._weight).sum(0)
-            columns = []
-            for i, parameter in enumerate(effect.parameters):
-                step = torch.zeros_like(theta)
-                step[i] = DERIVATIVE_STEP * parameter.scale
-                above, below = effect.clamp(theta + step), effect.clamp(theta - step)
-                width = float(above[i] - below[i])
-                apart = (self._vectors(effect, above, self.state) * self._weight).sum(0)
-                apart = apart - (self._vectors(effect, below, self.state) * self._weight).sum(0)
-                columns.append(apart / width if width > 0.0 else 0.0 * apart)
-            misfit = self.smooth_misfit(shift, effect.misfit_of_rate)
-            self._made[key] = Signature(shift, np.stack(columns, 1), misfit, self._unsure(effect, theta, shift))
-        return self._made[key]
+        """Signature of an effect at parameters (k,): by a nearby one where there is one."""
+        theta, made = theta.double(), self._made.setdefault(effect.name, [])
+        scale = torch.tensor([parameter.scale for parameter in effect.parameters], dtype=torch.float64)
+        apart = [float(((theta - at) / scale).abs().max()) for at, _ in made]
+        if not apart or min(apart) > NEAR:
+            made.append((theta, self._signature(effect, theta)))
+            return made[-1][1]
+        at, about = made[apart.index(min(apart))]
+        return linearised(about, (theta - at).numpy())
+
+    def _signature(self, effect: Effect, theta: Tensor) -> Signature:
+        shift: Array = (self._vectors(effect, theta, self.state) * self._weight).sum(0)
+        columns = []
+        for i, parameter in enumerate(effect.parameters):
+            step = torch.zeros_like(theta)
+            step[i] = DERIVATIVE_STEP * parameter.scale
+            above, below = effect.clamp(theta + step), effect.clamp(theta - step)
+            width = float(above[i] - below[i])
+            apart = (self._vectors(effect, above, self.state) * self._weight).sum(0)
+            apart = apart - (self._vectors(effect, below, self.state) * self._weight).sum(0)
+            columns.append(apart / width if width > 0.0 else 0.0 * apart)
+        misfit = self.smooth_misfit(shift, effect.misfit_of_rate)
+        return Signature(shift, np.stack(columns, 1), misfit, self._unsure(effect, theta, shift))
 
     def smooth_misfit(self, shift: Array, of_rate: float) -> Array:
         """Covariance (p, p) of an equation that is off by a share of its own shift, smoothly in altitude."""

@@ -101,11 +101,12 @@ class Vectors:
 
     def vector(self, shift: Mapping[str, Tensor]) -> Tensor:
         """A shift of quantities, (n, K) or (n,), as vectors (n, p); zero where it has none."""
-        vectors = torch.zeros(len(next(iter(shift.values()))), len(self.entries), dtype=torch.float64)
-        for i, e in enumerate(self.entries):
-            if e.quantity in shift:
-                vectors[:, i] = shift[e.quantity][:, e.band] if e.band >= 0 else shift[e.quantity]
-        return vectors
+        found = torch.zeros(len(next(iter(shift.values()))), len(self.entries), dtype=torch.float64)
+        for quantity, change in shift.items():
+            at = self.columns(quantity)
+            bands = [self.entries[i].band for i in at.tolist()]
+            found[:, at] = change[:, bands] if change.dim() == 2 else change[:, None]
+        return found
 
     def middles_fl(self) -> list[float]:
         """Flight levels in the middle of each band."""

@@ -16,7 +16,7 @@ from torch import Tensor
 from descentflow.diagnosis.correction.corrected_descents import correction_made
 from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, corrected_entries
 from descentflow.diagnosis.findings.cause_found import Cause, ClosedShare
-from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans
+from descentflow.diagnosis.findings.costs_found import CLOSED, COST_LABELS, Cost, LevelMeans
 from descentflow.diagnosis.findings.findings import Curve, Details, Findings
 from descentflow.diagnosis.gap.costs import costs_of, profile_of
 from descentflow.diagnosis.gap.measured_gap import MeasuredGap
@@ -52,7 +52,7 @@ def diagnose_compared(
     """
     why = explain(compared, settings.catalogue, settings.progress)
     settings.progress("asking where the gap lies")
-    cells = where(compared, settings.transition_fl, settings.seed)
+    cells = where(compared.in_own_air(), settings.transition_fl, settings.seed)
     p_value = min((cell.p_value for cell in cells), default=1.0)
     profile, costs = profile_of(compared), costs_of(compared, None, settings.seed)
     is_gap = p_value <= compared.assumed.false_gap
@@ -64,7 +64,7 @@ def diagnose_compared(
     added = AddedEffects(settings.catalogue, theta, compared.state.mass_kg, cleaning, seed)
     left, closure = left_with(compared, added), MeasuredGap(compared, _measured_over(why), seed)
     floor, after, error = closure.floor(left), closure.after(left), standard_errors(compared)
-    costs = costs_of(compared, left, seed) if theta else costs
+    costs = _costs_with(compared, added) if theta else costs
     verdict = verdict_of(why, is_gap=is_gap, costs=costs)
     causes = _causes(why, added, closure.share(left), costs) if theta else []
     # Effects are put in where they were found: at the coefficients that the simulator's own flights show.
@@ -152,13 +152,24 @@ def _measured_over(why: Explanation) -> Tensor:
     return torch.tensor([entry in chosen for entry in why.compared.entries])
 
 
+def _costs_with(compared: Compared, added: AddedEffects) -> list[Cost]:
+    """Costs before and after the causes; also those in each flight's own air, where that is measured and a cause.
+
+    The mean of a wind is one cause, and its layers and days are none: in its own air a flight has all of it.
+    """
+    costs = costs_of(compared, left_with(compared, added), added.seed)
+    others = {name: value for name, value in added.theta.items() if not added.catalogue[name].of_air}
+    if len(others) == len(added.theta) or not compared.measures_air:
+        return costs
+    freed, low_fl, high_fl = compared.in_own_air(), costs[0].low_fl, costs[0].high_fl
+    own = costs_of(freed, left_with(freed, replace(added, theta=others)), added.seed)
+    whole = {cost.name: replace(cost, low_fl=low_fl, high_fl=high_fl) for cost in reversed(own)}
+    return costs + [replace(whole[name], name=inside, label=COST_LABELS[inside][0]) for name, inside in CLOSED.items()]
+
+
 def _takes_away(compared: Compared, added: AddedEffects, name: str, costs: Sequence[Cost]) -> dict[str, float]:
     """By cost over all levels: how much more of the difference is left without one of the causes."""
     others = {other: value for other, value in added.theta.items() if other != name}
-    left = left_with(compared, replace(added, theta=others))
-    pairs = zip(costs_of(compared, left, added.seed), costs, strict=True)
-    return {
-        without.name: without.after.estimate - cost.after.estimate
-        for without, cost in pairs
-        if (cost.low_fl, cost.high_fl) == (costs[0].low_fl, costs[0].high_fl) and without.after and cost.after
-    }
+    whole = {cost.name: cost.after.estimate for cost in reversed(costs) if cost.after}
+    without = {cost.name: cost.after for cost in reversed(_costs_with(compared, replace(added, theta=others)))}
+    return {cost: after.estimate - whole[cost] for cost, after in without.items() if after and cost in whole}

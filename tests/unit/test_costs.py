@@ -76,6 +76,15 @@ def test_thirds_add_up_to_the_whole() -> None:
     assert [by_name(costs, part)["time"].low_fl for part in (1, 2, 3)] == [150.0, 230.0, 290.0]
 
 
+def test_the_mean_rate_is_height_over_mean_time() -> None:
+    rate = two_rates(12.0, 12.0)
+    rate[120:] = torch.tensor([[8.0], [24.0]]).repeat(20, 1)  # of equal height, half at a third of the rate
+    costs = by_name(costs_of(flying(rate), None, seed=0))
+    assert costs["rate"].flights == pytest.approx(2 / (1 / 8 + 1 / 24) / FPM_MPS)
+    assert costs["time"].flights == pytest.approx(costs["time"].simulator)
+    assert costs["rate"].before.estimate == pytest.approx(0.0, abs=1e-9)
+
+
 def test_a_rate_that_grows_with_altitude_has_a_logarithm_for_its_time() -> None:
     a, b = 2.0, 1e-3
     altitude = example_sides().state.altitude_m

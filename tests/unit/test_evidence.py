@@ -16,7 +16,7 @@ from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, co
 from descentflow.diagnosis.diagnosis_steps import diagnose_compared
 from descentflow.diagnosis.gap.what_is_left import curves, remaining_of, standard_errors
 from descentflow.diagnosis.inference.candidates import FlightsEffect, MeanEffect
-from descentflow.diagnosis.inference.explain import detection_limits, explain
+from descentflow.diagnosis.inference.explain import changed_surely, detection_limits, explain
 from descentflow.diagnosis.inference.flight_mixture import (
     FlightWindows,
     LearntLaw,
@@ -30,7 +30,7 @@ from descentflow.diagnosis.inference.moments import (
     sums_by_aircraft_and_day,
     sums_over,
 )
-from descentflow.diagnosis.inference.naming import name_effects, nuisances
+from descentflow.diagnosis.inference.naming import Named, name_effects, nuisances
 from descentflow.diagnosis.inference.sets import Search, SetFit, SetFits
 from descentflow.diagnosis.inference.signatures import Signatures, linearised
 from descentflow.diagnosis.inference.verdict import verdict_of
@@ -380,6 +380,30 @@ def test_an_interval_that_holds_no_change_is_of_no_cause() -> None:
     assert not idle.differs(np.array([0.44]), np.array([0.346]))
     assert idle.differs(np.array([0.68]), np.array([0.255]))
     assert bias.differs(np.array([-3.0, 0.01]), np.array([0.1, 0.08]))
+
+
+class OfNoSureChange(FlightsEffect):
+    """A cause whose interval holds no change, whatever its size."""
+
+    def differs(self, sizes: np.ndarray, errors: np.ndarray) -> bool:
+        return False
+
+
+@pytest.mark.parametrize(
+    ("sure", "other", "groups"),
+    [(True, 0.4, {"second": ("first",)}), (False, 0.4, {}), (True, 0.3, {})],
+    ids=["another is sure", "none is sure", "there may be no cause"],
+)
+def test_another_of_a_group_leads_where_the_first_may_be_no_change(
+    sure: bool, other: float, groups: dict[str, object]
+) -> None:
+    first, second = (column(name, np.ones(11)) for name in ("first", "second"))
+    unsure = [OfNoSureChange(**vars(one)) for one in (first, second)]
+    fits = SetFits(toy(np.ones(11), 0.01), [unsure[0], second if sure else unsure[1]], Assumptions())
+    named = Named(np.ones(1), {"first": 0.6, "second": other}, 0.0, 0.0, {"first": ("second",)})
+    best, found = changed_surely(fits.fit(("first",)), named, fits.fit, fits)
+    assert best.names == tuple(groups)
+    assert found.groups == groups
 
 
 @pytest.mark.parametrize(("name", "theta"), [("speed_schedule", [6.0, 0.006]), ("idle_thrust", [0.5])])

@@ -3,15 +3,24 @@
 from dataclasses import replace
 
 import numpy as np
+import polars as pl
 import torch
 from example_sides import example_sides
 from torch import Tensor
 
 from descentflow.core.units import FL_M, KT_MPS
+from descentflow.diagnosis.diagnosis_steps import diagnose_compared
+from descentflow.diagnosis.findings.costs_found import judged
 from descentflow.diagnosis.inference.explain import explain
 from descentflow.diagnosis.sides.compared_state import by_own_air
+from descentflow.diagnosis.sides.diagnosis_settings import Settings
+from descentflow.diagnosis.sides.simulator import Simulator
+from descentflow.diagnosis.sides.two_sides import compare
 from descentflow.effects import EFFECTS
+from descentflow.effects.example_flights import example_flights
+from descentflow.effects.flight_state import log_rate
 from descentflow.measurements.along_track import speed_by_air_kt
+from descentflow.measurements.quantities import Quantities
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 
 LEVELS_M = torch.arange(200.0, 261.0).double() * FL_M
@@ -74,3 +83,42 @@ def test_bands_in_which_too_few_flights_measured_their_air_are_left_out() -> Non
     kept = replace(sides, own_air=unknown).in_own_air()
     assert {entry.band for entry in sides.entries} - {e.band for e in kept.entries if e.quantity == "rate"} == {4}
     assert kept.of("cas").sum() == sides.of("cas").sum()
+
+
+def test_causes_beside_an_air_are_judged_in_the_air_that_each_flight_met() -> None:
+    """The mean of a temperature is a cause; what its layers and days do to the rate is in each flight's own air."""
+    sides = example_sides(EFFECTS["temperature"], [10.0], n=100)
+    tas = sides.table("tas", sides.y)
+    warmth = torch.where(sides.real[:, None], tas, 0.0)
+    met = by_own_air(sides.state, 0 * warmth, warmth)
+    settings = Settings(Simulator(sides.state.aircraft), EFFECTS, [], 0, str)
+    report = diagnose_compared(replace(sides, own_air=met, measures_air=True), settings, "flights", {}, pl.DataFrame())
+    assert [cause.effect for cause in report.causes] == ["temperature"]
+    found = judged(report.costs)
+    assert [cost.name for cost in found] == ["time_in_own_air", "rate_in_own_air"]
+    raw = next(cost for cost in report.costs if cost.name == "time_at_speed")
+    assert abs(raw.before.estimate) > 1.5 * raw.floor
+    assert abs(found[0].before.estimate) < 0.5 * raw.floor
+    assert report.verdict == "effect"
+
+
+def test_the_air_that_flights_met_is_none_of_a_simulators_coefficients() -> None:
+    """Faster flights met a tailwind that grows with altitude, which a polar of more drag would show likewise."""
+    state = example_flights(80)
+    faster = (state.cas_mps - state.cas_mps.mean(0)) / state.cas_mps.std(0)
+    slope, bands = 0.002 * faster, torch.zeros_like(state.cas_mps)
+    found = []
+    for met in (0 * slope, slope):
+        physics = {
+            "log_rate": log_rate(state) + by_own_air(state, met, bands),
+            "cas_mps": state.cas_mps,
+            "cas_slope_per_s": state.cas_slope_per_s,
+            "tailwind_mps": bands,
+            "rate_slope_per_m": bands,
+            "depth_m": state.depth_m + 1000.0,
+            "air_slope_per_s": met,
+        }
+        values = {"lag": bands, "tas": bands, "cas": state.cas_mps / KT_MPS}
+        both = Quantities((150.0, 370.0), 20.0, values, physics, torch.arange(80))
+        found.append(compare(both, both, state.aircraft).coefficients.ln_factors)
+    torch.testing.assert_close(found[1], found[0], atol=0.01, rtol=0)

@@ -1,5 +1,6 @@
 """Costs of a gap, in aviation units: seconds, nautical miles, feet per minute, knots."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 NINETY = 1.645
@@ -10,6 +11,8 @@ COST_LABELS = {
     "air_distance": ("distance through the air", "NM"),
     "ground_distance": ("distance over ground", "NM"),
     "rate": ("rate of descent", "ft/min"),
+    "time_in_own_air": ("time at equal speed, in own air", "s"),
+    "rate_in_own_air": ("rate of descent, in own air", "ft/min"),
     "cas": ("calibrated airspeed", "kt"),
     "tas": ("true airspeed", "kt"),
     "fuel": ("fuel", "kg"),
@@ -17,6 +20,8 @@ COST_LABELS = {
     "slow": ("time lost in slow stretches", "s"),
 }
 """Cost -> its name for readers and its unit."""
+CLOSED = {"time_at_speed": "time_in_own_air", "rate": "rate_in_own_air"}
+"""Costs by which causes are judged, and what they are in the air that each flight met."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +85,21 @@ class Cost:
     before: Measured
     after: Measured | None
     floor: float
+
+
+def judged(costs: Sequence[Cost]) -> list[Cost]:
+    """Costs over all levels by which causes are judged: in each flight's own air where the air is a cause.
+
+    Example:
+        >>> none = Measured(0.0)
+        >>> names = ("time", "time_at_speed", "time_in_own_air")
+        >>> time = [Cost(name, "", "s", 150, 370, 500, 500, none, none, 3.0) for name in names]
+        >>> [cost.name for cost in judged(time[:2])], [cost.name for cost in judged(time)]
+        (['time_at_speed'], ['time_in_own_air'])
+    """
+    whole = {cost.name: cost for cost in reversed(costs)}
+    names = [name for name in CLOSED.values() if name in whole] or list(CLOSED)
+    return [whole[name] for name in names if name in whole]
 
 
 @dataclass(frozen=True)

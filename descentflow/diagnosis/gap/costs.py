@@ -6,12 +6,13 @@ A flight crosses a band of height :math:`\Delta h` at the rate :math:`R` in :mat
 .. math:: t = \sum_k \overline{\Delta h / R_k}, \qquad s = \sum_k \overline{(V_k + w_k)\, \Delta h / R_k},
 
 where the bars are means over the flights that show band k: flights that begin lower down, or miss a band, say what
-they can. Fuel is :func:`~descentflow.physics.fuel.burn` at the rate, over the same seconds. How fast crews fly differs
-between aircraft, and with it the time; at equal speed a flight takes :math:`\Delta h / (e^{y_k} \hat R_k)` in band k,
-where y is the logarithm of its rate over the polar's at its own speed and :math:`\hat R` the polar's rate at the
-simulator's mean speed. Intervals are quantiles over fleets of whole aircraft drawn with replacement, one fewer than
-there are (McCarthy and Snowden, The Bootstrap and Finite Population Sampling, 1985: their
-variance is then unbiased).
+they can. The mean rate is height over mean time, :math:`1 / \overline{1 / R_k}`: the wider flights of a side differ,
+the more the plain mean exceeds it. Fuel is :func:`~descentflow.physics.fuel.burn` at the rate, over the same seconds.
+How fast crews fly differs between aircraft, and with it the time; at equal speed a flight takes
+:math:`\Delta h / (e^{y_k} \hat R_k)` in band k, where y is the logarithm of its rate over the polar's at its own speed
+and :math:`\hat R` the polar's rate at the simulator's mean speed. Intervals are quantiles over fleets of whole aircraft
+drawn with replacement, one fewer than there are (McCarthy and Snowden, The Bootstrap and Finite Population Sampling,
+1985: their variance is then unbiased).
 """
 
 from collections.abc import Sequence
@@ -75,19 +76,8 @@ def costs_of(compared: Compared, left: Tensor | None, seed: int) -> list[Cost]:
             before = flights - simulator
             last = after[1].over(name, chosen) - after[0].over(name, chosen) if after else before
             floor = float((last[1:] - last[0]).abs().quantile(CONFIDENCE[1] - CONFIDENCE[0]))
-            costs.append(
-                Cost(
-                    name,
-                    *COST_LABELS[name],
-                    low_fl,
-                    high_fl,
-                    float(simulator[0]),
-                    float(flights[0]),
-                    _measured(before),
-                    _measured(last) if after else None,
-                    floor,
-                )
-            )
+            means, left_then = (float(simulator[0]), float(flights[0])), _measured(last) if after else None
+            costs.append(Cost(name, *COST_LABELS[name], low_fl, high_fl, *means, _measured(before), left_then, floor))
     return costs
 
 
@@ -121,6 +111,7 @@ class _Side:
         """Mean cost (1 + fleets,) over bands, of all flights first."""
         table = self.tables[name][self.rows]
         table = table if name in COSTS_OF_FLIGHT else table[:, list(bands)]
+        table = 1 / table if name == "rate" else table
         seen = table.isfinite()
         size = (self.weights.shape[1], table.shape[1])
         total = torch.zeros(size, dtype=torch.float64).index_add_(0, self.owner, table.nan_to_num(0.0))
@@ -128,7 +119,8 @@ class _Side:
         drawn, number = self.weights @ total, self.weights @ count
         # A fleet without a flight in a band says of it what all flights do.
         mean = torch.where(number > 0, drawn / number.clamp(min=1), drawn[:1] / number[:1].clamp(min=1))
-        return mean.sum(1) if name in SUMMED_COSTS else mean.mean(1)
+        whole = mean.sum(1) if name in SUMMED_COSTS else mean.mean(1)
+        return 1 / whole if name == "rate" else whole
 
 
 def flown(compared: Compared, y: Tensor) -> dict[str, Tensor]:

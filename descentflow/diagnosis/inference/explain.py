@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -22,7 +22,7 @@ from descentflow.diagnosis.inference.naming import (
     nuisances,
     outweighs_causes,
 )
-from descentflow.diagnosis.inference.sets import OF_AIR, Names, Search, SetFit
+from descentflow.diagnosis.inference.sets import OF_AIR, Names, Search, SetFit, SetFits
 from descentflow.diagnosis.inference.signatures import Signatures
 from descentflow.diagnosis.sides.two_sides import Compared
 from descentflow.effects import Effect
@@ -97,8 +97,8 @@ def explain(
         return search.sized(fits.fit(names, unknown, heaviest.sizes))
 
     best = at_best(() if is_none or outweighs_causes(named, heaviest, known, fits) else tuple(named.groups))
-    names = tuple(name for name in best.names if fits.candidates[name].differs(best.sizes[name], best.errors[name]))
-    best = best if names == best.names else at_best(names)
+    best, named = changed_surely(best, named, at_best, fits)
+    names = best.names
     # Edges and changes of single flights raise short-scale noise, and so do some effects by definition.
     raised = any(
         catalogue[name] in by_flight
@@ -111,19 +111,33 @@ def explain(
         measured = size_of_air(fits.candidates[name], best.sizes[name], known) if catalogue[name].of_air else None
         if measured:
             theta[name][0], errors[name][0] = measured
-    return Explanation(
-        compared,
-        within,
-        catalogue,
-        search,
-        sets,
-        named,
-        is_none,
-        best,
-        theta,
-        errors,
-        [*nuisances(aside, raised=raised), *layers_of_air(best, known, fits)],
-    )
+    lacks = [*nuisances(aside, raised=raised), *layers_of_air(best, known, fits)]
+    return Explanation(compared, within, catalogue, search, sets, named, is_none, best, theta, errors, lacks)
+
+
+def changed_surely(
+    best: SetFit, named: Named, at_best: Callable[[Names], SetFit], fits: SetFits
+) -> tuple[SetFit, Named]:
+    """The causes whose 90 % interval leaves out no change.
+
+    Where that of the first of a group does not, and surely one of the group is a cause, another leads.
+
+    Args:
+        best: The set of the causes.
+        named: With their groups.
+        at_best: Fits a set.
+        fits: Of the catalogue.
+    """
+    groups: dict[str, Names] = {}
+    for lead in best.names:
+        group = (lead, *named.groups[lead])
+        surely_one = sum(named.probability[one] for one in group) > 1.0 - fits.assumed.least_shown
+        for member in group if surely_one else (lead,):
+            fit = at_best(tuple(member if one == lead else one for one in best.names))
+            if fits.candidates[member].differs(fit.sizes[member], fit.errors[member]):
+                groups[member] = tuple(one for one in group if one != member)
+                break
+    return at_best(tuple(groups)), replace(named, groups=groups)
 
 
 def size_of_air(candidate: Candidate, first: Array, known: Moments) -> tuple[float, float] | None:
@@ -174,7 +188,7 @@ def detection_limits(explained: Explanation) -> list[DetectionLimit]:
         # The others of its sizes are free: what is left of the first is what the flights say of it alone.
         apart = posterior(known.difference, known.covariance, about.jacobian, candidate.start, prior)
         variance = apart.covariance[0, 0]
-        parameter = next(p for p in candidate.effect.parameters if not p.from_heterogeneity)
+        parameter = candidate.effect.parameters[0]
         size = math.inf
         if variance < prior[0] ** 2 * (1.0 - 1e-9):
             sigma = math.sqrt(1.0 / (1.0 / variance - 1.0 / prior[0] ** 2))

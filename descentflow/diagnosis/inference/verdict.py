@@ -6,7 +6,7 @@ evidence of sets of effects names its causes (:mod:`~descentflow.diagnosis.infer
 
 from collections.abc import Sequence
 
-from descentflow.diagnosis.findings.costs_found import Cost
+from descentflow.diagnosis.findings.costs_found import Cost, judged
 from descentflow.diagnosis.findings.findings import Verdict
 from descentflow.diagnosis.inference.explain import Explanation
 
@@ -30,7 +30,7 @@ def verdict_of(explanation: Explanation, *, is_gap: bool = True, costs: Sequence
     if not explanation.theta:
         # Of few flights the spread is not known well enough for an unknown cause: the time itself must differ.
         return "unknown" if not few or differs_in_time(costs) else "none"
-    if not ((explanation.named.has_unknown and not few) or leaves_time(costs)):
+    if not ((explanation.named.has_unknown and not few) or leaves_some(costs)):
         return "effect"
     # The air is no part of a simulator: what it leaves is unknown.
     return "unknown" if all(explanation.catalogue[name].of_air for name in explanation.theta) else "partial"
@@ -49,19 +49,19 @@ def differs_in_time(costs: Sequence[Cost]) -> bool:
     return whole is not None and abs(whole.before.estimate) > CERTAIN_HALF_WIDTHS * whole.floor
 
 
-def leaves_time(costs: Sequence[Cost]) -> bool:
-    """Test for time at equal speed that the causes leave, by more than chance and more than a tenth.
+def leaves_some(costs: Sequence[Cost]) -> bool:
+    """Test for time at equal speed, or rate, that the causes leave, by more than chance and more than a tenth.
 
     Example:
         >>> from descentflow.diagnosis.findings.costs_found import Measured
         >>> def time(after: Measured) -> Cost:
         ...     return Cost("time_at_speed", "time", "s", 150, 350, 600, 620, Measured(20, 18, 22), after, floor=3.0)
-        >>> leaves_time([time(Measured(1.0, -2.0, 4.0))]), leaves_time([time(Measured(-9.0, -12.0, -6.0))])
+        >>> leaves_some([time(Measured(1.0, -2.0, 4.0))]), leaves_some([time(Measured(-9.0, -12.0, -6.0))])
         (False, True)
     """
-    # Of all levels, which come first: of many parts one is off by chance.
-    whole = next((cost for cost in costs if cost.name == "time_at_speed" and cost.after), None)
-    if whole is None or whole.after is None:
-        return False
-    left = abs(whole.after.estimate)
-    return left > CERTAIN_HALF_WIDTHS * whole.floor and left > LEAST_SHARE_LEFT * abs(whole.before.estimate)
+    # Over all levels: of many parts one is off by chance.
+    return any(
+        abs(cost.after.estimate) > max(CERTAIN_HALF_WIDTHS * cost.floor, LEAST_SHARE_LEFT * abs(cost.before.estimate))
+        for cost in judged(costs)
+        if cost.after
+    )

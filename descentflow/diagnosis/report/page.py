@@ -7,7 +7,7 @@ from typing import Any
 
 from descentflow.diagnosis.findings.aviation_units import at_level, aviation_value, between, level_range, with_unit
 from descentflow.diagnosis.findings.cause_found import Cause
-from descentflow.diagnosis.findings.costs_found import Cost, Measured
+from descentflow.diagnosis.findings.costs_found import CLOSED, Cost, Measured, judged
 from descentflow.diagnosis.findings.findings import SEEN, Curve, DetectionLimit, Findings
 from descentflow.diagnosis.findings.gap_found import FALSE_GAP
 from descentflow.diagnosis.findings.inputs_found import InputUsed, Provenance
@@ -30,8 +30,6 @@ COSTS_DRAWN = ("time", "time_at_speed", "ground_distance", "air_distance", "rate
 """Costs that are drawn by level."""
 BRIEF = ("time", "ground_distance", "air_distance", "rate")
 """Costs at the top of the page."""
-CLOSED = ("time_at_speed", "rate")
-"""Costs of which the page states first how much is left: those that no chance of crews' speeds moves."""
 LEVELS_DRAWN = 4
 """Quantities drawn against altitude: the rate, and those that differ most in standard errors."""
 
@@ -223,7 +221,7 @@ def _shared(findings: Findings) -> dict[str, Any]:
         "p": f"{findings.p_value:.2g}",
         "significant": FALSE_GAP,
         "same": bool(made.real.fingerprint) and made.real.fingerprint == made.simulator.fingerprint,
-        "remains": _remaining(findings),
+        "left_of": [cost for cost in judged(findings.costs) if cost.after],
         "perhaps": listed([f"{between(c.before, c.unit)} in {c.label}" for c in whole if _may_differ(c)]),
         "known_flights": findings.dropped.get(SEEN, 0),
         "standing": _standing(findings),
@@ -246,16 +244,6 @@ def _shared(findings: Findings) -> dict[str, Any]:
 def _may_differ(cost: Cost) -> bool:
     """Test for a cost that no speed of crews moves, and that is more than nine of ten differences by chance."""
     return cost.name in CLOSED and cost.before.excludes_zero and abs(cost.before.estimate) > cost.floor
-
-
-def _remaining(findings: Findings) -> list[tuple[str, str, str]]:
-    """Time at equal speed and rate that are left with the causes, those before, and their names."""
-    rows = []
-    for cost in whole_costs(findings):
-        if cost.name in CLOSED and cost.after:
-            left, before = (with_unit(size.estimate, cost.unit, signed=True) for size in (cost.after, cost.before))
-            rows.append((left, before, cost.label))
-    return rows
 
 
 def listed(parts: Sequence[str], word: str = "and") -> str:

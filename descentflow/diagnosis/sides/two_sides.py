@@ -105,10 +105,14 @@ def compare(
     settled = both.physics["depth_m"] >= assumed.settled_m
     rate, lag = (torch.where(settled, x, torch.nan) for x in (both.physics["log_rate"], both.values["lag"]))
     coefficients, mass_kg = SimulatorCoefficients.unknown(assumed), float(aircraft.mass_reference_kg)
+    state = state_of(both, aircraft, mass_kg, assumed)
     if simulated_flights:
+        # Air that its flights met is none of its coefficients.
+        freed, _ = _own_air(state, both, is_real)
         own = state_of(simulated_flights, aircraft, mass_kg, assumed)
-        coefficients = simulator_coefficients(own, rate[~is_real], simulated_flights.airframe, assumed)
-    state = coefficients.applied(state_of(both, aircraft, mass_kg, assumed))
+        shown = (rate - freed.nan_to_num(0.0))[~is_real]
+        coefficients = simulator_coefficients(own, shown, simulated_flights.airframe, assumed)
+    state = coefficients.applied(state)
     state, expected = _with_turns(state, both.physics.get("turning"), is_real)
     values = {**both.values, "rate": rate - expected, "lag": lag}
     columns = _columns(values, is_real, both.airframe, assumed)
@@ -120,22 +124,9 @@ def compare(
         )
     y = torch.stack(list(columns.values()), 1)
     own_air, measures_air = _own_air(state, both, is_real)
-    return Compared(
-        tuple(columns),
-        y,
-        is_real,
-        _spread(y, is_real),
-        both.airframe,
-        both.known_day,
-        state.altitude_m,
-        real.band_fl,
-        _with_usual(state, values, is_real),
-        coefficients,
-        own_air,
-        measures_air,
-        names=real.names,
-        assumed=assumed,
-    )
+    flights = (is_real, _spread(y, is_real), both.airframe, both.known_day, state.altitude_m, real.band_fl)
+    seen = (_with_usual(state, values, is_real), coefficients, own_air, measures_air)
+    return Compared(tuple(columns), y, *flights, *seen, names=real.names, assumed=assumed)
 
 
 def _own_air(state: FlightState, both: Quantities, real: Tensor) -> tuple[Tensor, bool]:

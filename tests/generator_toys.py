@@ -12,7 +12,7 @@ from torch import Tensor
 from descentflow.core.units import KT_MPS
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.generation.rejection import DRAWN, sample_descents
+from descentflow.generation.rejection import DRAWN_ENTRIES, sample_descents
 from descentflow.positions.placing import place
 from descentflow.representation.decoder.trajectories import Trajectories, concatenate
 from descentflow.representation.fit_representation import RepresentationSettings, fit_representation
@@ -66,7 +66,7 @@ def index(level_fl: float) -> int:
 @cache
 def samples(entry_fl: int | None, n: int = 40_000) -> Trajectories:
     """Samples as anyone draws them."""
-    entry, known = DRAWN if entry_fl is None else torch.tensor([index(entry_fl)]), parts()
+    entry, known = DRAWN_ENTRIES if entry_fl is None else torch.tensor([index(entry_fl)]), parts()
     density = mixture()
     found = [sample_descents(density, known, 10_000, seed, entry=entry).trajectories for seed in range(n // 10_000)]
     return concatenate(found)

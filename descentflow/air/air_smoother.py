@@ -20,7 +20,7 @@ from torch import Tensor
 from descentflow.air.air_reports import AirReports
 from descentflow.core.errors import DataError
 
-DIFFUSE = 50.0
+DIFFUSE_SPREAD = 50.0
 """Prior spread of a flight's level, and of its trend over 5 km (K, m/s): five times what air does."""
 TREND_M = 5000.0
 MIDDLE_M = 8000.0
@@ -108,7 +108,7 @@ def _profiles(reports: AirReports, departure: float, altitude_m: Tensor) -> tupl
     )
     own = torch.diagonal(_kernel(altitude_m, altitude_m, departure))
     # The variance of the slope of a trend, and of a Matern 5/2 departure: s^2 5 / (3 l^2).
-    slope = (DIFFUSE / TREND_M) ** 2 + 5 / 3 * (departure / LENGTH_M) ** 2
+    slope = (DIFFUSE_SPREAD / TREND_M) ** 2 + 5 / 3 * (departure / LENGTH_M) ** 2
     return values, (own - known).clamp(min=0).sqrt(), (slope - explained).clamp(min=0).sqrt()
 
 
@@ -126,7 +126,7 @@ def matern(first: Tensor, second: Tensor) -> Tensor:
 def _kernel(first: Tensor, second: Tensor, departure: float) -> Tensor:
     """Covariance of the quantity at altitudes (A,) and (B,): level, trend and departure."""
     line = (first[:, None] - MIDDLE_M) * (second[None, :] - MIDDLE_M) / TREND_M**2
-    return DIFFUSE**2 * (1 + line) + departure**2 * matern(first, second)
+    return DIFFUSE_SPREAD**2 * (1 + line) + departure**2 * matern(first, second)
 
 
 def _rows(reports: AirReports, index: Tensor) -> AirReports:

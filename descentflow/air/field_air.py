@@ -23,7 +23,7 @@ from descentflow.weather.weather_file import WeatherSource
 from descentflow.weather.weather_layout import EAST, NORTH, TEMPERATURE, Array
 
 PLACED = ("latitude", "longitude")
-AROUND = 5
+LEVELS_AROUND = 5
 """Levels on either side whose places give the track where none is reported: 1,000 ft, some 3 NM."""
 CHUNK_FLIGHTS = 4096
 """Flights whose air is read at a time, in the order of their days: 2 million points of 228 levels."""
@@ -151,7 +151,7 @@ def _by_time(time: Array, at: NDArray[np.bool_], values: Array) -> Array:
 def _course(latitude: Array, longitude: Array) -> Array:
     """True track (L,), radians, of places that follow each other downwards; NaN where the flight does not move."""
     number = np.arange(len(latitude))
-    above, below = (number + AROUND).clip(max=len(number) - 1), (number - AROUND).clip(min=0)
+    above, below = (number + LEVELS_AROUND).clip(max=len(number) - 1), (number - LEVELS_AROUND).clip(min=0)
     north = latitude[below] - latitude[above]
     east = (longitude[below] - longitude[above]) * np.cos(np.radians(latitude))
     return np.where(np.hypot(north, east) > 0, np.arctan2(east, north), np.nan)

@@ -27,14 +27,13 @@ from descentflow.representation.read_checkpoint import SECTION, read_checkpoint
 from descentflow.training.callbacks.kept_epochs import KeptEpochs, WholeCheckpoints, WholeConfig
 from descentflow.training.callbacks.log_prob_writer import WriteLogProb
 from descentflow.training.callbacks.score_callback import ScoreCallback
-from descentflow.training.callbacks.show_progress import ShowProgress
+from descentflow.training.callbacks.show_progress import ShowProgress, quiet
 from descentflow.training.data_settings import grouped, groups_of
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.final_fit import fit_to_all
 from descentflow.training.models import LatentModel
 from descentflow.training.models.latent_model import check_precision
 from descentflow.training.models.optimizers import FlowSteps
-from descentflow.training.quiet import quiet
 from descentflow.training.run_folders import (
     UNNAMED,
     USUAL_FOLDER,

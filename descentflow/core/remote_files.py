@@ -15,7 +15,7 @@ from descentflow.core.errors import ConfigError, DataError
 R = TypeVar("R")
 ADDRESS = re.compile(r"([a-z][a-z0-9+]+):/+(?=[^/])")
 """Begin of an address; a `Path` of one has a single slash."""
-HERE = ".descentflow-remote"
+COPIES_FOLDER = ".descentflow-remote"
 """Folder in the working directory for copies; all workers of a cluster must see it."""
 
 
@@ -68,7 +68,7 @@ def with_local_files(
     """
     if not has_address(arguments):
         return function(arguments)
-    here = Path.cwd() / HERE
+    here = Path.cwd() / COPIES_FOLDER
     here.mkdir(exist_ok=True)
     sent: dict[Path, str] = {}
     try:

@@ -19,7 +19,7 @@ MOST_COMPONENTS = 32
 """End of the search if the paper's cap allows no more. Held-out B738 are 0.04 nats a flight more probable by 32 than by
 24 components; of the A319 32 are level with 24, and 48 lose 0.03.
 """
-PATIENCE = 2
+PATIENT_NUMBERS = 2
 """Numbers in a row that may be no better before the search ends."""
 
 Criterion = Literal["aic", "bic"]
@@ -125,7 +125,7 @@ def select_mixture(
         values[k] = price * n_parameters(k, dimension, n_context, shared=shared) - 2 * n * likelihood
         if progress is not None:
             progress(len(numbers))
-        if min(values.values()) < min(list(values.values())[-PATIENCE:]):
+        if min(values.values()) < min(list(values.values())[-PATIENT_NUMBERS:]):
             break
     best = min(values, key=values.__getitem__)
     return Selection(tried[best], values, cap_binds=best == numbers[-1])

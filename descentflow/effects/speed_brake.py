@@ -13,7 +13,7 @@ from descentflow.effects.flight_law import MOST_SPREAD, DiffersByFlight, Learnt,
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.effects.turn import AS_MEASURED
 from descentflow.effects.windowed_effect import WindowedEffect
-from descentflow.measurements.turning import MOST_BANK_DEG
+from descentflow.measurements.along_track import MOST_BANK_DEG
 
 NARROWEST_FL = 25.0
 """Brakes that are out over less than 2,500 ft are no procedure, and look like the change from Mach to CAS."""

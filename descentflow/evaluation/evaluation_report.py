@@ -73,7 +73,7 @@ def in_words(sides: pl.DataFrame) -> list[str]:
 
 FILES = ("scores.csv", "classifier.csv", "rejections.json", "level_flight.csv")
 """Files that are written besides figures."""
-FEW = 100
+FEW_FLIGHTS = 100
 """Held-out flights with fewer of which the words come first."""
 DPI = 110
 """Of the figures as files, and in TensorBoard."""
@@ -189,7 +189,7 @@ class Evaluation(WithTable):
         lines += in_words(self.level_flight)
         words = self.in_words
         # Of few flights most of the table is absent, so that the words come first.
-        return "\n".join([*head, words, *lines] if len(self.real) < FEW else [*head, *lines, words])
+        return "\n".join([*head, words, *lines] if len(self.real) < FEW_FLIGHTS else [*head, *lines, words])
 
     @property
     def in_words(self) -> str:
@@ -202,7 +202,7 @@ _IMPORTANCE = {"quantity": pl.String, "low_fl": pl.Float64, "high_fl": pl.Float6
 
 STATISTIC = "wasserstein"
 """Distance by which a quantity is judged."""
-PASSES = 0.6
+PASSING_AUC = 0.6
 """AUC up to which samples pass for flights: six of ten guesses are right."""
 
 
@@ -235,12 +235,12 @@ def verdict(scores: ScoreTable, detection: Detection) -> str:
     if near:
         listed = ", ".join(names[row.quantity] for row in near)
         lines.append(f"good enough for the distribution of {listed}: as near to held-out flights as other flights are")
-    if auc <= PASSES:
+    if auc <= PASSING_AUC:
         lines.append(f"good enough for {course}: a classifier guesses little better than chance, AUC {auc:.2f}")
     for row in far:
         off = f"{row.equal_size / row.floor:.1f} noise floors off" if row.floor else "held-out flights are all alike"
         lines.append(f"not for the distribution of {names[row.quantity]}: {off}")
-    if auc > PASSES:
+    if auc > PASSING_AUC:
         lines.append(f"not for {course}: a classifier tells samples from flights, AUC {auc:.2f} (chance is 0.5)")
     if isnan(auc):
         unknown.append(course)

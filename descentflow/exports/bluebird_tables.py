@@ -13,7 +13,7 @@ from descentflow.core.errors import DataError
 Array = NDArray[np.float64]
 KINDS = ("profile", "uncertainty", "mapping")
 STEP_FL = 10
-WIDEST = 2.5
+WIDEST_SD = 2.5
 """Truncation of an offset, in its standard deviations."""
 SLOWEST_FPM = 500.0
 """bluebird's least rate."""
@@ -80,7 +80,7 @@ def _rates(levels: Array, slowness: Array, seconds: Array) -> tuple[Array, float
     """Nominal rates (ft/min) and the spread of a flight's offset."""
     grid = np.linspace(levels[0], levels[-1], 400)
     base = np.interp(grid, levels, 1 / slowness)
-    scores = truncnorm.ppf(RANKS, -WIDEST, WIDEST)
+    scores = truncnorm.ppf(RANKS, -WIDEST_SD, WIDEST_SD)
 
     def mismatch(values: Array) -> Array:
         factor, sigma = values
@@ -118,7 +118,7 @@ def _speeds(samples: pl.DataFrame, levels: Array) -> tuple[Array, Array, pl.Data
 
 def _offset(mean: float, sigma: float) -> dict[str, float]:
     """A truncated normal as bluebird has it: it takes the offset from ``norm_mean``."""
-    ends = {"minimum": mean - WIDEST * sigma, "maximum": mean + WIDEST * sigma}
+    ends = {"minimum": mean - WIDEST_SD * sigma, "maximum": mean + WIDEST_SD * sigma}
     return {name: round(value, 4) for name, value in {"norm_mean": mean, "sigma": sigma, **ends}.items()}
 
 

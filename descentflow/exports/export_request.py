@@ -166,9 +166,9 @@ def _number_of(text: str) -> int:
 
 
 Array = NDArray[np.float64]
-TURNS = {"track": 0.0, "longitude": -180.0}
+ANGLES = {"track": 0.0, "longitude": -180.0}
 """Angles (degrees), and where each begins: between rows they go the shorter way round."""
-FEWEST = 2
+FEWEST_ROWS = 2
 """Rows of a flight."""
 
 
@@ -200,10 +200,10 @@ def rows_by_time(table: pl.DataFrame, step_s: float) -> pl.DataFrame:
     for rows in table.partition_by("sample_id", maintain_order=True):
         clock = rows[name].to_physical().to_numpy().astype(float)
         times = step * np.arange(np.ceil(clock[0] / step), np.floor(clock[-1] / step) + 1)
-        if len(times) < FEWEST:
+        if len(times) < FEWEST_ROWS:
             raise ConfigError(
                 f"rows every {step_s:g} s of a descent of {(clock[-1] - clock[0]) * step_s / step:.0f} s",
-                expected=f"{FEWEST} rows or more of each descent",
+                expected=f"{FEWEST_ROWS} rows or more of each descent",
                 mend="pass for instance --step-s 1",
             )
         parts.append(rows_at(rows, clock, times))
@@ -233,9 +233,9 @@ def rows_at(flight: pl.DataFrame, clock: Array, times: Array) -> pl.DataFrame:
             columns[name] = flight[name].head(1).new_from_index(0, len(times))
             continue
         values = flight[name].to_physical().to_numpy().astype(float)
-        if name in TURNS:
+        if name in ANGLES:
             turned = np.interp(times, clock, np.unwrap(values, period=360))
-            values = (turned - TURNS[name]) % 360 + TURNS[name]
+            values = (turned - ANGLES[name]) % 360 + ANGLES[name]
         else:
             values = np.interp(times, clock, values)
         columns[name] = (

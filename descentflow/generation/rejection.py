@@ -22,9 +22,9 @@ from descentflow.representation.own_air import flown_in
 from descentflow.representation.plausibility import RULES
 from descentflow.representation.representation import Representation
 
-BATCH = 10_000
+DRAWS_AT_ONCE = 10_000
 """Draws decoded at once: 10,000 descents on 228 levels are 18 MB a quantity."""
-DRAWN = torch.zeros(0, dtype=torch.int64)
+DRAWN_ENTRIES = torch.zeros(0, dtype=torch.int64)
 """In place of levels of entry: they are drawn as the training flights entered."""
 
 
@@ -40,7 +40,7 @@ def sample_descents(
     seed: int,
     *,
     context: Tensor = NO_CONTEXT,
-    entry: Tensor = DRAWN,
+    entry: Tensor = DRAWN_ENTRIES,
     air: LevelAir | FlyWhere | None = None,
     draw_budget: int | None = None,
     progress: Callable[[int], None] | None = None,
@@ -81,11 +81,11 @@ def sample_descents(
     wanted = _Wanted(model, parts, n, seed, context, entry, air)
     drawn, plausible, n_kept, broken = 0, 0, 0, torch.zeros(len(RULES), dtype=torch.long)
     batches: list[tuple[Tensor, Trajectories]] = []
-    for start in range(0, n, BATCH):
-        pending, tries = torch.arange(start, min(start + BATCH, n)), 0
+    for start in range(0, n, DRAWS_AT_ONCE):
+        pending, tries = torch.arange(start, min(start + DRAWS_AT_ONCE, n)), 0
         while len(pending) and drawn < budget:
             now, left = pending[: budget - drawn], budget - drawn
-            times = max(min(tries, BATCH // len(now), left // len(now)), 1)
+            times = max(min(tries, DRAWS_AT_ONCE // len(now), left // len(now)), 1)
             of_draws, flown = wanted.fly(now, times, drawn)
             rules = parts.plausibility.broken_rules(flown).cpu()
             good = ~rules.any(1).reshape(times, -1)

@@ -9,7 +9,7 @@ from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.reporting.figure_style import GREY, RED, legend_below, tidy
 from descentflow.representation.decoder.trajectories import Trajectories
 
-FEWEST = 20
+FEWEST_FOR_A_BAND = 20
 """Descents at a level from which it has a band: of fewer, a quantile of 5 % lies beyond all of them."""
 LINES = 30
 """Single descents that are drawn: more of them hide the bands, fewer do not show how one goes."""
@@ -49,7 +49,7 @@ def draw_bands(ax: Axes, levels_fl: np.ndarray, values: np.ndarray, *, seed: int
         >>> ax.get_legend_handles_labels()[1]
         ['5 to 95 % of samples', '25 to 75 %', 'single samples', 'median']
     """
-    there = np.isfinite(values).sum(0) >= FEWEST
+    there = np.isfinite(values).sum(0) >= FEWEST_FOR_A_BAND
     if there.any():
         low, lower, middle, upper, high = np.nanquantile(values[:, there], [0.05, 0.25, 0.5, 0.75, 0.95], axis=0)
         levels = levels_fl[there]

@@ -15,7 +15,7 @@ STENCIL = 5
 """Levels on either side whose mean is compared with the level between: noise is shorter, flight is longer."""
 MIN_STENCILS = 15
 """Whole stencils that a flight must show for its noise to be measured."""
-QUIET = 0.8
+QUIET_SHARE = 0.8
 """Share of the stencils that say the noise, those that leave least: where speed or rate change at once (from Mach
 number to CAS, at the tropopause) a step of the flight is left, and no noise."""
 OF_QUIET = 0.4377
@@ -24,7 +24,7 @@ LEAST_NOISE = 0.5
 """Of a report's step: less noise cannot be separated from rounding."""
 NAMED = {"rate": "vertical_rate", "cas": "IAS", "mach": "Mach", "tas": "TAS", "groundspeed": "groundspeed"}
 """Name of a noise -> the channel that has it; that of the altitude is in the times at which levels are crossed."""
-KNOT = 1e-4
+KINK = 1e-4
 """Second difference, in a report's step or in seconds, from which a row of the report lies within a level."""
 LEAST_LAG = 0.5
 """Rows within half a stencil of which noise is measured at least: of fewer, nearly all of it is interpolated away."""
@@ -246,7 +246,7 @@ def short_scale_noise(grid: LevelGrid) -> dict[str, Tensor]:
         seen = whole & left.isfinite()
         count = seen.sum(1)
         ordered = torch.where(seen, left.square(), torch.inf).sort(1).values
-        quiet = (QUIET * count).ceil().long().clamp(min=1)
+        quiet = (QUIET_SHARE * count).ceil().long().clamp(min=1)
         ordered = torch.where(torch.arange(ordered.shape[1]) < quiet[:, None], ordered, 0.0).nan_to_num(posinf=0.0)
         mean_square = ordered.sum(1) / quiet / OF_QUIET / kept
         noise = 0.5 * mean_square.clamp(min=max(rounding, 1e-9) ** 2).log()
@@ -286,7 +286,7 @@ def kept_of_noise(grid: LevelGrid) -> Tensor:
     for name, step in steps.items():
         values = grid.time_s if name == "time_s" else grid.values[name]
         bend = values[:, 2:] - 2 * values[:, 1:-1] + values[:, :-2]
-        bent |= (bend.abs() > KNOT * step) & bend.isfinite()
+        bent |= (bend.abs() > KINK * step) & bend.isfinite()
     whole = grid.mask.double().unfold(1, 3, 1).amin(-1) > 0
     share = (bent & whole).sum(1) / whole.sum(1).clamp(min=1)
     # A row within a level bends the line at the levels on either side of it.

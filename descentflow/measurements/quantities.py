@@ -15,10 +15,9 @@ from torch import Tensor
 from descentflow.core.errors import DataError
 from descentflow.core.row_runs import first_rows
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
-from descentflow.measurements.along_track import FOR_AIR, drift_cosine, level_part_kt, speed_by_air_kt
+from descentflow.measurements.along_track import FOR_AIR, drift_cosine, induced_by_turns, level_part_kt, speed_by_air_kt
 from descentflow.measurements.level_channels import EDGE_LEVELS, LevelGrid, gaps_of, short_scale_noise
 from descentflow.measurements.quantity_registry import CHANNELS, QUANTITIES
-from descentflow.measurements.turning import induced_by_turns
 from descentflow.physics.airspeed import mach_to_cas_mps, mach_to_tas_mps
 
 VERSION = 6

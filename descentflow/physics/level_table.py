@@ -23,7 +23,7 @@ from descentflow.physics.performance_model import PerformanceModel
 
 HALF = (KAPPA - 1) / 2
 INVERSE_EXPONENT = (KAPPA - 1) / KAPPA
-NEW = (None, None, None, None)
+NO_ARRAYS = (None, None, None, None)
 """Arrays for a result that there are none of yet."""
 
 
@@ -102,7 +102,7 @@ def level_rate(
     drag_n: Tensor,
     cas_mps: Tensor,
     energy_share: Tensor | None = None,
-    out: Sequence[Tensor | None] = NEW,
+    out: Sequence[Tensor | None] = NO_ARRAYS,
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Mach, true airspeed, rate and its reciprocal of profiles (manual 3.1-23, 3.2-7 to 3.2-11).
 

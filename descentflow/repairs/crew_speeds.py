@@ -10,7 +10,7 @@ from descentflow.core.linear_gaussian import Array
 from descentflow.core.units import FT_M, KT_MPS
 from descentflow.effects.flight_state import CHANGING, NEAR_MACH, constant_mach_slope
 from descentflow.repairs.flight_evidence import FlightEvidence
-from descentflow.repairs.mixed_model import WIDE
+from descentflow.repairs.mixed_model import Z_90
 
 SPREADS = {"des_mach": 0.03, "des_cas_high_kt": 20.0, "des_cas_low_kt": 20.0}
 """Prior standard deviation of a fleet's mean speed about the file's: operators differ by as much."""
@@ -80,5 +80,5 @@ def _pooled(held: Tensor, evidence: FlightEvidence, prior: float, spread: float)
         return None
     error = means.std(ddof=1) / np.sqrt(len(means))
     weight = spread**2 / (spread**2 + error**2)
-    estimate, half = prior + weight * (means.mean() - prior), WIDE * np.sqrt(weight) * error
+    estimate, half = prior + weight * (means.mean() - prior), Z_90 * np.sqrt(weight) * error
     return CrewSpeed(float(estimate), float(estimate - half), float(estimate + half), len(means))

@@ -20,7 +20,7 @@ FOLDS = 8
 """Parts of the aircraft, each predicted by the others."""
 FLEETS = 400
 """Bootstrapped fleets."""
-FEWEST = 3
+FEWEST_AIRCRAFT_A_LEVEL = 3
 """Aircraft that show a level, for its errors to be given."""
 
 
@@ -134,7 +134,7 @@ def held_out(types: Sequence[TypeFlights], finish: Finish) -> HeldOut:
     for band in range(own_rate.shape[1] - 1, -1, -1):
         shown = np.isfinite(own_rate[:, band])
         there = mine.tails[shown]
-        if len(np.unique(there)) >= FEWEST:
+        if len(np.unique(there)) >= FEWEST_AIRCRAFT_A_LEVEL:
             errors = [
                 _error(there, was[shown, band] - own[shown, band], now[shown, band] - own[shown, band])
                 for was, now, own in ((rate_before, rate, own_rate), (cas_before, cas, own_cas))

@@ -32,19 +32,19 @@ MASS_SPREAD = ASSUMED.coefficient_spread[0]
 COEFFICIENT_SPREAD = (ASSUMED.coefficient_spread[1], ASSUMED.coefficient_spread[1], ASSUMED.coefficient_spread[3])
 """Prior standard deviations of ln CD0, ln CD2 and idle thrust over the file's: a wrong file may be as wrong in CD2 as
 open sources differ in CD0."""
-GAUGE = (-1.0, 1.0, -1.0)
+MASS_GAUGE = (-1.0, 1.0, -1.0)
 """A mean mass that is more than the reference mass by so much shows as less CD0, more CD2 and less idle thrust."""
-PRIOR = np.diag(np.square(COEFFICIENT_SPREAD)) + MASS_SPREAD**2 * np.outer(GAUGE, GAUGE)
+PRIOR = np.diag(np.square(COEFFICIENT_SPREAD)) + MASS_SPREAD**2 * np.outer(MASS_GAUGE, MASS_GAUGE)
 """Covariance (3, 3) of what a file is off by, at the reference mass."""
-WIDE = 1.645
+Z_90 = 1.645
 """Standard deviations of a 90 % interval."""
-UNSEEN = 1e6
+UNSEEN_VARIANCE = 1e6
 """Variance of a band that a flight does not show: it tells nothing."""
 LEVELS_M = np.arange(0.0, 15_001.0, 600.0)
 """Levels of flight."""
 LEAST_SHARE = 1e-3
 """Of the largest variance, below which a part of the smooth misfits is left out."""
-WEAK = 1.0
+LOG_SIZE_SD = 1.0
 """Prior standard deviation of the logarithm of each learnt size."""
 
 
@@ -199,7 +199,7 @@ def whitened(flights: Flights, sizes: Sizes) -> tuple[Array, Array]:
     one = flights.seen.astype(float)
     noise = np.broadcast_to(sizes.smooth**2 * flights.kernel + sizes.white**2 * np.eye(bands), (n, bands, bands))
     noise = noise + sizes.flight**2 + sizes.mass**2 * flights.by_mass[:, :, None] * flights.by_mass[:, None]
-    noise = noise * one[:, :, None] * one[:, None] + UNSEEN * np.eye(bands) * (1 - one)[:, None]
+    noise = noise * one[:, :, None] * one[:, None] + UNSEEN_VARIANCE * np.eye(bands) * (1 - one)[:, None]
     factor = np.linalg.cholesky(noise)
     misfit = np.broadcast_to(sizes.equation * flights.shapes, (n, *flights.shapes.shape))
     columns = np.concatenate([flights.y[:, :, None], flights.x, misfit, np.ones((n, bands, 1))], 2) * one[:, :, None]
@@ -266,7 +266,7 @@ def fit(flights: Flights, first: Sizes = Sizes()) -> MixedModelPosterior:
         return Sizes(**dict(zip(names, np.exp(point[: len(names)]).tolist(), strict=True)), weights=weights)
 
     def cost(point: Array) -> float:
-        strange = np.concatenate([point[: len(names)] - usual, point[len(names) :]]) / WEAK
+        strange = np.concatenate([point[: len(names)] - usual, point[len(names) :]]) / LOG_SIZE_SD
         return 0.5 * float(strange @ strange) - posterior(flights, sizes_at(point)).log_likelihood
 
     start = np.concatenate([usual, np.zeros(groups)])

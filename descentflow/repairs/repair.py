@@ -15,7 +15,7 @@ from descentflow.core.errors import AircraftError, DataError
 from descentflow.core.linear_gaussian import Array
 from descentflow.repairs.crew_speeds import CrewSpeed, crew_speeds
 from descentflow.repairs.held_out import held_out
-from descentflow.repairs.mixed_model import WIDE, MixedModelPosterior
+from descentflow.repairs.mixed_model import Z_90, MixedModelPosterior
 from descentflow.repairs.repair_found import FACTORS, SPEEDS, CoefficientEstimate, Repair
 from descentflow.repairs.repaired_files import check_out, write_repair
 from descentflow.repairs.type_fit import Repairable, TypeFlights, fit_types, type_flights
@@ -162,7 +162,7 @@ def _rounded(value: float) -> float:
 
 def _estimates(before: Repairable, own: TypeFlights, posterior: MixedModelPosterior) -> list[CoefficientEstimate]:
     mean, covariance = posterior.of(0)
-    spread = WIDE * np.sqrt(covariance.diagonal())
+    spread = Z_90 * np.sqrt(covariance.diagonal())
     made = []
     for name, (factor, value) in before.repaired_numbers().items():
         k = FACTORS.index(factor)

@@ -20,7 +20,7 @@ from descentflow.physics.performance_model import PerformanceModel
 from descentflow.repairs.flight_evidence import FlightEvidence, flight_evidence
 from descentflow.repairs.mixed_model import Flights, MixedModelPosterior, fit, joined
 
-ROUNDS = 3
+GAUSS_NEWTON_STEPS = 3
 """Gauss-Newton steps: ln rate is close to linear in these parameters."""
 LARGE_SHIFT = 0.03
 """Of mean ln rate in a band by brakes, from which the band is left out: what is missed of them would pass for drag.
@@ -218,7 +218,7 @@ def fit_types(types: Sequence[TypeFlights]) -> MixedModelPosterior:
         (1, 3)
     """
     theta = np.zeros((len(codes_of(types)), 3))
-    for _ in range(ROUNDS):
+    for _ in range(GAUSS_NEWTON_STEPS):
         posterior = fit(linearised(types, theta))
         theta = posterior.mean.copy()
         theta[:, 2] = np.maximum(theta[:, 2], LEAST_IDLE)

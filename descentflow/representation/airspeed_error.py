@@ -31,13 +31,13 @@ from descentflow.surveillance.rows.airspeed_source import REPORTED, derived_flig
 
 WIND_MPS, TEMPERATURE_K = 2.5, 1.0
 """Standard errors of a field's wind along the track and of its temperature: ERA5's vectors err by 2 to 4.5 m/s."""
-FEWEST = 50
+FEWEST_DERIVED = 50
 """Derived flights below which nothing can be taken off: their spread is not known well enough."""
 AT_LEVEL = 20
 """Of them at a level at least."""
 OF_CAS, OF_RATE = 16, 6
 """Directions of CAS in which the spread is mapped, and of rates that it is expected from."""
-LEAST = 0.02
+LEAST_VARIANCE_LEFT = 0.02
 """Share of a direction's variance that is left at least: more error than there is spread was not there."""
 QUIET_KT2, MOST_KT = 0.17, 40.0
 """Variance of a reported IAS by its rounding to 1 kt and that
@@ -111,7 +111,7 @@ def _measured_wind_mps(frame: pl.DataFrame, temperature_k: float) -> float | Non
     if "derived_IAS" not in frame.columns:
         return None
     both = frame.filter(pl.col("airspeed_source") == REPORTED).drop_nulls(["IAS", "derived_IAS"])
-    if both["flight_id"].n_unique() < FEWEST:
+    if both["flight_id"].n_unique() < FEWEST_DERIVED:
         return None
     cas, level = (torch.from_numpy(both[name].cast(pl.Float64).to_numpy().copy()) for name in ("IAS", "level_fl"))
     left = both.select((pl.col("derived_IAS") - pl.col("IAS")).clip(-MOST_KT, MOST_KT)).to_series().to_numpy()
@@ -153,7 +153,7 @@ def without_airspeed_error(
     derived = torch.tensor([flight in errors.flight_ids for flight in profiles.flight_ids])
     judges = torch.zeros(len(derived), dtype=torch.bool).index_fill(0, torch.as_tensor(list(chosen)), True) & derived
     shown = profiles.mask[judges].sum(0) >= AT_LEVEL
-    if int(judges.sum()) < FEWEST or not shown.any():
+    if int(judges.sum()) < FEWEST_DERIVED or not shown.any():
         say(f"airspeeds of {int(derived.sum())} flights are derived: too few to take the error of their field off")
         return profiles
     say(str(errors))
@@ -194,7 +194,7 @@ def _to_less(spread: Tensor, added: Tensor) -> Tensor:
                   ((vectors, values), (vectors, 1 / values.clamp(min=1e-12))))  # fmt: skip
     # In units of the spread one less the added variance is left, and never nothing.
     shares, axes = torch.linalg.eigh(back @ (spread - added) @ back)
-    less = root @ (axes * shares.clamp(min=LEAST) @ axes.T) @ root
+    less = root @ (axes * shares.clamp(min=LEAST_VARIANCE_LEFT) @ axes.T) @ root
     values, vectors = torch.linalg.eigh(root @ less @ root)
     middle = vectors * values.clamp(min=1e-12).sqrt() @ vectors.T
     moved: Tensor = back @ middle @ back

@@ -19,7 +19,7 @@ from descentflow.representation.profiles import Profiles, profiles_from_frame
 from descentflow.representation.representation import Representation, Split
 
 Say = Callable[[str], None]
-FEW = 100
+FEW_FLIGHTS = 100
 """Training flights below which a summary calls them few."""
 
 
@@ -188,7 +188,7 @@ def summary_of(parts: dict[Part, EncodedFlights], representation: Representation
     """
     decoder = representation.decoder
     counts = ", ".join(f"{len(parts[part])} {part}" for part in PARTS)
-    few = "; few to train on: a useful generator needs hundreds" if 0 < len(parts["train"]) < FEW else ""
+    few = "; few to train on: a useful generator needs hundreds" if 0 < len(parts["train"]) < FEW_FLIGHTS else ""
     return (
         f"flights: {counts}; grid FL{decoder.levels_fl[0]:.0f}-{decoder.levels_fl[-1]:.0f}; components: {decoder.sizes}"
         + (f"; context: {representation.context.describe()}" if representation.n_context else "")

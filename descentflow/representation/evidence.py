@@ -17,7 +17,7 @@ Gaps = Literal["marginal", "filled"]
 """Treatment of levels that a flight does not show: left open, or filled by their expectation."""
 LEAST_PRECISION = 1e-9
 """Precision below which a direction counts as not seen; the weights have unit variance."""
-CHUNK = 2048
+FLIGHTS_AT_ONCE = 2048
 """Flights whose d x d posteriors are held at once."""
 
 
@@ -103,7 +103,7 @@ class WeightEvidence:
         used, group = self.group[index].unique(return_inverse=True)  # type: ignore[no-untyped-call]
         return WeightEvidence(self.points[index], group, self.precisions[used])
 
-    def chunks(self, size: int = CHUNK) -> Iterator[tuple[Tensor, "WeightEvidence"]]:
+    def chunks(self, size: int = FLIGHTS_AT_ONCE) -> Iterator[tuple[Tensor, "WeightEvidence"]]:
         """Positions and evidence of some flights at a time, those with the same matrix together."""
         for index in torch.split(self.group.argsort(stable=True), size):
             yield index, self.rows(index)
@@ -118,6 +118,6 @@ def _times(matrices: Tensor, vectors: Tensor, group: Tensor) -> Tensor:
     return torch.cat(
         [
             (matrices[g] @ v[:, :, None])[:, :, 0]
-            for g, v in zip(torch.split(group, CHUNK), torch.split(vectors, CHUNK), strict=True)
+            for g, v in zip(torch.split(group, FLIGHTS_AT_ONCE), torch.split(vectors, FLIGHTS_AT_ONCE), strict=True)
         ]
     )

@@ -17,7 +17,7 @@ from descentflow.physics.energy import inferred_drag_n
 from descentflow.physics.idle_state import idle_state
 from descentflow.physics.performance_model import PerformanceModel
 
-BLOCK = 4096
+FLIGHTS_AT_ONCE = 4096
 """Flights whose drag is inferred at a time."""
 
 
@@ -216,8 +216,8 @@ def observed_profiles(
     altitude_m = levels_fl * FL_M
     # Flights are independent: in blocks, the steps of the equation need no memory for all flights at once.
     drag = []
-    for start in range(0, len(mask), BLOCK):
-        part = slice(start, start + BLOCK)
+    for start in range(0, len(mask), FLIGHTS_AT_ONCE):
+        part = slice(start, start + FLIGHTS_AT_ONCE)
         found_n = infer_drag_n(aircraft, cas_mps[part], rate_mps[part], altitude_m, mass_kg)
         drag.append(torch.where(mask[part], found_n, 0.0))
     return Profiles(flight_ids, levels_fl, time_s, cas_mps, rate_mps, torch.cat(drag), mask)

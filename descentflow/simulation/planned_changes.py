@@ -31,9 +31,9 @@ RATE_STREAM, SPEED_STREAM, OFF_IDLE_STREAM = 5, 10, 11
 """Of random numbers."""
 CLEAR_FPM = 30.0
 """Least distance of a constant rate from a multiple of 100 ft/min."""
-MOST = 2
+MOST_CHANGES = 2
 """Changes of speed of a flight, and stretches with thrust, and with brakes."""
-SLOWEST = 0.8
+SLOWEST_SHARE = 0.8
 """No change leads below this share of the planned speed: some 1.3 times the stall speed of a clean jet at 250 kt."""
 FASTEST_GAIN_KT_PER_KFT = 10.0
 """Speed is gained no faster: at 250 m/s, 12 kt of TAS in 1,000 ft make an idle descent twice as steep."""
@@ -64,7 +64,7 @@ class ConstantRates(FlightRows):
 
 @dataclass(frozen=True)
 class SpeedChanges(FlightRows):
-    """Changes of each flight, all of shape (n, :data:`MOST`); 0 for none.
+    """Changes of each flight, all of shape (n, :data:`MOST_CHANGES`); 0 for none.
 
     Example:
         >>> slower = SpeedChanges(torch.tensor([[-0.1]]), torch.tensor([[8000.0]]), torch.tensor([[7000.0]]))
@@ -82,7 +82,7 @@ class SpeedChanges(FlightRows):
     def factor(self, altitude_m: Tensor) -> Tensor:
         """Speed wanted at pressure altitudes (n,) in units of the planned one."""
         done = ((self.high_m - altitude_m[:, None]) / (self.high_m - self.low_m)).clamp(0.0, 1.0)
-        return (1 + (self.share * done).sum(1)).clamp(min=SLOWEST)
+        return (1 + (self.share * done).sum(1)).clamp(min=SLOWEST_SHARE)
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,7 @@ def draw_speed_changes(
     """
     if not config.speed_change_share:
         return SpeedChanges(*_no_columns(numbers, 3))
-    has, faster, size, level, slope = uniform_of(numbers, seed, (SPEED_STREAM,), MOST, 5).unbind(2)
+    has, faster, size, level, slope = uniform_of(numbers, seed, (SPEED_STREAM,), MOST_CHANGES, 5).unbind(2)
     change_mps = ranged(config.speed_change_kt, size) * KT_MPS
     high = ranged(config.speed_change_fl, level) * FL_M
     faster = faster < config.faster_share
@@ -211,10 +211,10 @@ def draw_off_idle(numbers: Sequence[int], seed: int, config: WorldConfig, top_m:
     """
     if not (config.thrust_share or config.brakes_share):
         return OffIdle(*_no_columns(numbers, 4))
-    has, size, level, depth = uniform_of(numbers, seed, (OFF_IDLE_STREAM,), 2 * MOST, 4).unbind(2)
+    has, size, level, depth = uniform_of(numbers, seed, (OFF_IDLE_STREAM,), 2 * MOST_CHANGES, 4).unbind(2)
     thrust = torch.where(has < config.thrust_share, ranged(config.thrust_of_needed, size), 0.0)
     brakes = torch.where(has < config.brakes_share, ranged(config.brake_gain, size), 0.0)
-    kind = torch.arange(2 * MOST) < MOST
+    kind = torch.arange(2 * MOST_CHANGES) < MOST_CHANGES
     high = bottom_m[:, None] + (top_m - bottom_m)[:, None] * level
     low = high - ranged(config.off_idle_fl, depth) * FL_M
     return OffIdle(torch.where(kind, thrust, 0.0), torch.where(kind, 0.0, brakes), high, low)

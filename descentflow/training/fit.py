@@ -32,12 +32,11 @@ from descentflow.densities.density import Density
 from descentflow.densities.kinds import KINDS
 from descentflow.representation.read_checkpoint import read_checkpoint
 from descentflow.surveillance.descents.prepared_descents import Descents
-from descentflow.training.callbacks.show_progress import ShowProgress
+from descentflow.training.callbacks.show_progress import ShowProgress, quiet
 from descentflow.training.data_settings import grouped, groups_of
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.final_fit import fit_to_all
 from descentflow.training.models.latent_model import LatentModel
-from descentflow.training.quiet import quiet
 from descentflow.training.run_folders import check_new_run, write_settings
 from descentflow.training.training_settings import TrainingSettings, settings_of, training_settings
 

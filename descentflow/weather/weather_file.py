@@ -25,7 +25,7 @@ from descentflow.weather.weather_layout import AXES, GRIB, SUFFIXES, VARIABLE_NA
 
 WeatherSource = str | Path | Sequence[str | Path]
 """A file, a folder of files, or several."""
-SAME = 0.1
+SAME_WITHIN = 0.1
 """K and m/s within which two values of one place and time are the same: files are packed in steps of 0.01 or less."""
 
 
@@ -121,7 +121,7 @@ def weather_file_of(data: Any, path: str) -> WeatherFile:
 
 def same(one: Array, other: Array) -> bool:
     """True for two fields that differ by no more than their packing, holes included."""
-    return one.shape == other.shape and np.allclose(one, other, rtol=0, atol=SAME, equal_nan=True)
+    return one.shape == other.shape and np.allclose(one, other, rtol=0, atol=SAME_WITHIN, equal_nan=True)
 
 
 def weather_files(source: WeatherSource) -> list[Path]:

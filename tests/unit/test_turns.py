@@ -14,9 +14,9 @@ from descentflow.core.units import FL_M, KT_MPS
 from descentflow.diagnosis.sides.two_sides import Compared, compare
 from descentflow.effects import EFFECTS
 from descentflow.effects.flight_state import log_rate
+from descentflow.measurements.along_track import induced_by_turns
 from descentflow.measurements.level_channels import LevelGrid
 from descentflow.measurements.quantities import CHANNELS, Quantities, quantities_of
-from descentflow.measurements.turning import induced_by_turns
 from descentflow.simulation.world import simulate
 from descentflow.surveillance.prepare import prepare
 

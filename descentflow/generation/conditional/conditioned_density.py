@@ -26,7 +26,7 @@ from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.representation.plausibility import Plausibility
 
-NEVER = 1e6
+UNFLOWN_CAS_MPS = 1e6
 """CAS (m/s) that no descent has, which leaves a level of entry without probability."""
 PROPOSALS, PROPOSALS_OF_A_STAND_IN = 16, 256
 """Proposals for one weighted draw; more where Gaussians stand in for a density that is no mixture."""
@@ -229,7 +229,7 @@ def _asked(
             if lowest > highest or not least <= lowest <= highest <= most:
                 if len(np.unique(level[:, j])) == 1:
                     raise NothingPlausible(speed)
-                lowest, highest = NEVER, NEVER  # no descent of this level of entry
+                lowest, highest = UNFLOWN_CAS_MPS, UNFLOWN_CAS_MPS  # no descent of this level of entry
             at = level[:, j] == k
             low[at, j], high[at, j] = lowest, highest
     return level, low, high

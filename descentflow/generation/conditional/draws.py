@@ -22,7 +22,7 @@ ENTRY_STREAM = FIRST_STREAM + (1 << 20)
 """Of the numbers that choose levels of entry."""
 LEAST_UNIFORM = 2.0**-54
 """In place of a uniform number that is zero, half of the next: its normal is finite."""
-MORE = 4
+PROPOSALS_GROWTH = 4
 """Factor by which proposals grow where too few were effective."""
 ROUNDS, ROUNDS_OF_EQUALS = 4, 5
 """Sizes that are tried, with weights and without: where one draw in 20 is plausible, one in 40 million fails."""
@@ -170,7 +170,7 @@ def accepted(target: LatentTarget, seed: int, numbers: np.ndarray, judge: Judge)
     """
     search, pending = _Search(target, seed, numbers, judge), np.arange(len(numbers))
     for attempt in range(ROUNDS_OF_EQUALS if search.equal else ROUNDS):
-        size = target.proposals * MORE**attempt
+        size = target.proposals * PROPOSALS_GROWTH**attempt
         for group in np.array_split(pending, -(-len(pending) * size // ROWS_AT_ONCE)):
             search.propose(group, size, attempt)
         pending = np.setdiff1d(pending, search.owners)

@@ -14,7 +14,7 @@ from descentflow.generation.sample_figures import CAS, RATE, curves_of, draw_ban
 from descentflow.reporting.figure_style import BLACK, BLUE, legend_below, tidy
 from descentflow.representation.profiles import Profiles
 
-MOST = 4
+MOST_FLIGHTS = 4
 """Flights that are drawn, a row of panels each: as many as a page holds."""
 LINES = 12
 """Continuations that are drawn: the bands are narrow, and more would hide them."""
@@ -47,7 +47,7 @@ def prediction_figure(
     """
     if not predictions:
         raise DataError("no prediction to draw", expected="at least one", mend="predict other flights")
-    shown = predictions[:MOST]
+    shown = predictions[:MOST_FLIGHTS]
     figure = Figure(figsize=(10.5, 1.2 + 3.4 * len(shown)), layout="constrained")
     axes = figure.subplots(len(shown), 3, sharey=True, sharex="col", squeeze=False)
     tidy(axes.flat)

@@ -15,7 +15,7 @@ from descentflow.physics.airspeed import cas_to_mach
 from descentflow.physics.atmosphere import isa_temperature_k
 from descentflow.physics.energy import energy_share_factor, energy_share_factor_local, slope_per_m
 from descentflow.physics.fuel import Burn, burn
-from descentflow.physics.level_table import NEW, level_rate
+from descentflow.physics.level_table import NO_ARRAYS, level_rate
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.decoder.flight_grid import FlightGrid, flight_grid
 
@@ -236,7 +236,7 @@ def _on_levels(
     cas_mps: Tensor,
     entry: Tensor,
     energy_shares: tuple[Tensor | None, Tensor | None] = (None, None),
-    out: tuple[Tensor | None, ...] = (None, *NEW),
+    out: tuple[Tensor | None, ...] = (None, *NO_ARRAYS),
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Time, Mach number, TAS and rate; energy share factors, at levels and sides of jumps, are the grid's if absent.
 

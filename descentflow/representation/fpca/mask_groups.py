@@ -10,7 +10,7 @@ from torch import Tensor
 
 FLIGHTS_EACH = 8
 """Flights a mask, on average, above which masks are taken one after the other: below, the calls would cost more."""
-CHUNK = 4096
+MATRICES_HELD = 4096
 """Flights whose matrices are held at once where masks are not taken one after the other."""
 
 
@@ -47,7 +47,7 @@ class MaskGroups:
                     [5.]])
         """
         if not self._few:
-            parts = zip(torch.split(self.group, CHUNK), torch.split(rows, CHUNK), strict=True)
+            parts = zip(torch.split(self.group, MATRICES_HELD), torch.split(rows, MATRICES_HELD), strict=True)
             return torch.cat([(part[:, None] @ matrices[index])[:, 0] for index, part in parts])
         products = rows.new_empty(len(rows), matrices.shape[2])
         moved = torch.cat([part @ matrices[one] for one, part in self._one_by_one(rows)])
@@ -68,7 +68,7 @@ class MaskGroups:
             for one, part in self._one_by_one(rows):
                 torch.mm(part.T, part, out=moments[one])
             return moments
-        for index, part in zip(torch.split(self.group, CHUNK), torch.split(rows, CHUNK), strict=True):
+        for index, part in zip(torch.split(self.group, MATRICES_HELD), torch.split(rows, MATRICES_HELD), strict=True):
             moments.index_add_(0, index, part[:, :, None] * part[:, None])
         return moments
 

@@ -77,7 +77,7 @@ TUNING_FLIGHTS = 1000
 """Flights that are dealt, at most: more would take time and change little."""
 FOLDS = 3
 """Parts."""
-FEWEST = 6
+FEWEST_FLIGHTS = 6
 """Flights below which nothing is learnt: the model is taken as it is."""
 
 Fit = Callable[[Tensor, Tensor, int], PPCA]
@@ -128,7 +128,7 @@ def roughness_and_length(flights: Centred, q: int) -> tuple[float, float]:
         >>> weight > 100, length in LENGTHS  # the shape is a line
         (True, True)
     """
-    if len(flights.mask) < FEWEST:
+    if len(flights.mask) < FEWEST_FLIGHTS:
         return 0.0, 1.0
     centred, mask, mean = flights.values[:TUNING_FLIGHTS], flights.mask[:TUNING_FLIGHTS], flights.mean / flights.scale
     fold = torch.arange(len(mask), device=mask.device) % FOLDS

@@ -111,7 +111,7 @@ def run(
     """
     import json
 
-    from descentflow.core.files import check_folder, whole_file
+    from descentflow.core.files import check_folder, write_whole
     from descentflow.core.progress import stage
     from descentflow.surveillance.formats.aircraft_json import embedded_rows, embedded_types
     from descentflow.surveillance.prepare import prepare
@@ -146,8 +146,7 @@ def run(
             progress=shown.say,
         )
     if report:
-        with whole_file(report) as temporary:
-            temporary.write_text(json.dumps(descents.metadata, indent=1))
+        write_whole(report, json.dumps(descents.metadata, indent=1))
     if figures and descents.dropped_rows is not None:
         from descentflow.surveillance.figure_pages import write_page
 

@@ -91,6 +91,18 @@ def whole_file(path: str | Path) -> Iterator[Path]:
                 mine.end()
 
 
+def write_whole(path: str | Path, content: str | bytes) -> None:
+    """Write bytes, or a text in UTF-8, to a file, whole or not at all; see :func:`whole_file`.
+
+    Example:
+        >>> write_whole("note.txt", "all of it")
+        >>> Path("note.txt").read_text()
+        'all of it'
+    """
+    with whole_file(path) as temporary:
+        temporary.write_bytes(content if isinstance(content, bytes) else content.encode())
+
+
 def table_beside(module: str) -> dict[str, Any]:
     """The TOML table that a module has in a file of its own name: texts and numbers that are no code.
 

@@ -11,7 +11,7 @@ import polars as pl
 from matplotlib.figure import Figure
 
 from descentflow.core.arguments import Output, checked_arguments
-from descentflow.core.files import check_folder, whole_file
+from descentflow.core.files import check_folder, whole_file, write_whole
 from descentflow.core.units import FPM_MPS
 from descentflow.evaluation.figures.components import components_figure
 from descentflow.evaluation.figures.level_cuts import cuts_figure
@@ -173,11 +173,9 @@ class Evaluation(WithTable):
             pl.DataFrame(self.classifier.importance, schema=_IMPORTANCE).write_csv(temporary)
         with whole_file(folder / "level_flight.csv") as temporary:
             self.level_flight.write_csv(temporary)
-        with whole_file(folder / "rejections.json") as temporary:
-            temporary.write_text(json.dumps(self.rejections.as_dict(), indent=1))
+        write_whole(folder / "rejections.json", json.dumps(self.rejections.as_dict(), indent=1))
         for name, picture in self.pictures.items() if figures else ():
-            with whole_file(folder / f"{name}.png") as temporary:
-                temporary.write_bytes(picture)
+            write_whole(folder / f"{name}.png", picture)
 
     def __str__(self) -> str:
         """Flights, what was left out, rejections, scores, what the classifier looks at, and a verdict in words."""

@@ -7,7 +7,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from descentflow.core.errors import ConfigError
-from descentflow.core.files import whole_file
+from descentflow.core.files import write_whole
 from descentflow.core.units import KT_MPS, NM_M
 from descentflow.exports.export_request import ExportRequest
 from descentflow.exports.plugin import write_plugin
@@ -43,8 +43,7 @@ def write(request: ExportRequest, *others: ExportRequest) -> list[Path]:
     if request.path.suffix == ".py":
         return write_plugin("bluesky_plugin.py", request, *others)
     text = "\n".join(scenario(request, *others)) + "\n"
-    with whole_file(request.path) as temporary:
-        temporary.write_text(text, encoding="ascii")
+    write_whole(request.path, text.encode("ascii"))
     return [request.path]
 
 

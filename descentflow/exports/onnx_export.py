@@ -17,7 +17,7 @@ import torch
 from torch import Tensor, nn
 from torch.export import Dim, ExportedProgram
 
-from descentflow.core.files import whole_file
+from descentflow.core.files import write_whole
 from descentflow.core.tabular import optional_library
 from descentflow.core.version import __version__
 from descentflow.densities.density import Density
@@ -179,8 +179,7 @@ def write(request: ExportRequest) -> list[Path]:
     about = (json.dumps(described, indent=1) + "\n").encode()
     contents = {**models, request.beside(".json", about): about, request.beside(".mjs", javascript): javascript}
     for path, content in contents.items():
-        with whole_file(path) as temporary:
-            temporary.write_bytes(content)
+        write_whole(path, content)
     return list(contents)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import orjson
 
 from descentflow.core.errors import ConfigError
-from descentflow.core.files import whole_file
+from descentflow.core.files import write_whole
 from descentflow.core.version import __version__
 from descentflow.exports.export_request import ExportRequest
 
@@ -48,8 +48,7 @@ def write_plugin(template: str, request: ExportRequest, *others: ExportRequest) 
     samples = orjson.dumps(document(request, *others), option=orjson.OPT_SERIALIZE_NUMPY)
     beside = request.beside(".json", samples)
     for path, content in ((beside, samples), (request.path, source.replace(NAME, name.upper()).encode())):
-        with whole_file(path) as temporary:
-            temporary.write_bytes(content)
+        write_whole(path, content)
     return [request.path, beside]
 
 

@@ -13,7 +13,7 @@ from descentflow.aircraft_types.bada4.acm_file import changed_acm
 from descentflow.aircraft_types.bada4.bada4_directory import GLOBAL_PARAMETERS
 from descentflow.aircraft_types.open_types.open_aircraft import open_type
 from descentflow.core.errors import ConfigError
-from descentflow.core.files import check_output, whole_file
+from descentflow.core.files import check_output, write_whole
 from descentflow.exports.bluebird_tables import KINDS, tables
 from descentflow.repairs.nominal_fleet import nominal_fleet
 from descentflow.repairs.repair_found import FACTORS, SPEEDS, CoefficientEstimate, Repair
@@ -86,8 +86,7 @@ def write_repair(repair: Repair, out: Path) -> list[Path]:
     elif repair.own is not None:
         _write_bada4(repair, repair.own, paths)
     for kind, text in texts.items():
-        with whole_file(paths[kind]) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        write_whole(paths[kind], text)
     return list(paths.values())
 
 
@@ -103,8 +102,7 @@ def _write_bada4(repair: Repair, acm: Path, paths: Mapping[str, Path]) -> None:
         "gpf": (acm.parent.parent / GLOBAL_PARAMETERS).read_bytes(),
     }
     for kind, content in made.items():
-        with whole_file(paths[kind]) as temporary:
-            temporary.write_bytes(content)
+        write_whole(paths[kind], content)
 
 
 def toml_text(repair: Repair, after: Bada3Aircraft) -> str:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from descentflow.core.errors import ConfigError
-from descentflow.core.files import check_output, whole_file
+from descentflow.core.files import check_output, write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -64,5 +64,4 @@ def write_figure(figure: "Figure", path: str | Path, dpi: float = DPI) -> None:
         '<?xml'
     """
     check_figure_file(path)
-    with whole_file(path) as temporary:
-        temporary.write_bytes(image(figure, "svg" if Path(path).suffix.lower() == ".svg" else "png", dpi))
+    write_whole(path, image(figure, "svg" if Path(path).suffix.lower() == ".svg" else "png", dpi))

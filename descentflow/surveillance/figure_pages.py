@@ -9,7 +9,7 @@ import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from descentflow.core.files import whole_file
+from descentflow.core.files import write_whole
 from descentflow.reporting.figure_file import write_figure
 from descentflow.reporting.figure_style import BLUE, MODELS, legend_below, say_why_empty, tidy
 from descentflow.reporting.pages import rendered
@@ -100,9 +100,8 @@ def write_page(folder: Path, dropped_rows: pl.DataFrame, report: DropReport, slo
         picture = folder / f"flights-{number:02d}.png"
         write_figure(cleaning_figure(some, slowest_fpm), picture, DPI)
         shown.append((picture.name, [[str(flight["flight_id"][0]), _counts(flight)] for flight in some]))
-    with whole_file(folder / "index.html") as temporary:
-        text = rendered("surveillance/cleaning_page.html.j2", flights=shown, report=str(report))
-        temporary.write_text(text, encoding="utf-8")
+    text = rendered("surveillance/cleaning_page.html.j2", flights=shown, report=str(report))
+    write_whole(folder / "index.html", text)
     return len(flights)
 
 

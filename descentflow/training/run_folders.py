@@ -8,7 +8,7 @@ from typing import Any
 from lightning.pytorch import LightningDataModule, LightningModule, Trainer
 
 from descentflow.core.errors import ConfigError
-from descentflow.core.files import check_folder, whole_file
+from descentflow.core.files import check_folder, write_whole
 from descentflow.core.user_files import settings_text
 
 SETTINGS = "config.yaml"
@@ -166,8 +166,7 @@ def write_settings(
         "data": {name: _as_yaml(value) for name, value in options.items() if _as_yaml(value) is not None},
         **others,
     }
-    with whole_file(folder / SETTINGS) as temporary:
-        temporary.write_text(settings_text(settings), encoding="utf-8")
+    write_whole(folder / SETTINGS, settings_text(settings))
 
 
 def _as_yaml(value: Any) -> Any:

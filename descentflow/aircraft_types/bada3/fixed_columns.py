@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from descentflow.core.errors import AircraftError
-from descentflow.core.files import whole_file
+from descentflow.core.files import write_whole
 
 _FIELD, _GAP = 10, 3
 """BADA's numbers are written as ``3X, E10.5``: three blanks, ten columns."""
@@ -119,9 +119,8 @@ def write_lines(lines: Iterable[Line], path: Path, names: tuple[str, str], dates
         names: Name of the file without suffix in its comments, and the new one.
         dates: Texts after keys such as ``Modification_date``.
     """
-    with whole_file(path) as temporary:
-        text = "\n".join(_commented(line.text, names, dates) for line in lines)
-        temporary.write_text(text, encoding="latin-1", newline="\n")
+    text = "\n".join(_commented(line.text, names, dates) for line in lines)
+    write_whole(path, text.encode("latin-1"))
 
 
 def _commented(text: str, names: tuple[str, str], dates: dict[str, str]) -> str:

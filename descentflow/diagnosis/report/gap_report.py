@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from descentflow.core.files import whole_file
+from descentflow.core.files import whole_file, write_whole
 from descentflow.core.threads import one_thread
 from descentflow.diagnosis.findings.correction_found import CHECKPOINT, FLIGHTS
 from descentflow.diagnosis.findings.findings import Findings
@@ -76,10 +76,9 @@ class GapReport(Findings, WithTable):
         """
         target = Path(folder)
         target.mkdir(parents=True, exist_ok=True)
-        with whole_file(target / "gap.json") as temporary:
-            temporary.write_text(json.dumps(self.as_dict(), indent=1, allow_nan=False))
-        with whole_file(target / "gap.html") as temporary, one_thread():
-            temporary.write_text(page(self, target), encoding="utf-8")
+        write_whole(target / "gap.json", json.dumps(self.as_dict(), indent=1, allow_nan=False))
+        with one_thread():
+            write_whole(target / "gap.html", page(self, target))
         for name, write in self.corrections.items():
             with whole_file(target / name) as temporary:
                 write(temporary)

@@ -18,7 +18,7 @@ import polars as pl
 from polars.io.plugins import register_io_source
 
 from descentflow.core.errors import ConfigError, DataError
-from descentflow.core.files import whole_file
+from descentflow.core.files import whole_file, write_whole
 from descentflow.core.parquet_pages import check_pages
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.unpacking import whole_input
@@ -141,8 +141,8 @@ def write_store(parts: Parts, metadata: dict[str, Any], folder: Path) -> None:
             rows = pl.scan_parquet(path, hive_partitioning=False).select(pl.len()).collect().item()
             files.append({"path": path.relative_to(folder).as_posix(), "typecode": typecode, "rows": rows})
         files[-1]["flights_of_type"] = len(flights)
-    with whole_file(folder / MANIFEST) as temporary:
-        temporary.write_text(json.dumps({**metadata, "columns": parts.schema.names(), "files": files}, indent=1))
+    about = {**metadata, "columns": parts.schema.names(), "files": files}
+    write_whole(folder / MANIFEST, json.dumps(about, indent=1))
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:

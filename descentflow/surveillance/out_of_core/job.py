@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from descentflow.core.errors import ConfigError, DescentflowError
-from descentflow.core.files import Claim, whole_file
+from descentflow.core.files import Claim, write_whole
 
 DESCRIPTION, ROWS, PARTS = "job.json", "rows", "parts"
 
@@ -134,8 +134,7 @@ def _describe(folder: Path, facts: dict[str, Any], out: Path) -> None:
     for path in folder.iterdir():
         if path.is_dir():
             shutil.rmtree(path)
-    with whole_file(description) as temporary:
-        temporary.write_text(json.dumps({"fingerprint": mark, **facts}, indent=1, default=str))
+    write_whole(description, json.dumps({"fingerprint": mark, **facts}, indent=1, default=str))
 
 
 def _has_parts(folder: Path) -> bool:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import polars as pl
 
-from descentflow.core.files import whole_file
+from descentflow.core.files import whole_file, write_whole
 from descentflow.core.workers import Engine
 from descentflow.surveillance.cleaning.chain import Work, clean
 from descentflow.surveillance.descents.store import KEY, ROW_GROUP
@@ -140,8 +140,7 @@ def _plan(buckets: Sequence[Bucket], folder: Path, size: int, memory: Memory) ->
             {"files": [file.relative_to(folder).as_posix() for file in bucket.files], "bytes": bucket.bytes}
             for bucket in partitions(buckets, size, memory.rows_bytes)
         ]
-        with whole_file(path) as temporary:
-            temporary.write_text(json.dumps(planned))
+        write_whole(path, json.dumps(planned))
     return [(tuple(folder / name for name in part["files"]), part["bytes"]) for part in json.loads(path.read_text())]
 
 

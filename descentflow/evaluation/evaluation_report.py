@@ -11,7 +11,8 @@ import polars as pl
 from matplotlib.figure import Figure
 
 from descentflow.core.arguments import Output, checked_arguments
-from descentflow.core.files import check_folder, whole_file, write_whole
+from descentflow.core.files import check_folder, write_whole
+from descentflow.core.tabular import write_table
 from descentflow.core.units import FPM_MPS
 from descentflow.evaluation.figures.components import components_figure
 from descentflow.evaluation.figures.level_cuts import cuts_figure
@@ -168,11 +169,9 @@ class Evaluation(WithTable):
         """Write tables (:data:`FILES`) and, unless they are not wanted, figures as PNG."""
         folder = check_folder(folder, *FILES)
         folder.mkdir(parents=True, exist_ok=True)
-        self.scores.write_csv(folder / "scores.csv")
-        with whole_file(folder / "classifier.csv") as temporary:
-            pl.DataFrame(self.classifier.importance, schema=_IMPORTANCE).write_csv(temporary)
-        with whole_file(folder / "level_flight.csv") as temporary:
-            self.level_flight.write_csv(temporary)
+        write_table(self.scores.frame(), folder / "scores.csv")
+        write_table(pl.DataFrame(self.classifier.importance, schema=_IMPORTANCE), folder / "classifier.csv")
+        write_table(self.level_flight, folder / "level_flight.csv")
         write_whole(folder / "rejections.json", json.dumps(self.rejections.as_dict(), indent=1))
         for name, picture in self.pictures.items() if figures else ():
             write_whole(folder / f"{name}.png", picture)

@@ -10,7 +10,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from descentflow.core.errors import ConfigError
-from descentflow.core.files import whole_file
+from descentflow.core.tabular import write_table
 from descentflow.densities.checkpoint import as_density
 from descentflow.exports.export_request import ExportRequest, rows_at
 from descentflow.generation.sample import sample
@@ -53,8 +53,7 @@ def write(request: ExportRequest) -> list[Path]:
         >>> write(ExportRequest(load_model("best.ckpt"), Path("t.parquet"), n=2, plan=plan))[0].name
         't.parquet'
     """
-    with whole_file(request.path) as temporary:
-        flights(request).write_parquet(temporary)
+    write_table(flights(request), request.path)
     return [request.path]
 
 

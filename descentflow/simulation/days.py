@@ -10,7 +10,8 @@ import polars as pl
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.arguments import Count, NotNegativeInt, Output, checked_arguments
 from descentflow.core.errors import ConfigError
-from descentflow.core.files import check_folder, whole_file
+from descentflow.core.files import check_folder
+from descentflow.core.tabular import write_table
 from descentflow.simulation.plantable import Values
 from descentflow.simulation.scenarios import PLAIN, scenario_settings
 from descentflow.simulation.world import World, simulate
@@ -73,8 +74,7 @@ def simulate_days(
         for day, rows in _by_day(flown).items():
             if first <= day < until:
                 path = target / f"{day.isoformat()}.parquet"
-                with whole_file(path) as temporary:
-                    rows.write_parquet(temporary)
+                write_table(rows, path)
                 written.append(path)
     return written
 

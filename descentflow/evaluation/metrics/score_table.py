@@ -3,13 +3,10 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from math import isnan, nan
-from pathlib import Path
 from textwrap import wrap
 
 import polars as pl
 from torch import Tensor
-
-from descentflow.core.files import whole_file
 
 _HEADINGS = ("quantity", "statistic", "unit")
 _NUMBERS = {
@@ -127,15 +124,6 @@ class ScoreTable:
     def frame(self) -> pl.DataFrame:
         """A row for each score, columns as the fields of :class:`Score`; absent numbers are null."""
         return pl.DataFrame([asdict(row) for row in self.rows]).fill_nan(None)
-
-    def write_csv(self, path: str | Path) -> None:
-        """Write :meth:`frame`, whole or not at all; absent numbers are empty.
-
-        Raises:
-            DataError: If the folder does not exist.
-        """
-        with whole_file(path) as temporary:
-            self.frame().write_csv(temporary)
 
     def scalars(self) -> dict[str, float]:
         """Names and values for a logger: ``quantity/statistic``, with ``_equal_size``, ``_floor``, ``_over_floor``."""

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from descentflow.core.errors import DataError
 from descentflow.core.units import FPM_MPS, KT_MPS
-from descentflow.reporting.figure_style import GREY, RED, legend_below, tidy
+from descentflow.reporting.figure_style import GREY, RED, legend_below, panels
 from descentflow.representation.decoder.trajectories import Trajectories
 
 FEWEST_FOR_A_BAND = 20
@@ -89,12 +89,10 @@ def samples_figure(flown: Trajectories, *, title: str = "", seed: int = 0, lines
     curves = curves_of(flown)
     seconds = curves.pop("time_s")
     levels = flown.levels_fl.cpu().double().numpy()
-    panels = {CAS: curves[CAS], RATE: curves[RATE]}
-    panels[f"Time left to FL{levels[0]:.0f} (min)"] = (seconds[:, :1] - seconds) / 60
-    figure = Figure(figsize=(10.5, 4.9), layout="constrained")
-    axes = figure.subplots(1, 3, sharey=True)
-    tidy(axes)
-    for ax, (name, values) in zip(axes, panels.items(), strict=True):
+    shown = {CAS: curves[CAS], RATE: curves[RATE]}
+    shown[f"Time left to FL{levels[0]:.0f} (min)"] = (seconds[:, :1] - seconds) / 60
+    figure, (axes,) = panels(10.5, 4.9, 1, 3, sharey=True)
+    for ax, (name, values) in zip(axes, shown.items(), strict=True):
         draw_bands(ax, levels, values, seed=seed, lines=lines)
         ax.set_xlabel(name)
     axes[0].set_ylabel("Flight level")

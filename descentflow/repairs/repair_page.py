@@ -81,12 +81,9 @@ def _sizes(repair: Repair) -> list[list[str]]:
 
 
 def _level_figure(repair: Repair, which: str, title: str) -> "Figure":
-    from matplotlib.figure import Figure
+    from descentflow.reporting.figure_style import BLUE, RED, panels, say_why_empty
 
-    from descentflow.reporting.figure_style import BLUE, RED, say_why_empty, tidy
-
-    figure = Figure(figsize=(WIDTH_IN, 3.4), layout="constrained")
-    ax = figure.subplots()
+    figure, ((ax,),) = panels(WIDTH_IN, 3.4)
     levels = [level.level_fl for level in repair.held_out.levels]
     errors: Sequence[Error] = [getattr(level, which) for level in repair.held_out.levels]
     if not errors:
@@ -102,5 +99,4 @@ def _level_figure(repair: Repair, which: str, title: str) -> "Figure":
         ax.plot(after, levels, "s", color=BLUE, markersize=5, markerfacecolor="white", label="after")
         ax.set_ylabel("flight level", fontsize=9)
     ax.set_title(title, fontsize=9, loc="left")
-    tidy([ax])
     return figure

@@ -47,6 +47,27 @@ def tidy(axes: Iterable[Axes]) -> None:
         ax.tick_params(labelsize=9)
 
 
+def panels(width_in: float, height_in: float, rows: int = 1, columns: int = 1, **shared: Any) -> tuple[Figure, Any]:
+    """A figure and its tidy panels (rows, columns).
+
+    Args:
+        width_in: Width of the figure in inches.
+        height_in: Height of it.
+        rows: Of panels.
+        columns: Of panels.
+        shared: Options of matplotlib's `Figure.subplots`, which axes are shared among them.
+
+    Example:
+        >>> figure, ((left, right),) = panels(6.0, 3.0, 1, 2, sharey=True)
+        >>> len(figure.axes)
+        2
+    """
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False, **shared)
+    tidy(axes.flat)
+    return figure, axes
+
+
 def say_why_empty(ax: Axes, why: str) -> None:
     """Write in a panel that has nothing to show why that is so; an empty one looks like a fault.
 

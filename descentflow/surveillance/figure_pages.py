@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from descentflow.core.files import write_whole
 from descentflow.reporting.figure_file import write_figure
-from descentflow.reporting.figure_style import BLUE, MODELS, legend_below, say_why_empty, tidy
+from descentflow.reporting.figure_style import BLUE, MODELS, legend_below, panels, say_why_empty
 from descentflow.reporting.pages import rendered
 from descentflow.surveillance.cleaning.level_flight import BAND_FT
 from descentflow.surveillance.cleaning.thresholds import Cleaning
@@ -50,13 +50,11 @@ def cleaning_figure(flights: Sequence[pl.DataFrame], slowest_fpm: float = Cleani
     The thin line beside the IAS is the CAS of Mach number and altitude, which should agree with it. The dotted line is
     the slowest rate of a descent.
     """
-    figure = Figure(figsize=(5.2 * len(flights), 8.0), layout="constrained")
-    grid = figure.subplots(3, len(flights), sharex="col", squeeze=False)
+    figure, grid = panels(5.2 * len(flights), 8.0, 3, len(flights), sharex="col")
     for column, rows in enumerate(flights):
         _draw(list(grid[:, column]), rows.sort("timestamp"), slowest_fpm)
     for ax, label in zip(grid[:, 0], PANELS, strict=True):
         ax.set_ylabel(label)
-    tidy(grid.flat)
     legend_below(figure, grid.flat, columns=2 * len(flights))
     return figure
 
@@ -120,9 +118,7 @@ def descents_figure(descents: pl.DataFrame) -> Figure:
     """Draw up to 100 flights."""
     names = descents["flight_id"].unique().sort().to_list()
     drawn = np.random.default_rng(0).permutation(names)[:MAX_DRAWN_FLIGHTS].tolist()
-    figure = Figure(figsize=(8.4, 4.2), layout="constrained")
-    axes = figure.subplots(1, 2, sharey=True)
-    tidy(axes)
+    figure, (axes,) = panels(8.4, 4.2, 1, 2, sharey=True)
     for flight in descents.filter(pl.col("flight_id").is_in(drawn)).partition_by("flight_id"):
         for ax, name in zip(axes, DESCENT_PANELS, strict=True):
             ax.plot(flight[name].to_numpy(), flight["level_fl"].to_numpy(), color=BLUE, linewidth=0.7, alpha=0.35)
@@ -139,9 +135,7 @@ def level_flight_figure(sides: pl.DataFrame) -> Figure:
     Args:
         sides: Of :func:`~descentflow.surveillance.cleaning.level_flight.side_by_side`.
     """
-    figure = Figure(figsize=(6.4, 3.6), layout="constrained")
-    ax = figure.subplots()
-    tidy([ax])
+    figure, ((ax,),) = panels(6.4, 3.6)
     parts = sides.partition_by("side", maintain_order=True)
     height = 0.8 * BAND_FT / max(len(parts), 1)
     colours = itertools.cycle([BLUE, *(colour for colour, _ in MODELS)])

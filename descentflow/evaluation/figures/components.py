@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from torch import Tensor
 
 from descentflow.core.units import KT_MPS
-from descentflow.reporting.figure_style import BLACK, BLUE, RED, legend_below, tidy
+from descentflow.reporting.figure_style import BLACK, BLUE, RED, legend_below, panels
 from descentflow.representation.drag_scale import DragScale
 from descentflow.representation.fpca.basis import FunctionalBasis
 
@@ -51,10 +51,8 @@ def components_figure(
 
     bases = ("Drag (kN)", kilonewtons, drag_basis), ("CAS (kt)", _knots, cas_basis)
     n_panels = min(MAX_COMPONENTS, max(basis.n_components for _, _, basis in bases))
-    figure = Figure(figsize=(2.6 * n_panels + 3.4, 3.5 * len(bases)), layout="constrained")
-    axes = figure.subplots(len(bases), n_panels + 1, squeeze=False)
+    figure, axes = panels(2.6 * n_panels + 3.4, 3.5 * len(bases), len(bases), n_panels + 1)
     for row, (name, shown, basis) in zip(axes, bases, strict=True):
-        tidy(row)
         for k, ax in enumerate(row[:-1]):
             if k < basis.n_components:
                 _draw_component(ax, basis, k, levels_fl, shown)

@@ -13,7 +13,7 @@ from descentflow.core.errors import DataError
 from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.distances import MIN_VALUES
-from descentflow.reporting.figure_style import BLACK, BLUE, legend_below, model_style, say_why_empty, tidy
+from descentflow.reporting.figure_style import BLACK, BLUE, legend_below, model_style, panels, say_why_empty
 
 _POINTS = 400
 _MARGIN_BANDWIDTHS = 4.0
@@ -58,9 +58,7 @@ def cuts_figure(
             raise DataError(f"{name} on another grid", expected="one grid for all", mend="use the checkpoint's grid")
     position = int((real.levels_fl - level_fl).abs().argmin())
     level = int(real.levels_fl[position])
-    figure = Figure(figsize=(11.0, 6.2), layout="constrained")
-    axes = figure.subplots(2, 3, sharex="col")
-    tidy(axes.flat)
+    figure, axes = panels(11.0, 6.2, 2, 3, sharex="col")
     names = ("Time to bottom (s)", f"CAS at FL{level} (kt)", f"Rate at FL{level} (ft/min)")
     cuts = {name: _cut(descents, position) for name, descents in sets.items()}
     for column, name in enumerate(names):

@@ -12,7 +12,7 @@ from torch import Tensor
 from descentflow.core.errors import DataError
 from descentflow.core.units import KT_MPS
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.reporting.figure_style import BLACK, BLUE, GREY, RED, legend_below, tidy
+from descentflow.reporting.figure_style import BLACK, BLUE, GREY, RED, legend_below, panels
 
 _QUANTITIES = ("Drag (kN)", "CAS (kt)", "Time since entry (min)")
 _MARGIN = 0.1
@@ -59,9 +59,7 @@ def profiles_figure(
         raise DataError("no held-out flight to draw", expected="at least one", mend="split more flights")
     columns = {f"held out (n = {len(real):,})": real}
     columns |= {f"{name} (n = {len(drawn):,})": drawn for name, drawn in samples.items()}
-    figure = Figure(figsize=(2.2 + 2.7 * len(columns), 8.4), layout="constrained")
-    axes = figure.subplots(3, len(columns), sharex="row", sharey=True, squeeze=False)
-    tidy(axes.flat)
+    figure, axes = panels(2.2 + 2.7 * len(columns), 8.4, 3, len(columns), sharex="row", sharey=True)
     plain = (nominal.levels_fl, *(values[0] for values in _fields(nominal)))
     means = (real.levels_fl, *_means(real))
     for column, (name, descents) in enumerate(columns.items()):

@@ -11,7 +11,7 @@ from descentflow.evaluation.metrics.score_registry import QUANTITIES, statistics
 from descentflow.evaluation.metrics.score_table import LevelScores, ScoreTable
 from descentflow.evaluation.metrics.statistic_kinds import LevelStatistic
 from descentflow.generation.samples import RejectionReport
-from descentflow.reporting.figure_style import BAND, BLUE, GREY, RED, legend_below, say_why_empty, tidy
+from descentflow.reporting.figure_style import BAND, BLUE, GREY, RED, legend_below, panels, say_why_empty
 
 _SURPLUS = "#9ecae1"
 
@@ -32,9 +32,8 @@ def acceptance_figure(report: RejectionReport) -> Figure:
         >>> len(acceptance_figure(report).axes)
         2
     """
-    figure = Figure(figsize=(8.0, 1.9 + 0.36 * len(report.broken)), layout="constrained")
-    above, below = figure.subplots(2, 1, height_ratios=[1.3, max(len(report.broken), 1)])
-    tidy((above, below))
+    heights = [1.3, max(len(report.broken), 1)]
+    figure, ((above,), (below,)) = panels(8.0, 1.9 + 0.36 * len(report.broken), 2, height_ratios=heights)
     _draw_fates(above, report)
     _draw_rules(below, report)
     plausible = f", {report.acceptance:.1%} plausible" if report.drawn else ""
@@ -99,11 +98,9 @@ def level_scores_figure(table: ScoreTable, transition_fl: float) -> Figure:
     """
     by_name = {(level.quantity, level.statistic): level for level in table.levels}
     drawn = [statistic for statistic in statistics_of(LevelStatistic) if statistic.in_figure]
-    panels = [(quantity, statistic) for quantity in QUANTITIES if quantity.by_level for statistic in drawn]
-    figure = Figure(figsize=(2.75 * len(panels), 5.0), layout="constrained")
-    axes = figure.subplots(1, len(panels), sharey=True)
-    tidy(axes)
-    for ax, (quantity, statistic) in zip(axes, panels, strict=True):
+    pairs = [(quantity, statistic) for quantity in QUANTITIES if quantity.by_level for statistic in drawn]
+    figure, (axes,) = panels(2.75 * len(pairs), 5.0, 1, len(pairs), sharey=True)
+    for ax, (quantity, statistic) in zip(axes, pairs, strict=True):
         level = by_name[quantity.name, statistic.name]
         _draw(ax, level, transition_fl)
         ax.set_xlabel(f"{statistic.short}, {quantity.short} ({level.unit})")
@@ -148,9 +145,7 @@ def classifier_figure(detection: Detection) -> Figure:
     """
     n = len(FEATURES)
     whole, bands = detection.importance[:n], detection.importance[n:]
-    figure = Figure(figsize=(7.0, 4.4), layout="constrained")
-    axes = figure.subplots(1, n, sharex=True, sharey=True)
-    tidy(axes)
+    figure, (axes,) = panels(7.0, 4.4, 1, n, sharex=True, sharey=True)
     for ax, total in zip(axes, whole, strict=True):
         own = [band for band in bands if band.quantity == total.quantity]
         width = (own[-1].high_fl - own[0].low_fl) / len(own)

@@ -11,7 +11,7 @@ from descentflow.core.errors import DataError
 from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.generation.prediction.predictor import Continuations
 from descentflow.generation.sample_figures import CAS, RATE, curves_of, draw_bands
-from descentflow.reporting.figure_style import BLACK, BLUE, legend_below, tidy
+from descentflow.reporting.figure_style import BLACK, BLUE, legend_below, panels
 from descentflow.representation.profiles import Profiles
 
 MOST_FLIGHTS = 4
@@ -48,9 +48,7 @@ def prediction_figure(
     if not predictions:
         raise DataError("no prediction to draw", expected="at least one", mend="predict other flights")
     shown = predictions[:MOST_FLIGHTS]
-    figure = Figure(figsize=(10.5, 1.2 + 3.4 * len(shown)), layout="constrained")
-    axes = figure.subplots(len(shown), 3, sharey=True, sharex="col", squeeze=False)
-    tidy(axes.flat)
+    figure, axes = panels(10.5, 1.2 + 3.4 * len(shown), len(shown), 3, sharey=True, sharex="col")
     for row, ahead in zip(axes, shown, strict=True):
         flight = observed.subset([observed.flight_ids.index(ahead.flight_id)])
         _draw_flight(row, ahead, flight, seed, lines)

@@ -143,16 +143,12 @@ class DropReport(InNotebook):
 
     def notebook_figure(self) -> "Figure | None":
         """Rows that each step dropped; nothing where none was."""
-        from matplotlib.figure import Figure
-
-        from descentflow.reporting.figure_style import BLUE, tidy
+        from descentflow.reporting.figure_style import BLUE, panels
 
         dropped = {step.step: step.rows_dropped for step in reversed(self.steps) if step.rows_dropped}
         if not dropped:
             return None
-        figure = Figure(figsize=(8.4, 0.3 * len(dropped) + 0.9), layout="constrained")
-        ax = figure.subplots()
-        tidy([ax])
+        figure, ((ax,),) = panels(8.4, 0.3 * len(dropped) + 0.9)
         ax.barh(list(dropped), list(dropped.values()), color=BLUE)
         ax.set_xlabel("Rows dropped")
         return figure

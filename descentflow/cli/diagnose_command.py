@@ -3,8 +3,9 @@
 import sys
 from pathlib import Path
 from shlex import quote
+from typing import Unpack
 
-from descentflow.cli.options import one_or_several, pairs
+from descentflow.cli.options import Sides, of_sides, one_or_several
 
 
 def run(
@@ -12,18 +13,12 @@ def run(
     real: list[Path],
     out: Path,
     simulator: list[Path] | None = None,
-    typecode: str | None = None,
-    nearest_type: bool = False,
-    any_type: bool = False,
-    bada_dir: Path | None = None,
     air: list[str] | None = None,
-    column: list[str] | None = None,
-    simulator_column: list[str] | None = None,
-    simulator_name: str | None = None,
     channels: str | None = None,
     catalogue: Path | None = None,
     previous: Path | None = None,
     seed: int = 0,
+    **sides: Unpack[Sides],
 ) -> None:
     """Compare a simulator with real descents: where they differ, and which unmodelled effect causes it.
 
@@ -36,20 +31,9 @@ def run(
         out: folder for the report; not one of other flights or another simulator
         simulator: checkpoint that `descentflow fit` wrote; or flights of any simulator, as rows or prepared descents:
             files, folders, in every format that `descentflow prepare` reads; distinguished by their content
-        typecode: without --simulator: nominal BADA of this type at each flight's own speed, for instance A320; with a
-            simulator's flights: the type whose coefficients give the signatures of effects (default: their own)
-        nearest_type: where the flights' type has no coefficients, take those of the nearest type: as many engines of
-            the same kind, nearest in take-off mass
-        any_type: take real flights of all types; without it those of other types than the checkpoint's or --typecode's
-            are left out and counted
-        bada_dir: folder of BADA 3 or 4 for --typecode or a simulator's flights (default: open aircraft)
         air: for a model that was fitted with data.air: where the air of these flights is known from: measured (their
             own reports; default for a model fitted with measured), or a weather field: a NetCDF or GRIB file by
             pressure level, several, or a folder of them
-        column (NAME=COLUMN): column of the real rows' tables for a name of the rows, as in `descentflow prepare`:
-            altitude=alt_ft, or altitude=alt_m*3.2808; may be given again
-        simulator_column (NAME=COLUMN): the same of the rows of the simulator's flights
-        simulator_name: name of the simulator on the page (default: the simulator)
         channels: use these alone, for instance IAS,Mach,TAS,groundspeed (default: all)
         catalogue (FILE.py): effects of your own that may be named as well as the package's: classes or instances of
             descentflow.effects.Effect in this Python file, which is run
@@ -66,22 +50,16 @@ def run(
         report = diagnose(
             one_or_several(real),
             one_or_several(simulator),
-            typecode=typecode and typecode.upper(),
-            nearest_type=nearest_type,
-            any_type=any_type,
             air=one_or_several(air),
-            columns=pairs("--column", column or []),
-            simulator_columns=pairs("--simulator-column", simulator_column or []),
-            simulator_name=simulator_name,
-            bada_dir=bada_dir,
             channels=[name.strip() for name in channels.split(",")] if channels else None,
             catalogue=catalogue,
             previous=previous,
             seed=seed,
             out=out,
             progress=shown.say,
+            **of_sides(sides),
         )
     typed = [" ".join(map(quote, map(str, paths or []))) for paths in (real, simulator)]
-    against = f"--simulator {typed[1]}" if simulator else f"--typecode {typecode}"
+    against = f"--simulator {typed[1]}" if simulator else f"--typecode {sides.get('typecode')}"
     print(summary(report, next_command(report, out, typed[0], against)))
     print(f"wrote {out / 'gap.json'} and {out / 'gap.html'}")

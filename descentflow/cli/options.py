@@ -183,6 +183,39 @@ class Where(TypedDict, total=False):
     end_time: Annotated[str, "--time"]
 
 
+class Sides(TypedDict, total=False):
+    """flights of both sides.
+
+    Attributes:
+        typecode: without --simulator: nominal BADA of this type at each flight's own speed, for instance A320; with a
+            simulator's flights: the type whose coefficients carry rates from one airspeed to another and give the
+            signatures of effects (default: their own)
+        nearest_type: where the flights' type has no coefficients, take those of the nearest type: as many engines of
+            the same kind, nearest in take-off mass
+        any_type: take real flights of all types; without it those of other types than the checkpoint's or --typecode's
+            are left out and counted
+        bada_dir: folder of BADA 3 or 4 for --typecode or a simulator's flights (default: open aircraft)
+        columns (NAME=COLUMN): column of the real rows' tables for a name of the rows, as in `descentflow prepare`:
+            altitude=alt_ft, or altitude=alt_m*3.2808; may be given again
+        simulator_columns (NAME=COLUMN): the same of the rows of the simulator's flights
+        simulator_name: name of the simulator on the page (default: the simulator)
+    """
+
+    typecode: Annotated[str, str.upper]
+    nearest_type: bool
+    any_type: bool
+    bada_dir: Path
+    columns: Annotated[list[str], "--column"]
+    simulator_columns: Annotated[list[str], "--simulator-column"]
+    simulator_name: str
+
+
+def of_sides(given: Sides) -> dict[str, Any]:
+    """Arguments for both sides as :func:`~descentflow.diagnosis.diagnose.diagnose` takes them."""
+    real, simulated = given.get("columns", ()), given.get("simulator_columns", ())
+    return {**given, "columns": pairs("--column", real), "simulator_columns": pairs("--simulator-column", simulated)}
+
+
 def pairs(option: str, words: Sequence[str]) -> dict[str, str]:
     """Values by name, of words `NAME=VALUE`.
 

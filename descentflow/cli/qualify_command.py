@@ -1,8 +1,9 @@
 """`descentflow qualify`: whether a simulator descends as real flights do within limits, and the record of it."""
 
 from pathlib import Path
+from typing import Unpack
 
-from descentflow.cli.options import one_or_several, pairs
+from descentflow.cli.options import Sides, of_sides, one_or_several
 
 
 def run(
@@ -11,15 +12,9 @@ def run(
     out: Path,
     simulator: list[Path] | None = None,
     limits: str = "part60",
-    typecode: str | None = None,
-    nearest_type: bool = False,
-    any_type: bool = False,
-    bada_dir: Path | None = None,
-    column: list[str] | None = None,
-    simulator_column: list[str] | None = None,
-    simulator_name: str | None = None,
     samples: int = 1000,
     seed: int = 0,
+    **sides: Unpack[Sides],
 ) -> None:
     """Judge a simulator by limits: shares of flights inside, means with intervals, the cause, and a record to sign.
 
@@ -32,14 +27,6 @@ def run(
         simulator: checkpoint, of which descents are drawn; or flights of any simulator
         limits: part60 (14 CFR Part 60, Table A2A, 1.d.4), look_ahead (errors of predictions, measured and not judged),
             or a YAML file of your own
-        typecode: without --simulator: nominal BADA of this type, for instance A320; with a simulator's flights: the
-            type whose coefficients carry the rate from one airspeed to another (default: their own)
-        nearest_type: where the type has no coefficients, take those of the nearest type
-        any_type: take real flights of all types
-        bada_dir: folder of BADA 3 or 4 (default: open aircraft)
-        column (NAME=COLUMN): column of the real rows' tables for a name of the rows; may be given again
-        simulator_column (NAME=COLUMN): the same of the rows of the simulator's flights
-        simulator_name: name of the simulator on the page (default: the simulator)
         samples: descents to draw of a checkpoint
         seed: the same seed gives the same answer
     """
@@ -52,17 +39,11 @@ def run(
             one_or_several(real),
             one_or_several(simulator),
             limits=limits,
-            typecode=typecode and typecode.upper(),
-            nearest_type=nearest_type,
-            any_type=any_type,
-            bada_dir=bada_dir,
-            columns=pairs("--column", column or []),
-            simulator_columns=pairs("--simulator-column", simulator_column or []),
-            simulator_name=simulator_name,
             samples=samples,
             seed=seed,
             out=out,
             progress=shown.say,
+            **of_sides(sides),
         )
     print(record)
     print(f"wrote {out / FILES[0]} and {out / FILES[1]}")

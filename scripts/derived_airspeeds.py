@@ -13,6 +13,7 @@ out::
 import argparse
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -47,7 +48,7 @@ def summary(samples: Samples) -> dict[str, float]:
     return found
 
 
-def judged(descents: Descents, real: Descents, seed: int, **options: float) -> dict[str, float]:
+def judged(descents: Descents, real: Descents, seed: int, **options: Any) -> dict[str, float]:
     """Summary and scores of the one Gaussian fitted to descents.
 
     Args:
@@ -122,7 +123,7 @@ def by_era5(rows: Path) -> list[str]:
     cruise = found.filter(pl.col("vertical_rate").abs() < 300, pl.col("altitude") > 30_000)
     named = [("cruise", cruise), ("descent", descent), *((f"FL{part['band'][0]}", part) for part in bands(descent))]
     return [
-        f"| {name} | {len(part)} | {part['off'].mean():+.1f} +- {part['off'].std(ddof=0):.1f} |" for name, part in named
+        f"| {name} | {len(part)} | {np.mean(part['off']):+.1f} +- {np.std(part['off']):.1f} |" for name, part in named
     ]
 
 

@@ -231,7 +231,7 @@ def test_still_air_is_stated_apart_and_the_rest_is_said_in_seconds_and_feet() ->
     size = ReportedSize("deviation_k", "ISA +15.6 K (+14 to +17.2)", "K", Measured(15.6))
     still = replace(air, of_air=True, sizes=[size])
     alone = replace(found, verdict="effect", causes=[still], recipe=found.recipe[:1])
-    assert "differ (p = 0.0005): their air explains it." in summary(alone)
+    assert "differ (p = 0.0005): in their air, and in nothing else for certain." in summary(alone)
     assert "The air of these flights: ISA +15.6 K (+14 to +17.2). The simulator flies standard calm air." in summary(
         alone
     )
@@ -246,3 +246,16 @@ def test_still_air_is_stated_apart_and_the_rest_is_said_in_seconds_and_feet() ->
     of_its_own = replace(still, on_both_sides=[OnBothSides("deviation_k", "K", 15.6, 5.0)])
     assert "standard calm air" not in summary(replace(alone, causes=[of_its_own]))
     assert "in all measured means" not in words_of(page(alone))
+
+
+def test_what_is_left_within_chance_is_said_to_be_so_and_not_as_a_size() -> None:
+    findings = finding_toys.findings()
+    most = findings.remaining.largest
+    middle = (most.level_low_fl + most.level_high_fl) / 2
+    for error, said in (
+        (abs(most.difference), "At no level is more left than chance gives."),
+        (1e-6, "standard errors)"),
+    ):
+        curve = Curve([middle], before=[0.0], after=[most.difference], error=[error])
+        details = replace(findings.details, curves={**findings.details.curves, most.quantity: curve})
+        assert said in summary(replace(findings, details=details))

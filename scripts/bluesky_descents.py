@@ -8,7 +8,7 @@ import polars as pl
 from tqdm import tqdm
 
 from descentflow.core.errors import DescentflowError
-from descentflow.core.files import whole_file
+from descentflow.core.tabular import write_table
 from descentflow.surveillance.open_descents import FlightSource
 from descentflow.surveillance.read_rows import read_rows
 from descentflow.surveillance.rows.drop_report import DropReport
@@ -45,8 +45,7 @@ def main() -> None:
                     reports(plan, state, number + 1, args.noise) for plan, state in zip(plans, flown, strict=True)
                 ]
                 bar.reset()
-        with whole_file(args.out) as temporary:
-            table(parts).write_parquet(temporary)
+        write_table(table(parts), args.out)
     except DescentflowError as error:
         raise SystemExit(f"error: {error}") from error
     print(f"{len(parts)} descents; wrote {args.out}")

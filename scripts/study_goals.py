@@ -12,7 +12,7 @@ from pathlib import Path
 
 import polars as pl
 
-from descentflow.core.files import whole_file
+from descentflow.core.tabular import write_table
 from descentflow.core.threads import one_thread
 from studies.paper.fidelity_goals import judged, of_types
 from studies.paper.fidelity_measures import measure
@@ -34,8 +34,7 @@ def main() -> None:
     types = of_types(plan, args.model, args.study)
     goals = judged(types)
     for name, frame in (("types", types), ("goals", goals)):
-        with whole_file(args.study / f"{name}_{args.model}.csv") as temporary:
-            frame.write_csv(temporary)
+        write_table(frame, args.study / f"{name}_{args.model}.csv")
     with pl.Config(tbl_rows=-1, tbl_cols=-1, fmt_str_lengths=40, float_precision=3, tbl_hide_dataframe_shape=True):
         print(goals)
 

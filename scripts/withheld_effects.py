@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from descentflow.core.errors import ConfigError, DescentflowError
-from descentflow.core.files import whole_file
+from descentflow.core.files import write_whole
 from studies.blind_diagnosis.blind_draw import draw_plan
 from studies.blind_diagnosis.blind_plan import FORMS, Plan
 from studies.blind_diagnosis.blind_run import diagnose_all, generate, how_long, measure_closures
@@ -70,8 +70,7 @@ def do_score(args: argparse.Namespace) -> None:
         judged += outcomes(plan, manifest, diagnoses, prefix=prefix)
     scored = score(judged, closures) | {"keys": keys}
     write_json(args.folders[0] / "score.json", scored)
-    with whole_file(args.folders[0] / "score.md") as temporary:
-        temporary.write_text(table(scored) + "\n", encoding="utf-8")
+    write_whole(args.folders[0] / "score.md", table(scored) + "\n")
     say(table(scored))
 
 

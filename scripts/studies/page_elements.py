@@ -10,7 +10,7 @@ from jinja2 import ChoiceLoader, Environment, FileSystemLoader
 from markupsafe import Markup as Html
 from markupsafe import escape
 
-from descentflow.core.files import whole_file
+from descentflow.core.files import write_whole
 from descentflow.reporting.pages import environment
 
 __all__ = ["Html"]  # under the name of this module
@@ -141,5 +141,4 @@ class HtmlPage:
         Raises:
             DataError: If the file's folder does not exist, or the path is a folder.
         """
-        with whole_file(path) as temporary:
-            temporary.write_text(self.render(), encoding="utf-8")
+        write_whole(path, self.render())

@@ -5,7 +5,7 @@ from tempfile import TemporaryDirectory
 
 import polars as pl
 
-from descentflow.core.files import whole_file
+from descentflow.core.tabular import write_table
 from descentflow.simulation.world import simulate
 from descentflow.surveillance.descents.prepared_descents import write_descents
 from descentflow.surveillance.prepare import prepare
@@ -34,8 +34,7 @@ def write_set(one: SetPlan, path: Path) -> None:
         ['IAS', 'Mach']
     """
     rows = _rows("flights", one.world, one.model, one.flights, one.seed, one.causes)
-    with whole_file(path) as temporary:
-        rows.drop(BASIC if one.channels == "basic" else NEVER).write_parquet(temporary)
+    write_table(rows.drop(BASIC if one.channels == "basic" else NEVER), path)
 
 
 def write_simulator(one: SimulatorPlan, form: Form, path: Path) -> None:

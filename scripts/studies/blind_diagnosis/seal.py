@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from descentflow.core.errors import DataError
-from descentflow.core.files import whole_file
+from descentflow.core.files import write_whole
 from studies.blind_diagnosis.blind_plan import Plan
 
 KEY, MANIFEST, DIAGNOSES, OPENED = "sealed_key.json", "manifest.json", "diagnoses.json", "opened.json"
@@ -30,8 +30,7 @@ def write_json(path: Path, content: Any) -> None:
         >>> Path("small.json").read_text().split()
         ['{', '"a":', '2,', '"b":', '1', '}']
     """
-    with whole_file(path) as temporary:
-        temporary.write_text(json.dumps(content, indent=1, sort_keys=True, allow_nan=False), encoding="utf-8")
+    write_whole(path, json.dumps(content, indent=1, sort_keys=True, allow_nan=False))
 
 
 def read_json(path: Path) -> Any:

@@ -21,7 +21,8 @@ from pathlib import Path
 import polars as pl
 import torch
 
-from descentflow.core.files import whole_file
+from descentflow.core.files import write_whole
+from descentflow.core.tabular import write_table
 from descentflow.densities.checkpoint import load_model
 from descentflow.densities.density import Density
 from descentflow.evaluation.evaluate import N_SPLITS, evaluate
@@ -171,10 +172,9 @@ def measure(plan: StudyPlan, name: str, folder: Path) -> None:
     spread |= {f"top_spread_{quantity}_of_training": value for quantity, value in trained.items()}
     shown = time_shown(scored.samples, scored.real, plan.seed)
     spread |= {f"time_shown/{name}": value for name, value in shown.items()}
-    with whole_file(place / "in_flight.csv") as temporary:
-        ahead.write_csv(temporary)
-    with whole_file(place / "fidelity.json") as temporary:
-        temporary.write_text(json.dumps({**spread, "kept": 1 - scored.rejections.rejected / scored.rejections.drawn}))
+    write_table(ahead, place / "in_flight.csv")
+    kept = 1 - scored.rejections.rejected / scored.rejections.drawn
+    write_whole(place / "fidelity.json", json.dumps({**spread, "kept": kept}))
 
 
 def _training_flights(model: Density, descents: Path) -> DescentSet:

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import polars as pl
 
-from descentflow.core.files import whole_file
+from descentflow.core.files import write_whole
+from descentflow.core.tabular import write_table
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents, write_descents
 from studies.paper.job_log import logged_to
 from studies.paper.study_plan import RECIPES, StudyPlan
@@ -89,10 +90,9 @@ def fit_and_score(plan: StudyPlan, name: str, folder: Path) -> None:
     with logged_to(model / "scores.log"):
         scored = evaluate(model / "model.ckpt", descents, n=plan.n_samples, seed=plan.seed)
         scored.write(model, figures=False)
-        with whole_file(model / "intervals.csv") as temporary:
-            transition_fl = scored.representation.decoder.transition_fl
-            intervals = score_intervals(scored.scores, scored.samples, scored.real, transition_fl, plan.seed, RESAMPLES)
-            pl.DataFrame([asdict(interval) for interval in intervals]).fill_nan(None).write_csv(temporary)
+        transition_fl = scored.representation.decoder.transition_fl
+        intervals = score_intervals(scored.scores, scored.samples, scored.real, transition_fl, plan.seed, RESAMPLES)
+        write_table(pl.DataFrame([asdict(each) for each in intervals]).fill_nan(None), model / "intervals.csv")
         print(scored)
     (model / "done").touch()
 
@@ -126,8 +126,7 @@ def _simulate(plan: StudyPlan, typecode: str, block: int, number: int, path: Pat
 
     # A seed for each block, so that flights have names of their own and a block can be made again alone.
     world = simulate(typecode, number, 1000 * plan.seed + block, plan.scenario)
-    with whole_file(path) as temporary:
-        world.rows.write_parquet(temporary)
+    write_table(world.rows, path)
 
 
 def _prepared(rows: Path, out: Path, folder: Path) -> Descents:
@@ -136,8 +135,7 @@ def _prepared(rows: Path, out: Path, folder: Path) -> Descents:
     with logged_to(folder / "prepare.log"):
         descents = prepare(rows, out=out)
         print(descents.report)
-    with whole_file(folder / "prepare.json") as temporary:
-        temporary.write_text(json.dumps(descents.metadata, indent=1))
+    write_whole(folder / "prepare.json", json.dumps(descents.metadata, indent=1))
     return descents
 
 

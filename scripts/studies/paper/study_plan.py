@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from descentflow.core.errors import ConfigError
-from descentflow.core.files import whole_file
+from descentflow.core.files import write_whole
 from descentflow.evaluation.metrics.score_registry import STATISTICS
 
 if TYPE_CHECKING:
@@ -186,8 +186,7 @@ def begin(plan: "DataclassInstance", folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     path, text = folder / "plan.json", json.dumps(asdict(plan), indent=1)
     if not path.exists():
-        with whole_file(path) as temporary:
-            temporary.write_text(text)
+        write_whole(path, text)
     elif path.read_text() != text:
         raise ConfigError(
             f"{folder} holds a study of another plan",

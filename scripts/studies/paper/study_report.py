@@ -6,7 +6,7 @@ from pathlib import Path
 import polars as pl
 
 from descentflow.core.errors import DataError
-from descentflow.core.files import whole_file
+from descentflow.core.tabular import write_table
 from studies.page_elements import Html, HtmlPage, paragraph
 from studies.paper import fidelity_sections as fidelity
 from studies.paper import study_sections as sections
@@ -107,16 +107,14 @@ def write_report(plan: StudyPlan, folder: Path, published: Path | None = None) -
     page.section("Flights, and what BADA's mass explains of them", *sections.flights(plan, folder, theirs.types))
     page.section("Means over types", *sections.means_over_types(means(scores), plan.models))
     at_one_size = ratios(scores)
-    with whole_file(folder / "over_floor.csv") as temporary:
-        at_one_size.write_csv(temporary)
+    write_table(at_one_size, folder / "over_floor.csv")
     page.section("Distances over their noise floor", *fidelity.over_floor(at_one_size, plan))
     page.section("Whole descents", *fidelity.descents(plan, folder))
     page.section("Scores over types", sections.boxes(scores, plan))
     page.section("Likelihood of held-out flights", *sections.likelihoods(plan, folder))
     for quantity, heading in QUANTITIES.items():
         listed = table(scores, quantity, theirs.scores)
-        with whole_file(folder / f"{quantity}.csv") as temporary:
-            listed.write_csv(temporary)
+        write_table(listed, folder / f"{quantity}.csv")
         page.section(heading, *sections.scores_of_quantity(listed, plan.models))
     page.section("Components of profiles and mixtures", *sections.components(plan, folder, theirs.types))
     page.section("Rejected draws", sections.rejections(plan, folder))

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import polars as pl
 
-from descentflow.core.files import whole_file
+from descentflow.core.files import write_whole
 from descentflow.core.threads import one_thread
 from descentflow.core.workers import Engine
 from studies.paper.steps import draw_type, fit_and_score, make_descents
@@ -130,5 +130,5 @@ def _accounted(stage: str, job: _Job, place: _Place) -> Iterator[None]:
     spent = {"cpu_s": time.process_time() - cpu, "wall_s": time.monotonic() - wall}
     spent["peak_mb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     about = {"stage": stage, "typecode": job.typecode, "model": job.model}
-    with whole_file(place.of(job) / f"cost_{stage}{'' if job.model is None else f'_{job.model}'}.json") as temporary:
-        temporary.write_text(json.dumps({**about, **spent}))
+    name = f"cost_{stage}{'' if job.model is None else f'_{job.model}'}.json"
+    write_whole(place.of(job) / name, json.dumps({**about, **spent}))

@@ -14,7 +14,8 @@ import polars as pl
 import torch
 
 from descentflow.core.errors import ConfigError
-from descentflow.core.files import whole_file
+from descentflow.core.files import write_whole
+from descentflow.core.tabular import write_table
 from descentflow.core.threads import one_thread
 from descentflow.core.workers import Engine
 from descentflow.reporting.figure_file import write_figure
@@ -186,7 +187,7 @@ def _variance(job: _SweepJob, common: _Sweeps) -> None:
         common.sweep.folds,
         common.sweep.shares,
     )
-    _write_csv(scores, job.product(common.own))
+    write_table(scores, job.product(common.own))
 
 
 def _gappy(job: _SweepJob, common: _Sweeps) -> None:
@@ -206,7 +207,7 @@ def _gappy(job: _SweepJob, common: _Sweeps) -> None:
         for error in hidden_errors(values, real.mask, pattern, speed=speed)
     ]
     write_figure(_completed(real, curves), job.product(common.own).with_suffix(".png"), 100)
-    _write_csv(pl.DataFrame(rows), job.product(common.own))
+    write_table(pl.DataFrame(rows), job.product(common.own))
 
 
 def _completed(real: "Profiles", curves: "dict[str, Tensor]") -> "Figure":
@@ -243,11 +244,5 @@ def _flow(job: _SweepJob, common: _Sweeps) -> None:
         nll = -model.log_observed(data.evidence("test")).double()
     result = {"flows": job.flows, "hidden": job.hidden, "nll": float(nll.mean()), "n": len(nll)}
     result |= {"error": float(nll.std() / len(nll) ** 0.5), "parameters": sum(p.numel() for p in model.parameters())}
-    with whole_file(job.product(common.own)) as temporary:
-        temporary.write_text(json.dumps(result))
+    write_whole(job.product(common.own), json.dumps(result))
     checkpoint.unlink()
-
-
-def _write_csv(frame: pl.DataFrame, path: Path) -> None:
-    with whole_file(path) as temporary:
-        frame.write_csv(temporary)

@@ -6,7 +6,8 @@ from pathlib import Path
 import polars as pl
 import torch
 
-from descentflow.core.files import whole_file
+from descentflow.core.files import write_whole
+from descentflow.core.tabular import write_table
 from descentflow.densities.checkpoint import load_model
 from descentflow.evaluation.figures.level_cuts import cuts_figure
 from descentflow.evaluation.figures.profile_bands import profiles_figure
@@ -70,10 +71,8 @@ def write_type_figures(plan: StudyPlan, folder: Path, typecode: str) -> None:
     }
     for name, figure in figures.items():
         write_figure(figure, folder / f"{name}.png", 100)
-    with whole_file(folder / "nll.csv") as temporary:
-        pl.DataFrame(likelihoods, schema=["model", "nll", "error", "n"], orient="row").write_csv(temporary)
-    with whole_file(folder / LAST) as temporary:
-        temporary.write_text(json.dumps(_facts(real, data.representation), indent=1))
+    write_table(pl.DataFrame(likelihoods, schema=["model", "nll", "error", "n"], orient="row"), folder / "nll.csv")
+    write_whole(folder / LAST, json.dumps(_facts(real, data.representation), indent=1))
 
 
 def _facts(real: DescentSet, parts: Representation) -> dict[str, object]:

@@ -15,7 +15,7 @@ from descentflow.training.datamodule import DescentDataModule
 
 OPTION = re.compile(r"(?<![\w-])--[a-z][\w.-]*[a-z]")
 MESSAGES = re.compile("MEND|REASON|EXPECTED")
-SOURCES = sorted(Path(descentflow.__file__).parent.rglob("*.py"))
+SOURCES = [path for ending in ("py", "toml") for path in sorted(Path(descentflow.__file__).parent.rglob(f"*.{ending}"))]
 
 
 def options() -> set[str]:
@@ -31,8 +31,11 @@ def options() -> set[str]:
     return found
 
 
-def texts(source: str) -> list[tuple[int, str]]:
-    """Strings inside the calls that make errors and inside constants, which messages are put together from."""
+def texts(path: Path) -> list[tuple[int, str]]:
+    """Strings inside the calls that make errors and inside constants, and lines of tables: messages are made of them."""
+    source = path.read_text(encoding="utf-8")
+    if path.suffix == ".toml":
+        return list(enumerate(source.splitlines(), 1))
     parts = [
         node
         for node in ast.walk(ast.parse(source))
@@ -46,7 +49,7 @@ def texts(source: str) -> list[tuple[int, str]]:
 def test_every_option_that_a_text_names_exists() -> None:
     known, named, wrong = options(), set(), []
     for path in SOURCES:
-        for line, text in texts(path.read_text(encoding="utf-8")):
+        for line, text in texts(path):
             for option in OPTION.findall(text):
                 named.add(option)
                 if option not in known and not option.startswith(("--trainer.", "--model.")):

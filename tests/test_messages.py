@@ -32,7 +32,7 @@ def options() -> set[str]:
 
 
 def texts(path: Path) -> list[tuple[int, str]]:
-    """Strings inside the calls that make errors and inside constants, and lines of tables: messages are made of them."""
+    """Strings in the calls that make errors and in constants, and lines of tables, which messages are made of."""
     source = path.read_text(encoding="utf-8")
     if path.suffix == ".toml":
         return list(enumerate(source.splitlines(), 1))

@@ -23,46 +23,44 @@ def shared() -> Path:
     return folder
 
 
-@pytest.fixture(scope="module")
-def components_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Profiles that a test of this session fitted before keep their components: for files that fit the same flights."""
+@pytest.fixture(scope="module", autouse=True)
+def kept(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Profiles that a test fitted keep their components, and worlds are flown once, but in the tests of these."""
     from kept_by_workers import folder_of_workers
     from kept_components import keep_components
-
-    with pytest.MonkeyPatch.context() as patch:
-        keep_components(patch, folder_of_workers(tmp_path_factory, "components"))
-        yield
-
-
-@pytest.fixture(scope="module")
-def worlds_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Flights that a test of this session flew before are not flown again: for files that only need a world."""
-    from kept_by_workers import folder_of_workers
     from kept_worlds import keep_worlds
 
     with pytest.MonkeyPatch.context() as patch:
-        keep_worlds(patch, folder_of_workers(tmp_path_factory, "worlds"))
+        if "fpca" not in request.module.__name__:
+            keep_components(patch, folder_of_workers(tmp_path_factory, "components"))
+        if "simulation" not in request.module.__name__:
+            keep_worlds(patch, folder_of_workers(tmp_path_factory, "worlds"))
         yield
 
 
 @pytest.fixture(scope="module")
 def plain_figures() -> Iterator[None]:
-    """Evaluations in this process write empty figures: for files that look at none."""
-    from plain_figures import draw_plain
+    """Evaluations write empty figures, for to draw them is a third of a run: for files that look at none.
 
+    The figures have tests of their own (``tests/unit/test_evaluation_figures.py``).
+    """
+    from matplotlib.figure import Figure
+
+    from descentflow.evaluation.evaluation_report import Evaluation
+
+    names = ("profiles", "cuts", "distance_by_level", "rejections", "components")
     with pytest.MonkeyPatch.context() as patch:
-        draw_plain(patch)
+        patch.setattr(Evaluation, "drawn", Evaluation.figures, raising=False)
+        patch.setattr(Evaluation, "figures", lambda _: {name: Figure(figsize=(1, 1)) for name in names})
         yield
 
 
 @pytest.fixture
 def real_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """The real ones again, for one test."""
-    import plain_figures
-
     from descentflow.evaluation.evaluation_report import Evaluation
 
-    monkeypatch.setattr(Evaluation, "figures", plain_figures.REAL)
+    monkeypatch.setattr(Evaluation, "figures", Evaluation.drawn)
 
 
 @pytest.fixture(scope="session")

@@ -17,8 +17,6 @@ import studies
 from descentflow.cli import main
 from descentflow.effects import EFFECTS
 
-pytestmark = pytest.mark.usefixtures("components_once", "worlds_once")
-
 NEEDS = {
     f"studies.jsbsim_world.{name}": "jsbsim" for name in ("fly_models", "model_aircraft", "model_files", "model_flight")
 } | {

@@ -15,7 +15,7 @@ from descentflow.cli.entry import main
 from descentflow.densities.checkpoint import load_model
 from descentflow.representation.read_checkpoint import read_checkpoint
 
-pytestmark = pytest.mark.usefixtures("components_once", "plain_figures")
+pytestmark = pytest.mark.usefixtures("plain_figures")
 
 
 def test_a_setting_in_a_group_has_its_flat_name_in_files_and_words(tmp_path: Path, capsys) -> None:

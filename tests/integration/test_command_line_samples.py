@@ -19,7 +19,7 @@ from descentflow.cli.entry import main
 from descentflow.densities.checkpoint import load_model
 from descentflow.representation.read_checkpoint import read_checkpoint
 
-pytestmark = pytest.mark.usefixtures("components_once", "plain_figures")
+pytestmark = pytest.mark.usefixtures("plain_figures")
 
 
 def test_sample_table(run: Path, tmp_path: Path) -> None:

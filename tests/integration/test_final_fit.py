@@ -15,7 +15,7 @@ from descentflow.densities.checkpoint import load_model
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
 from descentflow.training.models import GaussianMixture
 
-pytestmark = pytest.mark.usefixtures("components_once", "plain_figures")
+pytestmark = pytest.mark.usefixtures("plain_figures")
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,6 @@ import descentflow as df
 from descentflow.effects import EFFECTS
 from descentflow.simulation.world_config import WorldConfig
 
-pytestmark = pytest.mark.usefixtures("components_once", "worlds_once")
-
 README = Path(__file__).resolve().parents[2] / "README.md"
 
 

@@ -26,8 +26,6 @@ from descentflow.surveillance.prepare import prepare
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models import Gaussian
 
-pytestmark = pytest.mark.usefixtures("components_once", "worlds_once")
-
 SMALL = {name: EFFECTS[name] for name in ("temperature", "mass")}
 """A catalogue that is fitted quickly: what is compared are answers by one way and by another."""
 STRICT = Cleaning(slowest_fpm=1200.0, transient_s=60.0)

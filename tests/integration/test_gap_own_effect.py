@@ -17,8 +17,6 @@ from descentflow.effects import EFFECTS, Effect, Parameter, Shift
 from descentflow.effects.flight_state import FlightState
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents, write_descents
 
-pytestmark = pytest.mark.usefixtures("components_once", "worlds_once")
-
 
 class StretchedHeight(Effect):
     """Geometric altitudes that grow too fast, as of a receiver with a wrong scale."""

@@ -18,8 +18,6 @@ from descentflow.cli.entry import main
 from descentflow.core.tabular import safe_in_spreadsheets, write_table
 from descentflow.surveillance.descents.prepared_descents import Descents
 
-pytestmark = pytest.mark.usefixtures("components_once", "worlds_once")
-
 SCRIPT = (
     '"><script>document.title="RAN"</script><img src="http://192.0.2.1/a.png" onerror=document.title="RAN">'
     "<svg/onload=document.title='RAN'></svg>]]><style>*{background:url(http://192.0.2.1/b)}</style>"

@@ -14,8 +14,6 @@ from descentflow.effects import EFFECTS
 from descentflow.surveillance.descents.prepared_descents import read_descents
 from descentflow.surveillance.rows.drop_report import DropReport, Step
 
-pytestmark = pytest.mark.usefixtures("components_once")
-
 
 def test_results_are_shown_with_a_figure_and_their_lines(tmp_path: Path) -> None:
     descents = read_descents(toys.write_descents_file(tmp_path / "a320.parquet", 120))

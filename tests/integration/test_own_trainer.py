@@ -20,7 +20,7 @@ from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, 
 from descentflow.training.models.optimizers import FlowSteps
 from descentflow.training.splitting import SplitSettings
 
-pytestmark = pytest.mark.usefixtures("components_once", "plain_figures")
+pytestmark = pytest.mark.usefixtures("plain_figures")
 ENERGY = "val/score/cas_profile/energy"
 
 

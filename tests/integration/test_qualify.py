@@ -25,8 +25,6 @@ from descentflow.qualification.qualify import qualify
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
 
 module = import_module("descentflow.qualification.qualify")
-pytestmark = pytest.mark.usefixtures("components_once", "worlds_once")
-
 FASTER = 1.2
 """Rate of the simulator over that of the very same real flights."""
 

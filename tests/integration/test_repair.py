@@ -23,7 +23,7 @@ from descentflow.repairs.repair_found import Repair
 from descentflow.surveillance.descents.prepared_descents import Descents, write_descents
 
 # pyBADA warns of its own.
-pytestmark = [pytest.mark.usefixtures("worlds_once"), pytest.mark.filterwarnings("ignore:::pyBADA")]
+pytestmark = pytest.mark.filterwarnings("ignore:::pyBADA")
 TRUE = open_aircraft("A320")
 WRONG = replace(
     TRUE, cd0_cr=round(1.25 * TRUE.cd0_cr, 5), ct_des_low=0.7 * TRUE.ct_des_low, ct_des_high=0.7 * TRUE.ct_des_high

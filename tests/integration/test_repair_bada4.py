@@ -17,7 +17,7 @@ from descentflow.repairs.repair_found import Repair
 from descentflow.surveillance.descents.prepared_descents import Descents
 
 # pyBADA warns of its own.
-pytestmark = [pytest.mark.usefixtures("worlds_once"), pytest.mark.filterwarnings("ignore:::pyBADA")]
+pytestmark = pytest.mark.filterwarnings("ignore:::pyBADA")
 MODEL = "Dummy-TWIN"
 
 

@@ -12,8 +12,6 @@ from descentflow.simulation.flight import Flown, fly
 from descentflow.simulation.parameters import FlightParameters, draw_parameters
 from descentflow.simulation.world_config import WorldConfig
 
-pytestmark = pytest.mark.usefixtures("components_once")
-
 FLIGHTS = 6
 SETTLED_S = 45
 """After the autopilot calls the descent idle: the last of the thrust that it takes off, 1 % of the drag, is gone."""

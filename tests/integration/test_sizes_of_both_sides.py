@@ -17,8 +17,6 @@ from descentflow.simulation.world_config import WorldConfig
 from descentflow.surveillance.descents.prepared_descents import write_descents
 from descentflow.surveillance.prepare import prepare
 
-pytestmark = pytest.mark.usefixtures("worlds_once")
-
 CATALOGUE = {name: EFFECTS[name] for name in ("temperature", "mass")}
 NONE = {"rate_noise_fpm": 0.0, "cas_noise_kt": 0.0, "mach_noise": 0.0, "tas_noise_kt": 0.0, "altitude_noise_ft": 0.0}
 

@@ -12,7 +12,6 @@ import pytest
 import descentflow as df
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "how-to" / "times_of_points.md"
-pytestmark = pytest.mark.usefixtures("components_once", "worlds_once")
 
 
 def so6(flights: list[list[tuple[datetime, int]]], numbers: list[int]) -> str:

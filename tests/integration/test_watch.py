@@ -18,8 +18,6 @@ from descentflow.simulation.days import simulate_days
 from descentflow.watching.state import DAYS
 from descentflow.watching.watch import watch
 
-pytestmark = pytest.mark.usefixtures("worlds_once")
-
 CHANGED = "2024-03-17"
 REFERENCE = 8
 

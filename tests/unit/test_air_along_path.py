@@ -25,8 +25,6 @@ from descentflow.representation.own_air import flown_in
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.weather.weather_field import weather_field
 
-pytestmark = pytest.mark.usefixtures("worlds_once")
-
 PLAN = {"end": (51.0, 5.0), "track": 250.0, "to_go_nm": 30.0}
 NOON = "2024-03-05T12:00:00"
 

@@ -14,8 +14,6 @@ from descentflow.representation.fit_representation import RepresentationSettings
 from descentflow.representation.profiles import Profiles, profiles_from_frame
 from descentflow.training.datamodule import DescentDataModule
 
-pytestmark = pytest.mark.usefixtures("worlds_once")
-
 WIND_MPS, KELVINS = 2.5, 1.0
 AIRSPEEDS = ("IAS", "Mach", "TAS", "heading")
 LEVELS = slice(0, 180, 10)

@@ -18,8 +18,6 @@ from descentflow.representation.correction import Correction
 from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.representation.representation import Representation
 
-pytestmark = pytest.mark.usefixtures("worlds_once")
-
 N = 4000
 
 

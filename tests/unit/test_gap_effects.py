@@ -11,8 +11,6 @@ from descentflow.effects.flight_state import log_rate
 from descentflow.measurements.quantity_registry import QUANTITIES
 from descentflow.physics.airspeed import cas_to_tas_mps
 
-pytestmark = pytest.mark.usefixtures("worlds_once")
-
 
 @pytest.mark.parametrize("name", EFFECTS)
 def test_an_absent_effect_shifts_nothing(name: str) -> None:

@@ -5,12 +5,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from html import unescape
+from html.parser import HTMLParser
 from itertools import combinations
 from pathlib import Path
 
 import finding_toys
 import pytest
-from html_toys import Elements
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
@@ -39,6 +39,26 @@ NOT_WORDS = (
     "gives way",
 )
 """Words that neither page nor terminal has."""
+
+
+CLOSE_THEMSELVES = ("meta", "img", "br")
+
+
+class Elements(HTMLParser):
+    """Elements with their attributes, in order; fails where one is closed that is not the last that was opened."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.seen: list[tuple[str, dict[str, str | None]]] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.seen.append((tag, dict(attrs)))
+        if tag not in CLOSE_THEMSELVES:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
 
 
 def of_verdict(verdict: str) -> Findings:

@@ -15,8 +15,6 @@ from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import read_descents
 from descentflow.surveillance.rows.drop_report import DropReport
 
-pytestmark = pytest.mark.usefixtures("worlds_once")
-
 
 def test_a_reference_takes_whole_aircraft(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     frame = read_descents(gap_toys.flights(tmp_path, 60, seed=5)).frame

@@ -23,8 +23,6 @@ from descentflow.representation.profiles import infer_drag_n, profiles_from_fram
 from descentflow.simulation.world import World
 from descentflow.simulation.world_config import WorldConfig
 
-pytestmark = pytest.mark.usefixtures("worlds_once")
-
 LEVELS = torch.arange(150, 341).double()
 WARM_AND_WINDY = WorldConfig(
     deviation_mean_k=10.0, deviation_spread_k=4.0, wind_slope_mean_per_s=0.002, wind_slope_spread_per_s=0.001

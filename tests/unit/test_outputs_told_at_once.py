@@ -18,8 +18,6 @@ from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.files import check_folder, system_number, whole_file
 from descentflow.simulation.world import world_files
 
-pytestmark = pytest.mark.usefixtures("worlds_once")
-
 NO_MODEL = "no.ckpt"
 """It is empty: who tells of the output first has not read it."""
 

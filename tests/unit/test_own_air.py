@@ -24,8 +24,6 @@ from descentflow.simulation.world_config import WorldConfig
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.training.datamodule import DescentDataModule
 
-pytestmark = pytest.mark.usefixtures("worlds_once")
-
 DAYS = WorldConfig(deviation_mean_k=5.0, deviation_spread_k=4.0, wind_slope_spread_per_s=0.001)
 
 

@@ -17,8 +17,6 @@ from descentflow.surveillance.prepare import prepare
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.fit import fit
 
-pytestmark = pytest.mark.usefixtures("worlds_once")
-
 STRICT = Cleaning(slowest_fpm=1200.0, transient_s=60.0)
 
 

@@ -29,8 +29,6 @@ from descentflow.surveillance.descents.prepared_descents import Descents, write_
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.weather.weather_field import Points, weather_field
 
-pytestmark = pytest.mark.usefixtures("worlds_once")
-
 LEVELS = torch.arange(150, 341).double()
 WARM = WorldConfig(deviation_mean_k=10.0)
 

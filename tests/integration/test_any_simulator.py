@@ -1,6 +1,7 @@
 """Flights of any simulator, given as rows or descents: the same answer as by checkpoint, and every way to go wrong."""
 
 import warnings
+from importlib import import_module
 from pathlib import Path
 
 import gap_toys
@@ -22,8 +23,6 @@ from descentflow.simulation.world_config import WorldConfig
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents, write_descents
 from descentflow.surveillance.prepare import prepare
-
-pytestmark = pytest.mark.usefixtures("components_once", "worlds_once")
 
 SMALL = {name: EFFECTS[name] for name in ("temperature", "wind_gradient", "mass", "speed_schedule")}
 """A catalogue that is fitted quickly."""
@@ -274,9 +273,10 @@ def test_the_recipe_is_in_physical_units_and_by_level(by_flights: GapReport) -> 
 
 
 def test_columns_of_either_side_and_the_simulator_are_named(
-    folder: Path, tmp_path: Path, by_flights: GapReport
+    folder: Path, tmp_path: Path, by_flights: GapReport, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As in `prepare`, with units by a factor."""
+    monkeypatch.setattr(import_module("descentflow.diagnosis.diagnose"), "EFFECTS", SMALL)
     pl.read_parquet(folder / "real_rows.parquet").rename({"altitude": "alt_ft"}).write_parquet(
         tmp_path / "real.parquet"
     )

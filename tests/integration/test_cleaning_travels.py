@@ -12,8 +12,6 @@ from descentflow.diagnosis.sides.diagnosis_inputs import Inputs, Opened
 from descentflow.generation.prediction.predict import Prediction
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 
-pytestmark = pytest.mark.usefixtures("components_once", "worlds_once")
-
 STRICT = Cleaning(slowest_fpm=1200.0, transient_s=60.0)
 OTHERS = "slowest_fpm is 500 in these descents and 1200 in the model's"
 
@@ -22,7 +20,12 @@ OTHERS = "slowest_fpm is 500 in these descents and 1200 in the model's"
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A model of A320 prepared strictly; others of its world as rows, prepared alike and by default."""
     folder = tmp_path_factory.mktemp("travels")
-    df.fit(df.prepare(df.simulate("A320", 120, seed=0).rows, cleaning=STRICT), "gaussian", out=folder / "model.ckpt")
+    df.fit(
+        df.prepare(df.simulate("A320", 120, seed=0).rows, cleaning=STRICT),
+        "gaussian",
+        out=folder / "model.ckpt",
+        final=False,
+    )
     rows = folder / "rows.parquet"
     df.simulate("A320", 60, seed=1).rows.write_parquet(rows)
     df.prepare(rows, cleaning=STRICT, out=folder / "alike.parquet")

@@ -5,9 +5,7 @@ from pathlib import Path
 
 import gap_toys
 import polars as pl
-import pytest
 
-from descentflow.core.errors import DataError
 from descentflow.diagnosis.diagnose import diagnose
 from descentflow.diagnosis.report.page import summary
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
@@ -34,8 +32,3 @@ def test_seven_flights_show_a_wrong_polar_as_time_and_name_no_cause(descents: Pa
     assert found.causes == []
     time = next(cost for cost in found.costs if cost.name == "time_at_speed")
     assert time.before.ends
-
-
-def test_four_flights_are_refused(descents: Path) -> None:
-    with pytest.raises(DataError, match=r"4 real flights .* at least 5 flights a side"):
-        diagnose(some(descents, 4), "A320")

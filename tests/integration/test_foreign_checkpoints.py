@@ -9,17 +9,24 @@ import yaml
 import descentflow as df
 from descentflow.cli.entry import main
 
-pytestmark = pytest.mark.usefixtures("components_once", "plain_figures")
+pytestmark = pytest.mark.usefixtures("plain_figures")
 COMMANDS = ["validate", "test", "predict"]
 FEW = {"test": ["--scores.n_test_samples=200"]}
 
 
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory: pytest.TempPathFactory, descents: Path) -> bytes:
+    path = tmp_path_factory.mktemp("fitted") / "best.ckpt"
+    df.fit(descents, "gaussian", out=path)
+    return path.read_bytes()
+
+
 @pytest.fixture
-def checkpoint(tmp_path: Path, descents: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def checkpoint(tmp_path: Path, fitted: bytes, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "sent" / "best.ckpt"
     path.parent.mkdir()
-    df.fit(descents, "gaussian", out=path)
+    path.write_bytes(fitted)
     return path
 
 
@@ -48,7 +55,7 @@ def test_a_class_that_a_checkpoint_names_is_not_imported(
     assert not marker.exists()
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", ["validate", pytest.param("test", marks=pytest.mark.slow), "predict"])
 def test_classes_in_settings_beside_a_checkpoint_are_not_imported(
     checkpoint: Path, marker: Path, command: str, descents: Path
 ) -> None:

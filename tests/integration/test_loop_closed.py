@@ -4,6 +4,7 @@ import json
 import re
 import shlex
 import shutil
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -19,8 +20,6 @@ from descentflow.simulation.world import simulate
 from descentflow.simulation.world_config import WorldConfig
 from descentflow.surveillance.descents.prepared_descents import write_descents
 from descentflow.surveillance.prepare import prepare
-
-pytestmark = pytest.mark.usefixtures("worlds_once")
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "how-to" / "any_simulator.md"
 SMALL = {name: EFFECTS[name] for name in ("temperature", "mass", "speed_schedule")}
@@ -76,7 +75,8 @@ def test_half_of_it_closes_less_and_the_rest_is_next(folder: Path, first: GapRep
 
 
 def test_the_commands_of_the_page_run(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As they are printed, with all effects: rows in a folder, then flights flown again, which are prepared."""
+    """As they are printed: rows in a folder, then flights flown again, which are prepared."""
+    monkeypatch.setattr(import_module("descentflow.diagnosis.diagnose"), "EFFECTS", SMALL)
     (tmp_path / "flown").mkdir()
     simulate(open_aircraft("A320"), 150, 0, WorldConfig()).rows.write_csv(tmp_path / "flown" / "log.csv")
     shutil.copy(folder / "real.parquet", tmp_path / "radar.parquet")

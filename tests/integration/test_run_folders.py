@@ -10,7 +10,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 from descentflow.cli.entry import main
 
-pytestmark = pytest.mark.usefixtures("components_once", "plain_figures")
+pytestmark = pytest.mark.usefixtures("plain_figures")
 
 
 @pytest.fixture
@@ -80,6 +80,7 @@ def test_half_precision_is_refused_before_anything_is_written(
     assert not list(here.iterdir())
 
 
+@pytest.mark.slow  # processes that import everything anew; test_own_trainer.py has forked ones
 def test_two_processes_train_and_validate_as_one_does(here: Path, descents: Path) -> None:
     words = ["fit", "--model", "Gaussian", "--data.descents", str(descents), *QUICK, "--data.batch_size", "7"]
     # A score, which the first process alone computes, is asked for in both.

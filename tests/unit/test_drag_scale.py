@@ -85,7 +85,7 @@ def in_wind(flights: Profiles) -> tuple[Profiles, LevelAir]:
 
 @pytest.mark.parametrize("scale", ["log", "newton"])
 @pytest.mark.parametrize("windy", [False, True])
-@pytest.mark.parametrize("n", [20, 1000])
+@pytest.mark.parametrize("n", [20, 300, pytest.param(1000, marks=pytest.mark.slow)])
 def test_rates_have_no_step(n: int, windy: bool, scale: str) -> None:
     """Of the mean weights, and of slow and fast ones; flights' rates have none, and inferred drag one of a quarter."""
     flights = toys.flights(n, seed=7, top_fl=390)

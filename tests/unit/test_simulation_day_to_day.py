@@ -23,8 +23,14 @@ WINDY = replace(
 )
 
 
-def fly(config: WorldConfig, n: int = 40, interval_s: int = 1) -> World:
-    return simulate(A320, n, 0, replace(config, interval_s=interval_s))
+def fly(config: WorldConfig, n: int) -> World:
+    """Flights in steps of 2 s, with a record every 4 s."""
+    return simulate(A320, n, 0, replace(config, step_s=2.0, interval_s=2))
+
+
+@pytest.fixture(scope="module")
+def windy() -> World:
+    return simulate(A320, 12, 0, replace(WINDY, interval_s=1))
 
 
 def test_layers_have_the_shear_and_the_temperature_that_were_asked_for() -> None:
@@ -62,10 +68,9 @@ def test_a_jet_blows_from_the_west_at_its_level_alone() -> None:
     assert float(weather.tailwind_mps[eastbound, core].mean()) > 20
 
 
-def test_flights_obey_the_equation_of_motion_in_layered_air() -> None:
+def test_flights_obey_the_equation_of_motion_in_layered_air(windy: World) -> None:
     """``m dV/dt = T - D - m g sin(gamma) - m dw/dt cos(gamma)`` with the wind and the speeds of the truth table."""
-    world = fly(WINDY, 12)
-    told = world.truth.join(world.flights.select("flight_id", "mass_kg"), on="flight_id")
+    told = windy.truth.join(windy.flights.select("flight_id", "mass_kg"), on="flight_id")
     for (_,), flight in told.group_by("flight_id", maintain_order=True):
         v, g, wind = flight["tas_mps"].to_numpy(), flight["gamma"].to_numpy(), flight["groundspeed_mps"].to_numpy()
         wind = wind - v * np.cos(g)
@@ -77,9 +82,8 @@ def test_flights_obey_the_equation_of_motion_in_layered_air() -> None:
         assert np.ptp(wind) > 3
 
 
-def test_rates_are_of_pressure_altitude_in_the_air_of_the_level() -> None:
-    world = fly(WINDY, 6)
-    height = world.truth.with_columns(
+def test_rates_are_of_pressure_altitude_in_the_air_of_the_level(windy: World) -> None:
+    height = windy.truth.with_columns(
         climbed=(pl.col("altitude_m").shift(-1) - pl.col("altitude_m").shift(1)).over("flight_id") / 2,
     ).drop_nulls()
     assert (height["climbed"] - height["rate_mps"]).abs().max() < 0.5
@@ -88,7 +92,7 @@ def test_rates_are_of_pressure_altitude_in_the_air_of_the_level() -> None:
 
 def test_the_speed_planned_after_a_change_is_flown() -> None:
     config = replace(CALM, speed_change_share=1.0, speed_change_fl=(250.0, 300.0), speed_change_kt=(10.0, 20.0))
-    world = fly(config, 60, 4)
+    world = fly(config, 60)
     planned = (1 + pl.col("speed_change_1_share") + pl.col("speed_change_2_share")) * pl.col("cas_kt") * KT_MPS
     below = world.truth.join(world.flights.with_columns(planned=planned), on="flight_id").filter(
         pl.col("altitude_m") / FT_M < 15_000, pl.col("label") == "idle"
@@ -112,14 +116,14 @@ def test_who_slows_down_keeps_descending() -> None:
     )
     for aircraft in (A320, open_aircraft("BE20")):
         fl = (160.0, 220.0)
-        world = simulate(aircraft, 40, 1, replace(config, speed_change_fl=fl))
+        world = simulate(aircraft, 40, 1, replace(config, speed_change_fl=fl, step_s=2.0))
         idle = world.truth.filter(pl.col("label") == "idle")
         assert idle["rate_mps"].max() < -0.9 * LEAST_FPM * FPM_MPS
 
 
 def test_brakes_raise_drag_and_thrust_is_kept_where_they_are_planned() -> None:
     config = replace(CALM, thrust_share=1.0, brakes_share=1.0, off_idle_fl=(30.0, 50.0))
-    with_them, without = fly(config, 30, 4), fly(CALM, 30, 4)
+    with_them, without = fly(config, 30), fly(CALM, 30)
     told = with_them.truth.join(with_them.flights, on="flight_id")
     level = pl.col("altitude_m")
 
@@ -153,7 +157,7 @@ def test_plain_worlds_have_none_of_it_and_no_other_draw_changes() -> None:
 
 
 def test_airframes_start_on_days_of_their_own_within_the_season() -> None:
-    world = simulate(A320, 200, 0, replace(CALM, days=92, interval_s=8))
+    world = simulate(A320, 200, 0, replace(CALM, days=92, bottom_fl=270.0, low_top_share=0.0))
     by_airframe = world.flights.with_columns(day=pl.col("start").dt.ordinal_day()).sort("start").group_by("icao24")
     days = by_airframe.agg(pl.col("day"))["day"].to_list()
     assert all(np.diff(one).tolist() == [1, 1, 1, 1] for one in days)

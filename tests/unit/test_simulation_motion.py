@@ -62,11 +62,11 @@ def test_fixed_path_against_an_ode_solver(deviation: float) -> None:
     assert state.height_m.item() == pytest.approx(exact[2], abs=1e-4)
 
 
-@pytest.mark.parametrize("wind_slope", [0.0, 0.004])
-def test_steady_rate_at_constant_cas_against_the_closed_form(wind_slope: float) -> None:
+def test_steady_rate_at_constant_cas_against_the_closed_form() -> None:
     """Energy: (Thr - D) V = m g dh/dt + m V d(V + w)/dt, with dV/dh of constant CAS by finite difference."""
     p = draw(16, replace(QUIET, cd0_spread=0.03))
-    p = replace(p, wind_slope_per_s=torch.full_like(p.mass_kg, wind_slope))
+    wind_slope = torch.tensor([0.0, 0.004]).double().repeat(8)
+    p = replace(p, wind_slope_per_s=wind_slope)
     flown = fly(AIRCRAFT, p, QUIET)
     altitude, tas = flown.altitude_m, flown.tas_mps
     cas_slope = (cas_to_tas_mps(p.cas_mps, altitude + 1) - cas_to_tas_mps(p.cas_mps, altitude - 1)) / 2
@@ -74,15 +74,15 @@ def test_steady_rate_at_constant_cas_against_the_closed_form(wind_slope: float) 
     # Only where the Mach phase and the capture of its successor are long over.
     quiet = flown.flying & (flown.label == 1) & (altitude < 6000) & (altitude > 3300) & (p.top_m > 9000)
     rate = tas * torch.sin(flown.gamma)
-    assert int(quiet.sum()) > 1000
+    assert int(quiet[:, ::2].sum()) > 1000
+    assert int(quiet[:, 1::2].sum()) > 1000
     # The law holds CAS to 0.02 m/s while drag and thrust drift; the rate follows within half a per cent.
     torch.testing.assert_close(rate[quiet], expected[quiet], rtol=6e-3, atol=0)
 
 
-@pytest.mark.parametrize("deviation", [0.0, 10.0])
-def test_energy_changes_by_the_work_of_thrust_and_drag(deviation: float) -> None:
-    config = replace(QUIET, deviation_mean_k=deviation, level_off_share=1.0, managed_share=1.0)
-    p = draw(8, config)
+def test_energy_changes_by_the_work_of_thrust_and_drag() -> None:
+    config = replace(QUIET, level_off_share=1.0, managed_share=1.0)
+    p = replace(draw(16, config), deviation_k=torch.tensor([0.0, 10.0]).double().repeat(8))
     flown = fly(AIRCRAFT, p, config)
     energy = p.mass_kg * (G0_MPS2 * flown.height_m + 0.5 * flown.tas_mps**2)
     power = (flown.thrust_n - flown.drag_n) * flown.tas_mps

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import polars as pl
 import pytest
+from kept_worlds import keep_worlds
 from polars.testing import assert_frame_equal
 from toys import AIRCRAFT
 
@@ -14,6 +15,7 @@ from descentflow.cli.entry import main
 from descentflow.core.errors import ConfigError
 from descentflow.core.mode_s_steps import STEPS
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
+from descentflow.simulation.parameters import draw_parameters
 from descentflow.simulation.world import World, simulate
 from descentflow.simulation.world_config import WorldConfig, default_operators
 
@@ -44,7 +46,7 @@ def test_fields_are_quantised(world: World, field: str) -> None:
 
 
 def test_noise_is_what_was_asked_for() -> None:
-    config = WorldConfig(jitter_s=0.0, dropout_share=0.0, gap_share=0.0, rate_smoothing_s=0.0)
+    config = WorldConfig(jitter_s=0.0, dropout_share=0.0, gap_share=0.0, rate_smoothing_s=0.0, step_s=2.0, interval_s=2)
     world = simulate(AIRCRAFT, 60, 0, config)
     both = world.rows.hstack(world.truth.select("altitude_m", "rate_mps", "cas_mps", "mach", "tas_mps"))
 
@@ -62,9 +64,9 @@ def test_noise_is_what_was_asked_for() -> None:
 def test_reports_are_lost(world: World) -> None:
     kept = len(world.rows) / len(world.truth)
     assert 0.94 < kept < 0.98  # 3 % one by one, 10 % of flights for some 40 of 800 s
-    assert len(simulate(AIRCRAFT, 5, 0, WorldConfig(dropout_share=0.5)).rows) < 0.6 * len(
-        simulate(AIRCRAFT, 5, 0, WorldConfig(dropout_share=0.0, gap_share=0.0)).rows
-    )
+    short = WorldConfig(bottom_fl=250.0, low_top_share=0.0, gap_share=0.0)
+    half, every = (simulate(AIRCRAFT, 5, 0, replace(short, dropout_share=share)).rows for share in (0.5, 0.0))
+    assert len(half) < 0.6 * len(every)
 
 
 def test_place_follows_groundspeed(world: World) -> None:
@@ -81,8 +83,9 @@ def test_seed_repeats_and_matters(world: World) -> None:
     again = simulate(AIRCRAFT, N, seed=4)
     for name in ("rows", "flights", "truth"):
         assert_frame_equal(getattr(world, name), getattr(again, name), check_exact=True)
-    other = simulate(AIRCRAFT, 2, seed=5)
-    assert other.flights["mass_kg"][0] != world.flights["mass_kg"][0]
+    own, other = (draw_parameters(AIRCRAFT, range(N), seed, WorldConfig()).mass_kg.tolist() for seed in (4, 5))
+    assert world.flights["mass_kg"].to_list() == own
+    assert other[0] != own[0]
 
 
 def test_labels_say_what_happens(world: World) -> None:
@@ -126,7 +129,7 @@ def test_flights_start_and_end_where_planned(world: World) -> None:
 
 
 def test_cas_has_a_mode_for_each_operator() -> None:
-    world = simulate(AIRCRAFT, 300, 0)
+    world = simulate(AIRCRAFT, 300, 0, WorldConfig(step_s=2.0, interval_s=2))
     low = world.rows.filter(pl.col("altitude").is_between(14500, 15500))
     cas = low.group_by("flight_id").agg(pl.col("IAS").mean()).join(world.flights, on="flight_id")
     operators = {o.name: o for o in default_operators(AIRCRAFT)}
@@ -145,7 +148,7 @@ def test_cas_has_a_mode_for_each_operator() -> None:
 @pytest.mark.parametrize("typecode", open_typecodes())
 def test_every_open_type_descends(typecode: str) -> None:
     aircraft = open_aircraft(typecode)
-    world = simulate(aircraft, 4, 0, WorldConfig(step_s=2.0))
+    world = simulate(aircraft, 4, 0, WorldConfig(step_s=3.0, bottom_fl=120.0))
     idle = world.truth.filter(pl.col("label") == "idle")
     assert idle["rate_mps"].min() / FPM_MPS > -6000
     assert idle["rate_mps"].max() / FPM_MPS < -300
@@ -183,7 +186,8 @@ def test_bottom_above_the_top_and_aircraft_that_never_descends_are_refused(monke
         simulate(AIRCRAFT, 0, 0)
 
 
-def test_command_writes_rows_and_truth(tmp_path, capsys) -> None:
+def test_command_writes_rows_and_truth(tmp_path, capsys, monkeypatch, tmp_path_factory) -> None:
+    keep_worlds(monkeypatch, tmp_path_factory.mktemp("flown"))  # one world if both ask for the same
     out = tmp_path / "rows.parquet"
     assert main(["simulate", "--flights", "3", "--seed", "7", "--out", str(out)]) == 0
     said = capsys.readouterr().out

@@ -229,7 +229,9 @@ def test_rows_without_any_address_are_told_as_that(rows: pl.DataFrame) -> None:
         prepare(rows.with_columns(icao24=pl.lit(None, pl.String)))
 
 
-@pytest.mark.parametrize("typecode", ["BE20", "PC12", "AT76", "C56X"])
+@pytest.mark.parametrize(
+    "typecode", ["BE20", *(pytest.param(name, marks=pytest.mark.slow) for name in ("PC12", "AT76", "C56X"))]
+)
 def test_slow_and_low_types_are_read_as_they_are(typecode: str) -> None:
     """A King Air holds Mach 0.44 at FL300, less than any jet."""
     rows = simulate(typecode, 12, 3, "london-fir-2019").rows

@@ -7,5 +7,4 @@ from descentflow.reporting.figure_file import write_figure
 from studies.aircraft.energy_share_figure import energy_share_figure
 
 if __name__ == "__main__":
-    path, typecode = sys.argv[1], (sys.argv[2:] or ["A320"])[0]
-    write_figure(energy_share_figure(open_aircraft(typecode)), path, 90)
+    write_figure(energy_share_figure(open_aircraft(*(sys.argv[2:] or ["A320"]))), sys.argv[1], 90)

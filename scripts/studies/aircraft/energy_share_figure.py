@@ -11,7 +11,7 @@ from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.physics.airspeed import mach_to_cas_mps
 from descentflow.physics.idle_state import idle_state
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.reporting.figure_style import BLACK, BLUE, RED, legend_below, tidy
+from descentflow.reporting.figure_style import BLACK, BLUE, RED, legend_below, panels
 from descentflow.representation.decoder.trajectories import Trajectories, integrate
 
 _LEVELS_FL = torch.arange(150, 371, dtype=torch.float64)
@@ -56,14 +56,12 @@ def energy_share_figure(
         "exact factor": (fly(None, True), BLUE, "--"),
         f"exact, tailwind growing {WIND_KT_PER_1000_FT:g} kt per 1,000 ft": (fly(wind_mps, True), RED, "-."),
     }
-    figure = Figure(figsize=(10.0, 4.4), layout="constrained")
-    axes = figure.subplots(1, 3, sharey=True)
+    figure, (axes,) = panels(10.0, 4.4, 1, 3, sharey=True)
     for name, (curve, colour, style) in flown.items():
         _draw(axes, curve, name, colour, style)
     axes[0].set(xlabel="Calibrated airspeed (kt)", ylabel="Flight level")
     axes[1].set(xlabel="Rate of descent (ft/min)")
     axes[2].set(xlabel="Time since FL370 (min)")
-    tidy(axes)
     legend_below(figure, axes)
     return figure
 

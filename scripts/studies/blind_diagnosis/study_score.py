@@ -4,7 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
-from studies.blind_diagnosis.binomial_share import share
+from scipy import stats
+
 from studies.blind_diagnosis.blind_plan import BARE
 from studies.blind_diagnosis.outcome import NONE, REFUSED, UNKNOWN, Outcome, sizes
 from studies.blind_diagnosis.true_sizes import true_sizes
@@ -216,3 +217,16 @@ def _cell(one: Mapping[str, Any]) -> str:
         return "-"
     met = {True: "", False: " **missed**", None: ""}[one["met"]]
     return f"{one['share']:.1%} ({one['low']:.0%} to {one['high']:.0%}, n {one['n']}){met}"
+
+
+def share(flags: Sequence[bool]) -> dict[str, Any]:
+    """Share of true flags with its 95 % interval (Wilson); None where there is no flag.
+
+    Example:
+        >>> share([True, True, True, False])
+        {'n': 4, 'share': 0.75, 'low': 0.30..., 'high': 0.95...}
+    """
+    if not flags:
+        return {"n": 0, "share": None, "low": None, "high": None}
+    interval = stats.binomtest(sum(flags), len(flags)).proportion_ci(0.95, "wilson")
+    return {"n": len(flags), "share": sum(flags) / len(flags), "low": float(interval.low), "high": float(interval.high)}

@@ -6,7 +6,7 @@ import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from descentflow.reporting.figure_style import BLACK, GREY, tidy
+from descentflow.reporting.figure_style import BLACK, GREY, panels
 from studies.paper.study_plan import PAPER_STATISTICS
 
 ROWS = {
@@ -39,9 +39,7 @@ def boxes_figure(scores: pl.DataFrame, models: Mapping[str, str]) -> Figure:
         >>> len(boxes_figure(scores, {"gaussian": "Gaussian"}).axes)
         9
     """
-    figure = Figure(figsize=(11.5, 9.6), layout="constrained")
-    axes = figure.subplots(len(ROWS), len(COLUMNS))
-    tidy(axes.flat)
+    figure, axes = panels(11.5, 9.6, len(ROWS), len(COLUMNS))
     for line, (name, parts) in zip(axes, ROWS.items(), strict=True):
         for ax, (statistic, entry) in zip(line, COLUMNS.items(), strict=True):
             chosen = scores.filter(pl.col("statistic") == statistic, pl.col("quantity").is_in(list(parts.values())))

@@ -13,7 +13,7 @@ from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.physics.nominal_descent import nominal_descent
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.reporting.figure_style import BAND, BLACK, BLUE, GREY, legend_below, tidy
+from descentflow.reporting.figure_style import BAND, BLACK, BLUE, GREY, legend_below, panels
 
 N_MASSES = 9
 """From the smallest to the largest mass, both among them."""
@@ -126,9 +126,7 @@ def mass_range_figure(
         3
     """
     found = mass_range(flights, aircraft)
-    figure = Figure(figsize=(11.5, 4.6), layout="constrained")
-    axes = figure.subplots(1, 3, width_ratios=[1.5, 1, 1])
-    tidy(axes)
+    figure, (axes,) = panels(11.5, 4.6, 1, 3, width_ratios=[1.5, 1, 1])
     _draw_times(axes[0], found, n_lines, seed)
     masses = torch.linspace(float(aircraft.mass_minimum_kg), float(aircraft.mass_maximum_kg), N_MASSES).double()
     by_mass = nominal_descent(aircraft, flights.levels_fl, masses)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from matplotlib.figure import Figure
 
-from descentflow.reporting.figure_style import MODELS, tidy
+from descentflow.reporting.figure_style import MODELS, panels
 
 
 def rejection_rates_figure(rates: Mapping[str, Mapping[str, float]]) -> Figure:
@@ -19,9 +19,7 @@ def rejection_rates_figure(rates: Mapping[str, Mapping[str, float]]) -> Figure:
         2
     """
     models = list(dict.fromkeys(name for by_model in rates.values() for name in by_model))
-    figure = Figure(figsize=(max(7.5, 2.2 + 0.75 * len(rates)), 3.4), layout="constrained")
-    ax = figure.subplots()
-    tidy([ax])
+    figure, ((ax,),) = panels(max(7.5, 2.2 + 0.75 * len(rates)), 3.4)
     width = 0.8 / len(models)
     for place, model in enumerate(models):
         at = [group + (place - (len(models) - 1) / 2) * width for group in range(len(rates))]

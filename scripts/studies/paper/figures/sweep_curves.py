@@ -6,7 +6,7 @@ import polars as pl
 from matplotlib.figure import Figure
 from torch import Tensor
 
-from descentflow.reporting.figure_style import BLACK, GREY, MODELS, legend_below, tidy
+from descentflow.reporting.figure_style import BLACK, GREY, MODELS, legend_below, panels
 from studies.paper.study_plan import PAPER_STATISTICS
 
 STATISTICS = {name: f"{one.label} of rate" for name, one in PAPER_STATISTICS.items()}
@@ -25,9 +25,7 @@ def variance_figure(scores: pl.DataFrame) -> Figure:
         >>> [ax.get_ylabel() for ax in variance_figure(scores).axes][0]
         'KS distance of rate'
     """
-    figure = Figure(figsize=(11.5, 3.8), layout="constrained")
-    axes = figure.subplots(1, len(STATISTICS))
-    tidy(axes)
+    figure, (axes,) = panels(11.5, 3.8, 1, len(STATISTICS))
     shares = sorted(scores["share"].unique())
     for ax, (statistic, name) in zip(axes, STATISTICS.items(), strict=True):
         chosen = scores.filter(pl.col("statistic") == statistic, pl.col("score").is_not_nan())
@@ -63,9 +61,7 @@ def completed_figure(
         >>> len(completed_figure(levels, seen, {"CAS (kt)": {"probabilistic PCA": whole}}).axes)
         1
     """
-    figure = Figure(figsize=(5.2 * len(seen), 4.6), layout="constrained")
-    axes = figure.subplots(1, len(seen), squeeze=False, sharey=True)[0]
-    tidy(axes)
+    figure, (axes,) = panels(5.2 * len(seen), 4.6, 1, len(seen), sharey=True)
     for ax, (quantity, (values, mask)) in zip(axes, seen.items(), strict=True):
         for place, (method, whole) in enumerate(completed[quantity].items()):
             for k in range(len(values)):
@@ -91,9 +87,7 @@ def flow_sizes_figure(gains: Mapping[int, Mapping[int, Sequence[float]]]) -> Fig
         >>> flow_sizes_figure({5: {2: [0.0, 0.0], 4: [-0.1, 0.05]}}).axes[0].get_xlabel()
         'Hidden units per weight'
     """
-    figure = Figure(figsize=(7.5, 3.8), layout="constrained")
-    ax = figure.subplots()
-    tidy([ax])
+    figure, ((ax,),) = panels(7.5, 3.8)
     places = {h: k for k, h in enumerate(sorted({h for by_hidden in gains.values() for h in by_hidden}))}
     for position, (flows, by_hidden) in enumerate(gains.items()):
         shift = 0.12 * (position - (len(gains) - 1) / 2)

@@ -6,14 +6,15 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from descentflow.surveillance.rows.air_data import pressure_ratio
+from descentflow.core.isa import pressure_ratio
+from descentflow.core.units import FT_M
 
 START = datetime(2024, 3, 1, 10, tzinfo=UTC)
 SPEED_OF_SOUND_KT = np.sqrt(1.4 * 101_325.0 / 1.225) / 0.514444
 
 
 def mach_of_cas(cas_kt: np.ndarray, altitude_ft: np.ndarray) -> np.ndarray:
-    impact = ((1 + 0.2 * (cas_kt / SPEED_OF_SOUND_KT) ** 2) ** 3.5 - 1) / pressure_ratio(altitude_ft)
+    impact = ((1 + 0.2 * (cas_kt / SPEED_OF_SOUND_KT) ** 2) ** 3.5 - 1) / pressure_ratio(altitude_ft * FT_M)
     return np.sqrt(5 * ((impact + 1) ** (1 / 3.5) - 1))
 
 

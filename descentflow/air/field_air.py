@@ -17,10 +17,11 @@ from torch import Tensor
 from descentflow.air.level_air import LevelAir
 from descentflow.air.measured_air import FlightAirs, held
 from descentflow.core.errors import DataError
+from descentflow.core.isa import Array
 from descentflow.measurements.level_channels import LevelGrid
 from descentflow.weather.weather_field import Points, WeatherField, weather_field
 from descentflow.weather.weather_file import WeatherSource
-from descentflow.weather.weather_layout import EAST, NORTH, TEMPERATURE, Array
+from descentflow.weather.weather_layout import EAST, NORTH, TEMPERATURE
 
 PLACED = ("latitude", "longitude")
 LEVELS_AROUND = 5

@@ -5,15 +5,14 @@ from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from descentflow.core.errors import ConfigError, DataError
+from descentflow.core.isa import Array, standard_k
 from descentflow.core.recent import Recent
 from descentflow.core.units import FL_M
-from descentflow.physics.atmosphere import isa_temperature_k
 from descentflow.weather.weather_file import WeatherFile, WeatherSource, opened, same
-from descentflow.weather.weather_layout import EAST, NORTH, TEMPERATURE, VARIABLE_NAMES, Array, unusable
+from descentflow.weather.weather_layout import EAST, NORTH, TEMPERATURE, VARIABLE_NAMES, unusable
 
 WIDEST_GAP = 1.5
 """Median steps of time beyond which two times of a field count as a gap, which nothing is interpolated across."""
@@ -182,8 +181,7 @@ class WeatherField:
                 raise unusable(f"{step.file.path} and {one.file.path} with another {name} at one time")
         if name != TEMPERATURE:
             return values
-        standard: Array = isa_temperature_k(torch.from_numpy(step.file.axes[0]) * FL_M).numpy()
-        return values - standard[:, None, None]
+        return values - standard_k(step.file.axes[0] * FL_M)[:, None, None]
 
 
 @contextmanager

@@ -7,6 +7,7 @@ import atexit
 import logging
 import mmap
 import os
+import sys
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -19,9 +20,10 @@ from typing import Any, TextIO
 import numpy as np
 
 from descentflow.core.errors import DataError, DescentflowError
+from descentflow.core.isa import Array
 from descentflow.core.tabular import optional_library, pyproj
 from descentflow.weather import weather_layout as layout
-from descentflow.weather.weather_layout import AXES, GRIB, SUFFIXES, VARIABLE_NAMES, VERSION, Array, Axis
+from descentflow.weather.weather_layout import AXES, GRIB, SUFFIXES, VARIABLE_NAMES, VERSION, Axis
 
 WeatherSource = str | Path | Sequence[str | Path]
 """A file, a folder of files, or several."""
@@ -72,7 +74,8 @@ class WeatherFile:
 @contextmanager
 def opened(source: WeatherSource) -> Iterator[list[WeatherFile]]:
     """Open NetCDF (``.nc``) by netCDF4 or h5netcdf, and GRIB (``.grib``, ``.grib2``) by cfgrib."""
-    pyproj()
+    if "eckitlib" not in sys.modules:  # else it is too late, and positions say so
+        pyproj()
     xarray, parts = optional_library("xarray", extra="wind"), []
     with ExitStack() as stack:
         for path in weather_files(source):

@@ -4,14 +4,12 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeGuard
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from descentflow.core.errors import DataError
+from descentflow.core.isa import Array, standard_altitude_m
 from descentflow.core.units import FL_M, KT_MPS
-from descentflow.physics.atmosphere import pressure_altitude_m
 
-Array = NDArray[np.float64]
 GRIB = (".grib", ".grb", ".grib2", ".grb2")
 SUFFIXES = (".nc", ".nc4", *GRIB)
 STRONGEST_MPS = 200.0
@@ -100,7 +98,7 @@ def place_axis(coordinate: Any, axis: str, path: str) -> Axis:
         hpa = values * _HPA.get(unit, 1.0 if values.max() <= _LOWEST_HPA[1] else 0.01)
         if unit not in (*_HPA, "") or hpa.min() <= 0 or not _LOWEST_HPA[0] <= hpa.max() <= _LOWEST_HPA[1]:
             raise unusable(shown)
-        return Axis.of(pressure_altitude_m(torch.from_numpy(100 * hpa)).numpy() / FL_M)
+        return Axis.of(standard_altitude_m(100 * hpa) / FL_M)
     if (unit and not unit.startswith("deg")) or (axis == "latitude" and np.abs(values).max() > 90):
         raise unusable(shown)
     return Axis.of(values) if axis == "latitude" else Axis.eastwards(values)

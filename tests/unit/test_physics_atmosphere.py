@@ -1,6 +1,9 @@
+import numpy as np
 import pytest
 import torch
 
+from descentflow.core.constants import P0_PA
+from descentflow.core.isa import pressure_ratio, standard_altitude_m, standard_k
 from descentflow.physics.atmosphere import (
     density_kg_m3,
     geometric_altitude_m,
@@ -18,6 +21,14 @@ ICAO = [
     (11000.0, 216.650, 226.321, 0.363918, 295.069),
     (15000.0, 216.650, 120.446, 0.193673, 295.069),
 ]
+
+
+def test_the_atmosphere_in_numpy_is_that_in_torch() -> None:
+    altitude = np.linspace(-500.0, 16_000.0, 400)
+    pressure = pressure_pa(torch.from_numpy(altitude)).numpy()
+    assert P0_PA * pressure_ratio(altitude) == pytest.approx(pressure, rel=1e-12)
+    assert standard_altitude_m(pressure) == pytest.approx(altitude, abs=1e-6)
+    assert standard_k(altitude) == pytest.approx(temperature_k(torch.from_numpy(altitude), 0.0).numpy(), abs=1e-9)
 
 
 @pytest.mark.parametrize(("altitude", "temperature", "pressure", "density", "sound"), ICAO)

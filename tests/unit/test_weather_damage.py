@@ -277,3 +277,17 @@ except ConfigError as error:
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert said in done.stdout
+
+
+@pytest.mark.skipif(find_spec("eckitlib") is None, reason="only the wheel of ecCodes has a PROJ of its own")
+def test_a_program_that_opened_a_file_by_xarray_reads_fields_all_the_same(tmp_path: Path) -> None:
+    """xarray asks each library whether it knows a file, and so imports ecCodes."""
+    path = written(weather(linear, hours=HOURS), tmp_path / "cold.nc")
+    code = f"""import sys, xarray, eccodes
+xarray.open_dataset({str(path)!r}).close()
+from descentflow.weather.weather_field import weather_field
+with weather_field({str(path)!r}) as field:
+    print("eckitlib" in sys.modules, "pyproj" in sys.modules, len(field.times))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["True", "False", str(len(HOURS))]

@@ -13,11 +13,12 @@ import polars as pl
 
 from descentflow.core.constants import KAPPA, R_AIR
 from descentflow.core.errors import CleaningError, DataError
-from descentflow.core.units import FPM_MPS, KT_MPS
+from descentflow.core.isa import standard_k
+from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
 from descentflow.surveillance.cleaning.filters import SECONDS, clock_of, flights_of
 from descentflow.surveillance.cleaning.ground_vector import Mask, check_course, stuck, turning
 from descentflow.surveillance.cleaning.rates import with_rate
-from descentflow.surveillance.rows.air_data import Array, cas_of_mach_kt, standard_k
+from descentflow.surveillance.rows.air_data import Array, cas_of_mach_kt
 from descentflow.surveillance.rows.airspeed_source import (
     COLUMNS_OF_ROWS,
     PLACED,
@@ -164,7 +165,10 @@ def _air_of_neighbours(rows: pl.DataFrame, seen: pl.DataFrame) -> RowAir:
     east, north, deviation = (np.interp(inside, at, values) for values in NeighbourAir(seen).at(places))
     none = np.zeros(len(rows), dtype=bool)
     return RowAir(
-        east, north, standard_k(rows["altitude"].to_numpy()) + deviation, [none, none, np.isnan(east + deviation), none]
+        east,
+        north,
+        standard_k(rows["altitude"].to_numpy() * FT_M) + deviation,
+        [none, none, np.isnan(east + deviation), none],
     )
 
 
@@ -198,7 +202,7 @@ def _air_of_field(rows: pl.DataFrame, source: AirspeedSource) -> RowAir:
     return RowAir(
         east,
         north,
-        standard_k(rows["altitude"].to_numpy()) + deviation,
+        standard_k(rows["altitude"].to_numpy() * FT_M) + deviation,
         [early, coarse, missing & ~inside, missing & inside],
     )
 

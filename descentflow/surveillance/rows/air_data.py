@@ -10,17 +10,8 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from descentflow.core.constants import (
-    G0_MPS2,
-    KAPPA,
-    LAPSE_K_M,
-    P0_PA,
-    R_AIR,
-    RHO0_KG_M3,
-    T0_K,
-    T_TROPOPAUSE_PRINTED_K,
-    TROPOPAUSE_M,
-)
+from descentflow.core.constants import KAPPA, P0_PA, R_AIR, RHO0_KG_M3
+from descentflow.core.isa import pressure_ratio, standard_k
 from descentflow.core.units import FT_M, KT_MPS
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import AIRSPEEDS, COLUMNS, POSSIBLE
@@ -28,31 +19,14 @@ from descentflow.surveillance.rows.schema import AIRSPEEDS, COLUMNS, POSSIBLE
 Array = NDArray[np.float64]
 
 
-def pressure_ratio(altitude_ft: Array) -> Array:
-    """Pressure over sea-level pressure (BADA 3 user manual, section 3.1).
-
-    Args:
-        altitude_ft: (...) pressure altitude.
-    """
-    altitude_m = altitude_ft * FT_M
-    low = (1 + LAPSE_K_M * np.minimum(altitude_m, TROPOPAUSE_M) / T0_K) ** (-G0_MPS2 / (LAPSE_K_M * R_AIR))
-    above_m = np.maximum(altitude_m - TROPOPAUSE_M, 0.0)
-    return np.asarray(low * np.exp(-G0_MPS2 / (R_AIR * T_TROPOPAUSE_PRINTED_K) * above_m))
-
-
-def standard_k(altitude_ft: Array) -> Array:
-    """Temperature of the standard atmosphere, K."""
-    return np.asarray(T0_K + LAPSE_K_M * np.minimum(altitude_ft * FT_M, TROPOPAUSE_M))
-
-
 def isa_tas_of_mach_kt(mach: Array, altitude_ft: Array) -> Array:
     """True airspeed in the standard atmosphere, kt."""
-    return np.asarray(mach * np.sqrt(KAPPA * R_AIR * standard_k(altitude_ft)) / KT_MPS)
+    return np.asarray(mach * np.sqrt(KAPPA * R_AIR * standard_k(altitude_ft * FT_M)) / KT_MPS)
 
 
 def cas_of_mach_kt(mach: Array, altitude_ft: Array) -> Array:
     """Calibrated airspeed in kt."""
-    impact = pressure_ratio(altitude_ft) * ((1 + 0.2 * mach**2) ** 3.5 - 1)
+    impact = pressure_ratio(altitude_ft * FT_M) * ((1 + 0.2 * mach**2) ** 3.5 - 1)
     scale_mps = np.sqrt(KAPPA * P0_PA / RHO0_KG_M3)
     return np.asarray(scale_mps * np.sqrt(5 * ((1 + impact) ** (1 / 3.5) - 1)) / KT_MPS)
 
@@ -60,7 +34,7 @@ def cas_of_mach_kt(mach: Array, altitude_ft: Array) -> Array:
 def mach_of_cas(cas_kt: Array, altitude_ft: Array) -> Array:
     """Mach number, the inverse of :func:`cas_of_mach_kt`."""
     scale_mps = np.sqrt(KAPPA * P0_PA / RHO0_KG_M3)
-    impact = ((1 + 0.2 * (cas_kt * KT_MPS / scale_mps) ** 2) ** 3.5 - 1) / pressure_ratio(altitude_ft)
+    impact = ((1 + 0.2 * (cas_kt * KT_MPS / scale_mps) ** 2) ** 3.5 - 1) / pressure_ratio(altitude_ft * FT_M)
     return np.asarray(np.sqrt(5 * ((1 + impact) ** (1 / 3.5) - 1)))
 
 

@@ -67,13 +67,17 @@ def results() -> dict[str, object]:
 
 
 @pytest.fixture
-def usual_once(name: str, results: dict[str, object], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Usual calls are made once for all modules but their own; every other call runs as it stands."""
+def own_once(name: str, results: dict[str, object], monkeypatch: pytest.MonkeyPatch) -> dict[str, object]:
+    """Usual calls are made once, every other call runs as it stands; gives the function of the module of this name."""
+    own: dict[str, object] = {}
     for place, usual in USUAL.items():
-        if name != place:
-            module, function = importlib.import_module(place), place.rpartition(".")[2]
-            made = functools.partial(once, getattr(module, function), usual, results, place)
+        module, function = importlib.import_module(place), place.rpartition(".")[2]
+        made = functools.partial(once, getattr(module, function), usual, results, place)
+        if name == place:
+            own[function] = made
+        else:
             monkeypatch.setattr(module, function, functools.wraps(getattr(module, function))(made))
+    return own
 
 
 def once(
@@ -94,7 +98,6 @@ def once(
 
 # The examples' flights are those that their checkpoint was trained on.
 @pytest.mark.filterwarnings("ignore:.*and are no test of it:descentflow.core.errors.DescentflowWarning")
-@pytest.mark.usefixtures("usual_once")
 @pytest.mark.parametrize(
     "name",
     [
@@ -102,14 +105,16 @@ def once(
         for name in module_names()
     ],
 )
-def test_examples_give_what_they_say(name: str, example_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_examples_give_what_they_say(
+    name: str, own_once: dict[str, object], example_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     if name in NEEDS:
         pytest.importorskip(NEEDS[name], reason=f"{NEEDS[name]} (an extra of descentflow) is not installed")
     monkeypatch.chdir(example_folder)
     module = importlib.import_module(name)
     flags = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
     torch.manual_seed(0)
-    result = doctest.testmod(module, extraglobs={"torch": torch, "Path": Path}, optionflags=flags)
+    result = doctest.testmod(module, extraglobs={"torch": torch, "Path": Path, **own_once}, optionflags=flags)
     assert result.failed == 0
 
 

@@ -1,7 +1,8 @@
 """A fit from the command line for the tests of what it leaves behind; each test file has its own."""
 
-import subprocess
-import sys
+import io
+import warnings
+from contextlib import redirect_stdout
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ from command_line_toys import fit
 from kept_by_workers import folder_of_workers, once
 
 import descentflow as df
+from descentflow.cli.entry import main
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +46,10 @@ def sampler(a320: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path,
     path = folder / "a320.onnx"
 
     def exported() -> str:
-        command = [sys.executable, "-m", "descentflow", "export", str(a320), "--to", "onnx", "--out", str(path)]
-        return subprocess.run([*command, "--precision", "float32"], capture_output=True, text=True, check=True).stdout
+        words = ["export", str(a320), "--to", "onnx", "--out", str(path), "--precision", "float32"]
+        with redirect_stdout(io.StringIO()) as said, warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # the exporter's own
+            assert main(words) == 0
+        return said.getvalue()
 
     return path, once(folder, "said", exported)

@@ -156,7 +156,7 @@ def test_a_conditional_model_from_fit_to_samples(tmp_path: Path, descents: Path,
     table = pl.DataFrame({"flight_id": flights, "operator": speeds, "deviation_k": np.arange(len(flights)) % 7.0})
     table.write_csv(tmp_path / "context.csv")
     context = ["--data.context=[operator,deviation_k,entry_fl]", f"--data.context_table={tmp_path / 'context.csv'}"]
-    folder = fit(tmp_path, descents, "gaussian", *context)
+    folder = fit(tmp_path, descents, "gaussian", *context, "--final=false")
     checkpoint = str(folder / "checkpoints" / "best.ckpt")
     where = f"--trainer.logger.init_args.save_dir={tmp_path / 'tested'}"
     assert main(["predict", "--ckpt_path", checkpoint, where]) == 0
@@ -200,7 +200,8 @@ def test_a_licence_holders_directory_serves_the_whole_path(tmp_path: Path, famil
     rows, prepared, bada = tmp_path / "rows.parquet", tmp_path / "descents.parquet", ["--bada-dir", str(release)]
     assert main(["simulate", "--typecode", name, *bada, "--flights", "80", "--out", str(rows)]) == 0
     assert main(["prepare", str(rows), "--out", str(prepared)]) == 0
-    run = fit(tmp_path / "run", prepared, "gaussian", "--data.bada_dir", str(release), "--data.aircraft", name)
+    own = ["--data.bada_dir", str(release), "--data.aircraft", name, "--final=false"]
+    run = fit(tmp_path / "run", prepared, "gaussian", *own)
     checkpoint = str(next(run.rglob("best.ckpt")))
     assert load_model(checkpoint).representation.decoder.aircraft == aircraft(name, release)
     out = ["--out", str(tmp_path / "made.parquet")]

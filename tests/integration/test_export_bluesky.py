@@ -131,7 +131,7 @@ def test_the_scenario_flies_the_samples_to_their_end_point(a320: Path, tmp_path:
 @pytest.fixture(scope="module")
 def a321(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("a321") / "a321.ckpt"
-    df.fit(df.prepare(df.simulate("A321", 120, seed=3).rows, typecode="A321"), model="gaussian", out=path)
+    df.fit(df.prepare(df.simulate("A321", 120, seed=3).rows, typecode="A321"), model="gaussian", out=path, final=False)
     return path
 
 

@@ -24,7 +24,7 @@ def run(*words):
 
 run("simulate", "--flights", "60", "--seed", "0", "--out", "rows.parquet")
 run("prepare", "rows.parquet", "--out", "descents.parquet")
-short = ["--trainer.max_epochs=1", "--scores.n_samples=200"]
+short = ["--trainer.max_epochs=1", "--scores.n_samples=200", "--final=false"]
 run("fit", "--model", "Gaussian", "--data.descents", "descents.parquet", *short)
 best = "runs/Gaussian/version_0/checkpoints/best.ckpt"
 run("sample", best, "-n", "20", "--out", "samples.parquet")

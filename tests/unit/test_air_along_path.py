@@ -33,7 +33,7 @@ NOON = "2024-03-05T12:00:00"
 def checkpoint(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("along") / "standard.ckpt"
     descents = df.prepare(df.simulate("A320", 60, seed=2).rows, typecode="A320")
-    df.fit(DescentDataModule(descents), model="gaussian", out=path)
+    df.fit(DescentDataModule(descents), model="gaussian", out=path, final=False)
     return path
 
 

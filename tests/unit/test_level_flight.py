@@ -276,7 +276,7 @@ def test_samples_are_counted_as_rows_are() -> None:
 
 
 def test_evaluate_has_flights_samples_and_a_simulator_side_by_side(world, prepared, tmp_path) -> None:
-    model = df.fit(prepare(df.simulate("A320", 60, seed=1)), model="gaussian")
+    model = df.fit(prepare(df.simulate("A320", 60, seed=1)), model="gaussian", final=False)
     found = df.evaluate(model, world.rows, simulator=df.simulate("A320", 30, seed=2).rows, n=100, n_splits=2)
     sides = dict(found.level_flight.select("side", "flights").unique().iter_rows())
     own = prepared.report.notes[FLIGHTS]

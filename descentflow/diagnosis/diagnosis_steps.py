@@ -159,7 +159,8 @@ def _costs_with(compared: Compared, added: AddedEffects) -> list[Cost]:
     """
     costs = costs_of(compared, left_with(compared, added), added.seed)
     others = {name: value for name, value in added.theta.items() if not added.catalogue[name].of_air}
-    if len(others) == len(added.theta) or not compared.measures_air:
+    # What both sides have alike is compared without any cost.
+    if not costs or len(others) == len(added.theta) or not compared.measures_air:
         return costs
     freed, low_fl, high_fl = compared.in_own_air(), costs[0].low_fl, costs[0].high_fl
     own = costs_of(freed, left_with(freed, replace(added, theta=others)), added.seed)

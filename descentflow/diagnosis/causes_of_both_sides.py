@@ -44,7 +44,7 @@ def with_shared_effects(before: Findings, real: Quantities, settings: Settings) 
         >>> warm = df.prepare(df.simulate("A320", 120, seed=1, plant={"temperature": {"deviation_k": 10.0}}))
         >>> flights = quantities_of(warm.frame, 150, 340, CHANNELS)
         >>> asked = Settings(Simulator(aircraft("A320")), {"temperature": EFFECTS["temperature"]}, CHANNELS, 0, str)
-        >>> alike = diagnose("descents.parquet", "best.ckpt")
+        >>> alike = diagnose("descents.parquet", "best.ckpt", catalogue=asked.catalogue)
         >>> findings = with_shared_effects(alike, flights, asked)
         >>> alike.verdict, findings.causes[0].effect  # the air of both sides is warmer
         ('none', 'temperature')

@@ -14,6 +14,8 @@ from descentflow.representation.evidence import WeightEvidence
 
 NO_CONTEXT = torch.zeros(1, 0)
 """Context (1, c) of a flight for a density that follows none."""
+MOST_TAKEN = 0.9
+"""Of the variance along one direction, and of a component, the most that one flight is taken for."""
 
 
 @dataclass(frozen=True)
@@ -153,12 +155,39 @@ def log_observed(mixture: Mixture, evidence: WeightEvidence, context: Tensor | N
     """
     given, parts, order = mixture.rows(context, len(evidence)), [], []
     for index, rows in evidence.chunks():
-        joint_of = _joint_of_known if rows.known else _joint_of_seen
-        parts.append(joint_of(mixture, rows, given[index]).logsumexp(1))
+        seen = (mixture, rows, given[index])
+        parts.append((_joint_of_known(*seen) if rows.known else posteriors(*seen).log_joint).logsumexp(1))
         order.append(index)
     if not parts:
         return mixture.probs.new_zeros(0)
     return torch.cat(parts)[torch.cat(order).argsort()]
+
+
+def without_flight(mixture: Mixture, weights: Tensor, n_flights: int) -> Mixture:
+    """A mixture fitted to n flights less one of them: exact of one Gaussian, else the last step of EM without it.
+
+    Args:
+        mixture: Without a context, float64. Where components share one covariance, so do those of the result.
+        weights: (1, d) of the flight.
+        n_flights: Flights that the mixture was fitted to, two at least.
+
+    Example:
+        >>> one = torch.ones(1).double()
+        >>> of_two = Mixture(one, one[None], 2 * one[None, None])  # of -1 and 3
+        >>> without_flight(of_two, 3 * one[None], 2).locs.item()
+        -1.0
+    """
+    known = WeightEvidence.of_weights(weights)
+    share = _joint_of_known(mixture, known, known.points[:, :0])[0].softmax(0)
+    lost = (share / n_flights / mixture.probs).clamp(max=MOST_TAKEN)
+    left, off = 1 - lost, known.points - mixture.locs
+    probs, locs = mixture.probs * left, mixture.locs - (lost / left)[:, None] * off
+    white = torch.linalg.solve_triangular(mixture.scale_trils, off[..., None], upper=False)
+    taken = torch.minimum(lost / left, MOST_TAKEN / white.square().sum((1, 2)))[:, None, None] * white @ white.mT
+    if bool((mixture.scale_trils == mixture.scale_trils[:1]).all()):
+        taken, left = (mixture.probs[:, None, None] * taken).sum(0), probs.sum().expand(len(probs))
+    kept = torch.linalg.cholesky((torch.eye(len(off.T)).to(off) - taken) / left[:, None, None])
+    return Mixture(probs / probs.sum(), locs, mixture.scale_trils @ kept)
 
 
 def locations(mixture: Mixture, context: Tensor) -> Tensor:
@@ -179,10 +208,6 @@ def log_proportions(mixture: Mixture, context: Tensor) -> Tensor:
         tensor([[0.]])
     """
     return (mixture.probs.log() + context @ mixture.gate.T).log_softmax(1)
-
-
-def _joint_of_seen(mixture: Mixture, evidence: WeightEvidence, context: Tensor) -> Tensor:
-    return posteriors(mixture, evidence, context).log_joint
 
 
 def _joint_of_known(mixture: Mixture, evidence: WeightEvidence, context: Tensor) -> Tensor:

@@ -158,7 +158,7 @@ def linear_curves(decoder: DescentDecoder) -> LinearCurves:
     # Levels whose noise is alike tell together as much as one: the same as each with so many times the variance.
     noise = [(basis.noise_variance * basis.noise_length).expand(len(basis.mean)) for basis in bases]
     rest = [basis.left_out() for basis in bases]
-    loadings = torch.cat([_blocks(kept), _blocks(rest)], 1)
+    loadings = torch.cat([torch.block_diag(*kept), torch.block_diag(*rest)], 1)  # type: ignore[no-untyped-call]
     return LinearCurves(torch.cat(offsets), loadings, torch.cat(noise), decoder.dimension)
 
 
@@ -199,9 +199,3 @@ def evidence_of(decoder: DescentDecoder, flights: Profiles, gaps: Gaps = "margin
     curves = linear_curves(decoder)
     seen = curves.information(decoder.drag_scale.observed(flights))
     return WeightEvidence.of_information(*seen.marginal(curves.n_weights), seen.group)
-
-
-def _blocks(parts: list[Tensor]) -> Tensor:
-    """Block-diagonal matrix."""
-    blocks: Tensor = torch.block_diag(*parts)  # type: ignore[no-untyped-call]
-    return blocks

@@ -1,5 +1,6 @@
 """The rest of a descent from its first part: posteriors against closed forms, and coverage."""
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from descentflow.core.errors import ConfigError, DataError, SamplingError
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.generation.conditional.latent_density import Prior, posterior_of, prior_of
-from descentflow.generation.prediction.predictor import DescentPredictor
+from descentflow.generation.prediction.predictor import DescentPredictor, observed_at
 from descentflow.generation.prediction.summary import (
     actual_times,
     coverage,
@@ -147,7 +148,7 @@ def trained() -> GaussianDensity:
 
 def encoded(n: int, seed: int) -> EncodedFlights:
     flights = toys.flights(n, seed=seed)
-    return EncodedFlights(flights, torch.zeros(n, 1), torch.zeros(n, 0))
+    return EncodedFlights(flights, toys.representation(600).decoder.encode(flights), torch.zeros(n, 0))
 
 
 def held(predictor: DescentPredictor, flights: Profiles) -> tuple[float, float]:
@@ -173,6 +174,41 @@ def test_intervals_hold_nine_in_ten_of_a_density_that_knows_too_much_or_too_litt
     share, width = held(calibrated, real)
     assert 0.81 < share < 0.97
     assert width < 2 * float(held_control(calibrated, 140)), "what was seen narrows the interval"
+
+
+def test_a_flight_of_the_fit_is_continued_by_the_others() -> None:
+    """As by a Gaussian that was fitted without it; calibration does so with every flight of the fit."""
+    fitted, weights = trained(), toys.representation(600).decoder.encode(toys.flights(600))
+    some = torch.arange(0, 600, 20)
+
+    def gaussian_of(chosen: Tensor) -> DescentPredictor:
+        density, kept = GaussianDensity(fitted.dimension), weights[chosen]
+        with torch.no_grad():
+            density.loc.copy_(kept.mean(0))
+            density.scale_tril.copy_(torch.linalg.cholesky(torch.cov(kept.T, correction=0)))
+        density.attach(fitted.representation)
+        return DescentPredictor(density)
+
+    of_all = gaussian_of(some)
+    train = EncodedFlights(toys.flights(600).subset(some), weights[some], torch.zeros(len(some), 0))
+    whole = [i for i in range(len(some)) if bool(train.profiles.mask[i, :141].all())]
+    expected, known = [], []
+    for i in whole:
+        flight = train.subset([i])
+        expected.append(gaussian_of(some[some != some[i]]).predict(flight.profiles, 290, 100).trajectories)
+        one = copy(of_all)
+        one.latent = of_all.latent.without(flight.weights, len(some), flight.context)
+        found = one.predict(flight.profiles, 290, 100).trajectories
+        torch.testing.assert_close(found.time_s[:, :140], expected[-1].time_s[:, :140])
+        known.append(
+            (observed_at(flight.profiles, 140), flight.profiles.time_s[:, :140] - flight.profiles.time_s[:, 140, None])
+        )
+    observed, flown_s = (torch.cat(parts) for parts in zip(*known, strict=True))
+    calibration = of_all.calibrated(290, train).calibration
+    assert calibration is not None
+    torch.testing.assert_close(
+        calibration.factor, TimeCalibration.of_flights(expected, observed, flown_s.double()).factor
+    )
 
 
 def held_control(predictor: DescentPredictor, last: int) -> float:
@@ -248,7 +284,7 @@ def test_a_forecast_that_is_biased_by_rate_is_mended() -> None:
     depth = torch.arange(10.0, -1, -1).double()[:10]
     flown_s = depth / 10 * (108 + 6 * observed[:, 1:]) + 0.5 * normal(300, 10, seed=1)
     found = TimeCalibration.of_flights(drawn[:200], observed[:200], flown_s[:200])
-    moved = [found.applied(one, known).flown for one, known in zip(drawn[200:], observed[200:], strict=True)]
+    moved = [found.applied(one, known)[0] for one, known in zip(drawn[200:], observed[200:], strict=True)]
     off = torch.stack([one.time_s[:, 0].quantile(0.5) for one in moved]) - flown_s[200:, 0]
     assert float(off.square().mean().sqrt()) < 0.65
 
@@ -260,7 +296,7 @@ def test_moved_times_never_turn_back_and_rates_go_with_them(factor: float) -> No
     last = int(before.entry[0])
     ahead, as_drawn = torch.tensor([1.0, last]).double(), torch.tensor([0.0, 0.0, 0.0, 1.0]).double().expand(2, 4)
     found = TimeCalibration(ahead, as_drawn, torch.zeros(2).double(), torch.full((2,), factor).double(), last, 10)
-    after = found.applied(before, torch.zeros(2)).flown
+    after, _ = found.applied(before, torch.zeros(2))
     assert bool((after.time_s[:, : last + 1].diff(dim=1) < 0).all())
     assert bool((after.rate_mps[:, : last + 1] < 0).all())
     assert bool((after.time_s[:, last] == 0).all())

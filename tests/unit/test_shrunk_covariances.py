@@ -1,5 +1,7 @@
 """Covariances shrunk towards the one that components share: closed form, limits, and flights not seen."""
 
+from math import inf
+
 import pytest
 import torch
 from sklearn.mixture import GaussianMixture as SklearnMixture
@@ -7,7 +9,7 @@ from toys import normal
 
 from descentflow.densities.em import fit_mixture
 from descentflow.densities.em_steps import Steps
-from descentflow.densities.mixture_parameters import log_observed
+from descentflow.densities.mixture_parameters import log_observed, without_flight
 from descentflow.representation.evidence import WeightEvidence
 
 D = 5
@@ -30,6 +32,19 @@ def test_the_limit_is_scikit_learns_tied_mixture() -> None:
     assert likelihood == pytest.approx(tied.score(weights), abs=1e-4)
     found = ours.scale_trils[0] @ ours.scale_trils[0].T
     torch.testing.assert_close(found, torch.from_numpy(tied.covariances_), rtol=1e-2, atol=1e-3)
+
+
+@pytest.mark.parametrize("prior", [0.0, inf])
+def test_a_mixture_less_one_flight_is_the_one_of_the_others(prior: float) -> None:
+    """Of three clusters far apart, whose flights belong to one each: with own covariances and with one."""
+    labels = torch.arange(90) % 3
+    points, shares = 100.0 * normal(3, D, seed=9)[labels] + normal(90, D), torch.nn.functional.one_hot(labels).double()
+    found = without_flight(Steps(points, None, prior).maximise(shares), points[:1], 90)
+    expected = Steps(points[1:], None, prior).maximise(shares[1:])
+    torch.testing.assert_close(found.probs, expected.probs)
+    torch.testing.assert_close(found.locs, expected.locs)
+    covariances = (one.scale_trils @ one.scale_trils.mT for one in (found, expected))
+    torch.testing.assert_close(*covariances, rtol=1e-5, atol=1e-5)  # the jitter of 1e-6 is added to one flight fewer
 
 
 def test_flights_not_seen_are_more_probable_where_few_teach() -> None:

@@ -5,6 +5,7 @@ each profile: drag and CAS on the flown levels are linear in them (paper, equati
 each Gaussian in closed form. Where Gaussians only stand in for a density, their draws are weighted by it.
 """
 
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,7 +17,8 @@ from torch import Tensor
 from descentflow.core.errors import SamplingError
 from descentflow.densities.density import Density
 from descentflow.densities.em import fit_mixture
-from descentflow.densities.mixture_parameters import NO_CONTEXT, Mixture, log_observed, posteriors
+from descentflow.densities.importance import widened
+from descentflow.densities.mixture_parameters import NO_CONTEXT, Mixture, log_observed, posteriors, without_flight
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.evidence import WeightEvidence
 from descentflow.representation.linear_curves import LinearCurves, linear_curves
@@ -26,8 +28,8 @@ from descentflow.representation.residuals import ResidualLine, Residuals
 Array = NDArray[np.float64]
 HELD_SHARE = 1e-3
 """Of the variance of residual numbers, by which they give where weights alone cannot meet a request."""
-PROPOSAL_DRAWS, PROPOSAL_COMPONENTS, WIDER = 4000, 4, 1.3
-"""Draws of a flow to which the proposal is fitted, its mixture components, and the factor that widens them (tails)."""
+PROPOSAL_DRAWS, PROPOSAL_COMPONENTS = 4000, 4
+"""Draws of a flow to which the proposal is fitted, and its mixture components."""
 PROPOSED_FOR_ONE = 10
 """Draws of the proposal for each that is wanted of such a density."""
 MIN_EFFECTIVE = 50
@@ -87,12 +89,11 @@ def prior_of(density: Density, seed: int = 0, context: Tensor = NO_CONTEXT) -> P
     mixture, residuals = density.mixture_at(context), density.representation.decoder.residuals
     line = residuals.line if residuals.n_numbers else None
     if mixture is not None:
-        plain = Mixture(*(v.detach() for v in (mixture.probs, mixture.locs, mixture.scale_trils)))
-        return Prior(plain, None, context, line)
+        return Prior(mixture.cpu(), None, context, line)
     draws = density.sample(PROPOSAL_DRAWS, seed, context)
     draws = draws[draws.isfinite().all(1)]
     fitted, _ = fit_mixture(draws, PROPOSAL_COMPONENTS, seed=seed, n_restarts=2)
-    return Prior(Mixture(fitted.probs, fitted.locs, WIDER * fitted.scale_trils), density, context, line)
+    return Prior(widened(fitted), density, context, line)
 
 
 @dataclass(frozen=True)
@@ -263,6 +264,20 @@ class LatentDensities:
         if key not in self._priors:
             self._priors[key] = prior_of(self.density, self.seed, context)
         return key, self._priors[key]
+
+    def without(self, weights: Tensor, n_flights: int, context: Tensor) -> "LatentDensities":
+        """As fitted to the others of n flights, for one of them; as they are if the density is no mixture.
+
+        Args:
+            weights: (1, d) of the flight.
+            n_flights: Flights that the density was fitted to.
+            context: (1, c) of the flight; the result knows no other.
+        """
+        key, prior = self._prior(context)
+        others = copy(self)
+        if prior.exact is None:
+            others._priors = {key: replace(prior, mixture=without_flight(prior.mixture, weights, n_flights))}
+        return others
 
     def before(self, context: Tensor = NO_CONTEXT) -> LatentDensity:
         """The density before anything was flown, given a context (1, c) if it takes one."""

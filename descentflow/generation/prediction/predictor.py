@@ -91,8 +91,8 @@ class DescentPredictor:
 
         Args:
             from_fl: The last level that will count as observed.
-            parts: Flights that the density was fitted to and validated on. Those are used (1,000 at most) whose levels
-                from the last observed one down are all observed.
+            parts: Flights that the density was fitted to, each continued by the others, and flights that validated it.
+                Those are used (1,000 at most) whose levels from the last observed one down are all observed.
             seed: As in :meth:`predict`.
 
         Raises:
@@ -101,12 +101,14 @@ class DescentPredictor:
         calibrated = copy(self)
         calibrated.calibration = None
         last = int((self.representation.decoder.levels_fl < from_fl).sum())
-        whole = [(part, i) for part in parts for i in _whole_below(part.profiles, last)]
+        whole = [(part, i) for part in parts for i in range(len(part)) if bool(part.profiles.mask[i, : last + 1].all())]
         # Neighbours in a file were flown on one day, by one operator: those taken are spread over all of it.
         whole = whole[:: max(-(-len(whole) // CALIBRATION_FLIGHTS), 1)]
         drawn, observed, flown_s = [], [], []
         for part, i in whole:
-            flight = part.subset([i])
+            flight, calibrated.latent = part.subset([i]), self.latent
+            if part is parts[0]:
+                calibrated.latent = self.latent.without(flight.weights, len(part), flight.context)
             with suppress(SamplingError):
                 ahead = calibrated.predict(
                     flight.profiles, from_fl, CALIBRATION_CONTINUATIONS, seed, context=flight.context
@@ -120,6 +122,7 @@ class DescentPredictor:
                 expected="at least ten to calibrate with",
                 mend="pass descents that hold more of the flights that the model was fitted to",
             )
+        calibrated.latent = self.latent
         known, times = torch.cat(observed), torch.cat(flown_s).double()
         calibrated.calibration, calibrated.control = (
             TimeCalibration.of_flights(drawn, known, times),
@@ -182,11 +185,6 @@ class DescentPredictor:
                 mend="predict from a lower level",
             )
         return mask
-
-
-def _whole_below(flights: Profiles, last: int) -> list[int]:
-    positions: list[int] = flights.mask[:, : last + 1].all(1).nonzero()[:, 0].tolist()
-    return positions
 
 
 def observed_at(flights: Profiles, level: int) -> Tensor:

@@ -2,7 +2,8 @@ r"""Times of continuations, calibrated on all flights that the density was fitte
 
 The density's median time to a level, and CAS and rate at the last observed level, forecast the time by least squares.
 How far that is off, each flight tells by the forecast of the others (cross-conformal prediction: Barber, Candes, Ramdas
-and Tibshirani 2021, doi:10.1214/20-AOS1965): of n flights the share :math:`0.9 (n + 1) / n` lies within
+and Tibshirani 2021, doi:10.1214/20-AOS1965). A density knows too much of a flight that it was fitted to, so that a
+Gaussian or mixture continues it as fitted to the others. Of n flights the share :math:`0.9 (n + 1) / n` lies within
 
 .. math:: h_{il} = q_l \sqrt{d_{il}^2 + \overline{d_l^2}}
 
@@ -17,6 +18,7 @@ from dataclasses import dataclass, replace
 from math import ceil
 from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -34,19 +36,7 @@ LEAST_SPREAD = 0.1
 """Of h, by which continuations are spread at least."""
 
 
-class Fitted(NamedTuple):
-    """A least-squares forecast: coefficients (..., p, k), and by how much the others' misses each flight (..., n, k).
-
-    Example:
-        >>> Fitted._fields
-        ('coefficients', 'residuals')
-    """
-
-    coefficients: Tensor
-    residuals: Tensor
-
-
-def least_squares(features: Tensor, values: Tensor, prior_flights: float = 0.0) -> Fitted:
+def least_squares(features: Tensor, values: Tensor, prior_flights: float = 0.0) -> tuple[Tensor, Tensor]:
     """Regress values (..., n, k) on features (..., n, p), the first of which is one.
 
     Args:
@@ -55,15 +45,15 @@ def least_squares(features: Tensor, values: Tensor, prior_flights: float = 0.0) 
         prior_flights: Flights that say that no feature but the first counts: with few flights, slopes are shrunk.
 
     Returns:
-        Coefficients, and residuals of each flight by the fit without it.
+        Coefficients (..., p, k), and residuals (..., n, k) of each flight by the fit without it.
 
     Example:
         >>> x = torch.stack([torch.ones(9), torch.arange(9.0)], 1).double()
         >>> y = (3 + 2 * x[:, 1:]) + torch.eye(9)[:, 4:5]  # the fifth is one off
-        >>> fit = least_squares(x, y)
+        >>> _, residuals = least_squares(x, y)
         >>> others = torch.arange(9) != 4
-        >>> without = least_squares(x[others], y[others]).coefficients
-        >>> torch.allclose(fit.residuals[4], y[4] - x[4] @ without)
+        >>> without, _ = least_squares(x[others], y[others])
+        >>> torch.allclose(residuals[4], y[4] - x[4] @ without)
         True
     """
     # Slopes of features about their means and in their deviations, which the first column undoes.
@@ -77,7 +67,7 @@ def least_squares(features: Tensor, values: Tensor, prior_flights: float = 0.0) 
     inverse = torch.linalg.pinv(whitened.mT @ whitened + prior, hermitian=True) @ whitened.mT
     leverage = (whitened * inverse.mT).sum(-1, keepdim=True)
     slopes = inverse @ values
-    return Fitted(scale @ slopes, (values - whitened @ slopes) / (1 - leverage).clamp(min=1e-3))
+    return scale @ slopes, (values - whitened @ slopes) / (1 - leverage).clamp(min=1e-3)
 
 
 def held_within(misses: Tensor) -> Tensor:
@@ -89,18 +79,6 @@ def held_within(misses: Tensor) -> Tensor:
     """
     n = misses.shape[-1]
     return misses.sort(-1).values[..., min(ceil(HELD * (n + 1)), n) - 1]
-
-
-class Calibrated(NamedTuple):
-    """Continuations with calibrated times, and half the 90 % interval (L,) that reports add, in seconds.
-
-    Example:
-        >>> Calibrated._fields
-        ('flown', 'noise_s')
-    """
-
-    flown: Trajectories
-    noise_s: Tensor
 
 
 @dataclass(frozen=True)
@@ -121,8 +99,8 @@ class TimeCalibration:
         >>> ahead, factor = torch.tensor([1.0, 139.0]).double(), torch.full((2,), 2.0).double()
         >>> as_drawn = torch.tensor([0.0, 0.0, 0.0, 1.0]).double().expand(2, 4)
         >>> twice = TimeCalibration(ahead, as_drawn, torch.zeros(2).double(), factor, 139, 10)
-        >>> wide = twice.applied(one, torch.zeros(2))
-        >>> 1.8 < float(wide.flown.time_s[:, 0].std() / one.time_s[:, 0].std()) < 2  # the rest is noise of reports
+        >>> wide, _ = twice.applied(one, torch.zeros(2))
+        >>> 1.8 < float(wide.time_s[:, 0].std() / one.time_s[:, 0].std()) < 2  # the rest is noise of reports
         True
     """
 
@@ -148,13 +126,13 @@ class TimeCalibration:
         seen = [_seen(flown, known, to) for flown, known in zip(drawn, observed, strict=True)]
         features = torch.stack([flight.features for flight in seen], 1)
         half = torch.stack([flight.half_s for flight in seen], 1)
-        fitted = least_squares(features, flown_s[:, to].T[:, :, None], PRIOR_FLIGHTS)
+        coefficients, residuals = least_squares(features, flown_s[:, to].T[:, :, None], PRIOR_FLIGHTS)
         typical = half.square().median(1).values
-        factor = held_within(fitted.residuals[:, :, 0].abs() / _spread(half.T, typical).T)
-        return cls(ahead, fitted.coefficients[:, :, 0], typical, factor, last, len(drawn))
+        factor = held_within(residuals[:, :, 0].abs() / _spread(half.T, typical).T)
+        return cls(ahead, coefficients[:, :, 0], typical, factor, last, len(drawn))
 
-    def applied(self, flown: Trajectories, observed: Tensor) -> Calibrated:
-        """Continuations of one flight with their times moved and rates that go with them.
+    def applied(self, flown: Trajectories, observed: Tensor) -> tuple[Trajectories, Tensor]:
+        """Continuations of one flight, times moved, and half the 90 % interval (L,) that reports add, in seconds.
 
         Args:
             flown: All from one level.
@@ -163,7 +141,7 @@ class TimeCalibration:
         last = int(flown.entry[0])
         noise_s = torch.zeros(len(flown.levels_fl), dtype=torch.float64)
         if last == 0:
-            return Calibrated(flown, noise_s)
+            return flown, noise_s
         ahead = self.ahead[self.ahead <= last]
         n = len(ahead)
         seen = _seen(flown, observed, last - ahead.long())
@@ -171,10 +149,10 @@ class TimeCalibration:
         half = self.factor[:n] * _spread(seen.half_s, self.typical[:n])
         noise = half[0].square() - torch.minimum(half[0], seen.half_s[0]).square()
         own = (half.square() - noise).clamp(min=0).sqrt().maximum(LEAST_SPREAD * half)
-        every = torch.arange(1, last + 1, dtype=torch.float64)
-        shift, own_s, half_s = (between(every.log(), ahead.log(), values) for values in (shift, own, half))
+        every = np.log(np.arange(1, last + 1))
+        shift, own_s, half_s = (torch.from_numpy(np.interp(every, ahead.log(), one)) for one in (shift, own, half))
         noise_s[:last] = (half_s.square() - own_s.square()).clamp(min=0).sqrt().flip(0)
-        return Calibrated(_moved(flown, shift, own_s), noise_s)
+        return _moved(flown, shift, own_s), noise_s
 
 
 class Control(NamedTuple):
@@ -193,8 +171,8 @@ class Control(NamedTuple):
     @classmethod
     def of_flights(cls, observed: Tensor, flown_s: Tensor) -> "Control":
         """Fit to flights with CAS and rate (n, 2) at a level and times (n, L) from there, as the calibration is."""
-        fitted = least_squares(_with_one(observed), flown_s.double())
-        return cls(fitted.coefficients, held_within(fitted.residuals.abs().T))
+        coefficients, residuals = least_squares(_with_one(observed), flown_s.double())
+        return cls(coefficients, held_within(residuals.abs().T))
 
     def time_s(self, observed: Tensor) -> Tensor:
         """Forecast (n, L) of flights with CAS and rate (n, 2)."""
@@ -224,20 +202,6 @@ def _quantiles(time_s: Tensor) -> Tensor:
 
 def _spread(half_s: Tensor, typical: Tensor) -> Tensor:
     return (half_s.square() + typical).sqrt().clamp(min=torch.finfo(torch.float64).tiny)
-
-
-def between(place: Tensor, known: Tensor, values: Tensor) -> Tensor:
-    """Values (k,) at ascending places (k,), linear between them and held outside, at other places (n,).
-
-    Example:
-        >>> between(torch.tensor([0.0, 1.5, 9.0]), torch.tensor([1.0, 2.0]), torch.tensor([10.0, 20.0]))
-        tensor([10., 15., 20.])
-    """
-    if len(known) == 1:
-        return values.expand(len(place))
-    upper = torch.searchsorted(known, place).clamp(1, len(known) - 1)
-    share = ((place - known[upper - 1]) / (known[upper] - known[upper - 1])).clamp(0.0, 1.0)
-    return values[upper - 1] + share * (values[upper] - values[upper - 1])
 
 
 def _moved(flown: Trajectories, shift_s: Tensor, half_s: Tensor) -> Trajectories:

@@ -70,8 +70,6 @@ def pairwise_covariance(centred: Tensor, mask: Tensor) -> Tensor:
         tensor([[2., 4.],
                 [4., 8.]])
     """
-    if bool(mask.all()):
-        return (centred.T @ centred) / max(len(mask) - 1, 1)
     seen = mask.to(centred.dtype)
     both = seen.T @ seen
     return (centred.T @ centred) / (both - 1).clamp(min=1)

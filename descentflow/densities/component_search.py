@@ -41,11 +41,6 @@ class Selection:
     values: dict[int, float]
     cap_binds: bool
 
-    @property
-    def value(self) -> float:
-        """The criterion of the mixture."""
-        return self.values[self.mixture.n_components]
-
 
 def max_components(
     n_train: int,

@@ -99,6 +99,15 @@ def test_few_flights_of_several_kinds_get_components_of_one_covariance() -> None
     torch.testing.assert_close(toys.fit(again, module, 1).density.mixture.scale_trils, mixture.scale_trils)
 
 
+def test_enough_flights_for_two_covariances_keep_them() -> None:
+    """Of 140 in six numbers the criterion has two covariances to choose at most, and three kinds that ask for more."""
+    centres = 6 * torch.eye(6).double()[:3]
+    points = centres[torch.arange(140) % 3] + normal(140, 6)
+    mixture = toys.fit(GaussianMixture(n_restarts=4), toys.WeightsModule(points, points[:30]), 1).density.mixture
+    assert mixture.n_components == 2
+    assert not bool((mixture.scale_trils == mixture.scale_trils[0]).all())
+
+
 def test_the_model_says_that_its_cap_decides(capsys: pytest.CaptureFixture[str]) -> None:
     weights = normal(400, D) * torch.where(normal(400, 1, seed=3) > 0, 3.0, 0.2) + 4 * normal(400, 1, seed=4).sign()
     toys.fit(GaussianMixture(extend=False, n_restarts=2), toys.WeightsModule(weights, weights[:50]), 1)

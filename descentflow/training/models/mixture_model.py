@@ -31,7 +31,7 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
     components is chosen by an information criterion, unless it is set: by Akaike's, which asks what is most probable
     of flights not seen yet. Of few flights its mixtures are closer to held-out ones than those of the Bayesian
     criterion, the paper's, where covariances are shrunk towards the one that components share. Where flights are too
-    few for more covariances, components that all have that one are tried as well.
+    few for two covariances, components that all have one are tried as well.
 
     Example:
         >>> from descentflow.training.fit import fit
@@ -110,10 +110,10 @@ class GaussianMixture(LatentModel[GaussianMixtureDensity]):
 
             options |= {"extend": self.extend, "criterion": self.criterion, "progress": show}
             selected = select_mixture(steps, **options)
-            if selected.cap_binds and steps.prior_flights:
-                # Of components that share a covariance, flights allow more.
+            if selected.cap_binds and selected.mixture.n_components == 1 and steps.prior_flights:
+                # Of components that share a covariance, flights allow more; two of their own are more probable.
                 shared = select_mixture(Steps(steps.weights, steps.context, inf), **options)
-                selected = min(selected, shared, key=lambda selection: selection.value)
+                selected = min(selected, shared, key=lambda selection: min(selection.values.values()))
         limit = "largest number tried" if self.extend else f"cap of {FLIGHTS_PER_PARAMETER} flights per parameter"
         cap = f" (the {limit} decides: more components might fit better)" if selected.cap_binds else ""
         chosen = selected.mixture.n_components

@@ -75,6 +75,9 @@ def jobs(inputs: Path) -> dict[str, Job]:
         "sample": Job((*command, "sample", model, "-n", "3000", "--out", "out.csv"), ("out.csv",)),
         "evaluate": Job((*command, "evaluate", model, "--real", real, "--out", "out", "-n", "300"), ("out/*",)),
         "diagnose": Job((*command, "diagnose", "--simulator", model, "--real", real, "--out", "out"), ("out/*",)),
+        "watch": Job(
+            (*command, "watch", "A320", str(inputs / "days"), "--state", "out", "--reference-days", "8"), ("out/*",)
+        ),
         **exports,
         "study": Job(study, STUDY),
         "study, two processes": Job((*study, "--workers", "2"), STUDY, always_anew=True),

@@ -12,7 +12,7 @@ from descentflow.diagnosis.sides.measured_sides import both_sides
 from descentflow.diagnosis.sides.simulator import Simulator
 from descentflow.diagnosis.sides.two_sides import Compared, compare
 from descentflow.measurements.quantity_registry import CHANNELS
-from descentflow.qualification.equivalence import mean_of
+from descentflow.qualification.equivalence import Numbers, mean_of
 from descentflow.watching.change_evidence import DayMeans
 
 PARTS = {"below FL200": (0.0, 200.0), "FL200 to FL280": (200.0, 280.0), "above FL280": (280.0, 1000.0)}
@@ -43,34 +43,36 @@ def day_record(simulator: Simulator, frame: pl.DataFrame) -> dict[str, float | i
     """
     sides = both_sides(simulator, frame, CHANNELS)
     compared = compare(sides.simulated, sides.real, simulator.aircraft)
-    freed, record = compared.in_own_air(), _counts(frame, compared)
+    return record_of(compared) | {"aircraft": frame["icao24"].n_unique()}
+
+
+def record_of(compared: Compared) -> dict[str, float | int | None]:
+    """The same of flights that are measured and compared."""
+    record: dict[str, float | int | None] = {"flights": int(compared.real.sum())}
     for quantity in WATCHED:
-        record |= _watched(freed if quantity == "rate" else compared, quantity)
+        record |= _watched(compared, quantity)
     costs = flown(compared, compared.y)
     for name in SIZES:
-        for part in PARTS:
-            at = _bands(compared, part)
+        for part, (low, high) in PARTS.items():
+            at = torch.tensor([low <= fl < high for fl in compared.middles_fl()])
             sums = costs[name][compared.real][:, at].nanmean(0)
             record[f"{name} {part}"] = float(sums.nansum()) if bool(sums.isfinite().any()) else None
     return record
 
 
-def _counts(frame: pl.DataFrame, compared: Compared) -> dict[str, float | int | None]:
-    return {"flights": int(compared.real.sum()), "aircraft": frame["icao24"].n_unique()}
-
-
-def _bands(compared: Compared, part: str) -> torch.Tensor:
-    low, high = PARTS[part]
-    return torch.tensor([k for k, fl in enumerate(compared.middles_fl()) if low <= fl < high], dtype=torch.long)
+def differences(compared: Compared, quantity: str) -> Numbers:
+    """Mean of each real flight (n,) over all bands, minus the simulator's; the rate in each flight's own air."""
+    compared = compared.in_own_air() if quantity == "rate" else compared
+    table = compared.table(quantity, compared.y)
+    usual = table[simulator_rows(compared)].nanmean(0) if compared.has_simulated else torch.zeros(table.shape[1])
+    own: Numbers = (table - usual)[compared.real].nanmean(1).numpy()
+    return own
 
 
 def _watched(compared: Compared, quantity: str) -> Mapping[str, float | int | None]:
-    """Mean over the day's flights of each flight's mean over all bands."""
-    table = compared.table(quantity, compared.y)
-    usual = table[simulator_rows(compared)].nanmean(0) if compared.has_simulated else torch.zeros(table.shape[1])
-    own = (table - usual)[compared.real].nanmean(1).numpy()
-    aircraft = compared.airframe[compared.real].numpy()
-    mean = mean_of(own, aircraft, np.zeros(len(own), dtype=np.int64))
+    """Mean of the day's flights."""
+    own = differences(compared, quantity)
+    mean = mean_of(own, compared.airframe[compared.real].numpy(), np.zeros(len(own), dtype=np.int64))
     known = mean.flights > 0 and np.isfinite(mean.variance)
     return {
         f"{quantity}: mean": mean.mean if known else None,

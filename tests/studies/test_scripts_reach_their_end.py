@@ -39,14 +39,24 @@ RUNS: Mapping[str, Sequence[str]] = {
     "study_goals": ["{out}/study", "--model", "gaussian"],
     "study_repair": ["{out}/found.json", "--files", "1"],
     "vary_assumptions": ["{descents}", "A320"],
+    "watch_trial": ["{out}/watch", "--streams", "2"],
 }
 SMALL = {
     "cleaning_truth": {"FLIGHTS": 20},
     "derived_airspeeds": {"DRAWN": 200},
     "study_repair": {"JUDGES": 40},
+    "watch_trial": {
+        "DAYS": 12,
+        "CHANGED_FROM": 10,
+        "REFERENCE": 8,
+        "FLIGHTS": 8,
+        "POOL_FLIGHTS": 15,
+        "POOLS": {"before": (1, 13, {}), "front": (2, 3, {})},
+        "KINDS": ("front",),
+    },
 }
 """Constants of scripts that have no option for their size."""
-NEEDED = {"bluesky_descents": "bluesky", "export_figures": "xarray", "fly_jsbsim": "jsbsim"}
+NEEDED = {"bluesky_descents": "bluesky", "export_figures": "xarray", "fly_jsbsim": "jsbsim", "watch_trial": "river"}
 pytestmark = pytest.mark.filterwarnings("default")
 """Libraries that scripts import warn of their own."""
 

@@ -88,10 +88,8 @@ def evidence(days: DayMeans, reference: int) -> Evidence:
         (43, 41)
     """
     n, quantities = days.mean.shape
-    logs = np.full((quantities, len(SHAPES), len(SIZES), n, n), -np.inf)
-    for q in range(quantities):
-        logs[q] = _of_quantity(days.mean[:, q], days.within[:, q], reference)
-    parts = logs - np.log(quantities * len(SHAPES) * len(SIZES) * YEAR)
+    logs = [_of_quantity(mean, within, reference) for mean, within in zip(days.mean.T, days.within.T, strict=True)]
+    parts = np.stack(logs) - np.log(quantities * len(SHAPES) * len(SIZES) * YEAR)
     candidates = np.clip(np.arange(n) - reference + 1, 0, YEAR)
     with np.errstate(divide="ignore"):
         unborn = np.log(1.0 - candidates / YEAR)

@@ -44,7 +44,6 @@ def change_of(days: pl.DataFrame, evidence: Evidence, alarm: int) -> dict[str, A
             "earliest": names[first],
             "latest": names[last],
             "before": names[max(likeliest - 1, 0)],
-            "after": names[likeliest],
         },
         "shape": shape,
         "log_e": round(float(evidence.log_e[alarm]), 3),

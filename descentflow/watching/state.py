@@ -4,7 +4,6 @@ import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
-from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -143,7 +142,7 @@ class State:
         else:
             (self.folder / ALARM).unlink(missing_ok=True)
 
-    def accept(self) -> date:
+    def accept(self) -> None:
         """Make the days from the change on a new reference.
 
         Raises:
@@ -155,7 +154,6 @@ class State:
         # Settings first: after a kill in between, the alarm is of a day that is accepted, and stands no more.
         self._write(SETTINGS, {"version": VERSION, **asdict(settings), "since": alarm["change"]["day"]})
         (self.folder / ALARM).unlink()
-        return date.fromisoformat(alarm["change"]["day"])
 
     def _write(self, name: str, content: dict[str, Any]) -> None:
         with whole_file(self.folder / name) as temporary:
@@ -164,9 +162,6 @@ class State:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        content = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
+        return dict(json.loads(path.read_text()))
+    except (OSError, TypeError, ValueError) as error:
         raise DataError(f"{path}: {error}", expected="a file of a watch", mend="begin a new folder") from error
-    if not isinstance(content, dict):
-        raise DataError(f"{path} holds no settings", expected="a file of a watch", mend="begin a new folder")
-    return content

@@ -1,6 +1,7 @@
 """Watch a simulator by days of real flights: measure what is new, weigh the evidence, and name the change."""
 
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -28,8 +29,9 @@ from descentflow.watching.watch_result import Watch
 REFERENCE_DAYS = 30
 FALSE_ALARMS = 0.05
 DIAGNOSED_DAYS = 30
-"""Days before and after a change whose flights are diagnosed, at most."""
+"""Last days of either side of a change whose flights are diagnosed, at most."""
 Share = Annotated[float, Within(1e-4, 1.0)]
+Change = dict[str, Any]
 Reference = Annotated[int, Within(MIN_REFERENCE)]
 
 
@@ -93,7 +95,9 @@ def watch(
             except DataError as error:
                 left_out[name] = str(error)
                 continue
-            settings = folder.begin(_settings(opened, reference_days, false_alarms))
+            used, code = opened.simulator_input, opened.simulator.aircraft.typecode
+            asked = WatchSettings(used.name, used.fingerprint or "", code, reference_days, false_alarms)
+            settings = folder.begin(asked)
             lines = list(_measured(opened, path, name, folder.days(), left_out))
             folder.add(lines)
             new += [line["day"] for line in lines]
@@ -103,7 +107,8 @@ def watch(
                 expected="files of rows or of prepared descents",
                 mend="give such files",
             )
-        return _judged(folder, settings, new, left_out, files, typecode, bada_dir, say)
+        cause = partial(_cause, files=files, columns=columns, typecode=settings.typecode, bada_dir=bada_dir)
+        return _judged(folder, settings, new, left_out, cause, say)
 
 
 def _files(days: Path) -> dict[str, Path]:
@@ -114,11 +119,6 @@ def _files(days: Path) -> dict[str, Path]:
         return {days.name: days}
     paths = sorted(path for path in days.rglob("*") if path.is_file() and not path.name.startswith((".", "_")))
     return {path.relative_to(days).as_posix(): path for path in paths}
-
-
-def _settings(opened: Opened, reference_days: int, false_alarms: float) -> WatchSettings:
-    used, aircraft = opened.simulator_input, opened.simulator.aircraft
-    return WatchSettings(used.name, used.fingerprint or "", aircraft.typecode, reference_days, false_alarms)
 
 
 @torch.inference_mode()
@@ -147,9 +147,7 @@ def _judged(
     settings: WatchSettings,
     new: list[str],
     left_out: dict[str, str],
-    files: dict[str, Path],
-    typecode: str | None,
-    bada_dir: str | Path | None,
+    cause: Callable[..., Change],
     say: Callable[[str], None],
 ) -> Watch:
     """Evidence of all days, and the alarm: the one that stands, or a new one with its cause."""
@@ -163,7 +161,7 @@ def _judged(
         # Days may have come late: what stands follows from the days alone.
         if alarm is not None:
             say("seeking the cause")
-            alarm["cause"] = _cause(alarm, counted, files, typecode, bada_dir)
+            alarm["cause"] = cause(alarm, counted)
         is_new = alarm is not None and stood is None
         folder.keep_alarm(alarm)
     else:
@@ -180,39 +178,37 @@ def _lines(
     days: pl.DataFrame, weighed: Evidence | None, settings: WatchSettings, new: list[str]
 ) -> list[dict[str, Any]]:
     """Day, flights and evidence of each new day."""
-    lines = []
-    for i, line in enumerate(days.iter_rows(named=True)):
-        if line["day"] in new and weighed is not None:
-            log_e = float(weighed.log_e[i])
-            lines.append(
-                {
-                    "day": line["day"],
-                    "flights": line["flights"],
-                    "log_e": round(log_e, 3),
-                    "alarm": bool(log_e >= -np.log(settings.false_alarms)),
-                }
-            )
-    return lines
+    if weighed is None:
+        return []
+    known = zip(days["day"], days["flights"], weighed.log_e.tolist(), strict=True)
+    over = -np.log(settings.false_alarms)
+    return [
+        {"day": day, "flights": flights, "log_e": round(log_e, 3), "alarm": bool(log_e >= over)}
+        for day, flights, log_e in known
+        if day in new
+    ]
 
 
 def _cause(
-    alarm: dict[str, Any], days: pl.DataFrame, files: dict[str, Path], typecode: str | None, bada_dir: str | Path | None
-) -> dict[str, Any]:
-    """The diagnosis of flights after the change against those before it, where their files are still there."""
-    last_before, first_after = alarm["change"]["before"], alarm["change"]["after"]
-    sides = []
-    for part in (
-        days.filter(pl.col("day") >= first_after).head(DIAGNOSED_DAYS),
-        days.filter(pl.col("day") <= last_before).tail(DIAGNOSED_DAYS),
-    ):
-        paths = [files[name] for name in part["file"].unique(maintain_order=True) if name in files]
-        if not paths:
-            return {"verdict": "unknown", "why": "the files of the days before or after are no longer there"}
-        descents = FlightSource(paths).descents()
-        day = pl.col("timestamp").min().over("flight_id").dt.date().cast(pl.String)
-        sides.append(Descents(descents.frame.filter(day.is_in(part["day"].implode())), descents.metadata))
+    alarm: Change, days: pl.DataFrame, *, files: dict[str, Path], columns: Any, typecode: str, bada_dir: Any
+) -> Change:
+    """The diagnosis of flights from the change to the alarm against those before, where their files are still there.
+
+    What comes after the alarm is left out, so that the cause is the same in whatever order days come.
+    """
+    change, sides = alarm["change"], []
+    after = pl.col("day").is_between(pl.lit(change["day"]), pl.lit(alarm["raised"]))
     try:
-        report = diagnose(sides[0], sides[1], typecode=typecode or _own_type(sides[0].frame), bada_dir=bada_dir)
+        for kept in (after, pl.col("day") <= change["before"]):
+            part = days.filter(kept).tail(DIAGNOSED_DAYS)
+            names = part["file"].unique(maintain_order=True).to_list()
+            there = [files[name] for name in names if name in files] or [Path(names[0])]
+            descents = FlightSource(there, columns).descents()
+            day = pl.col("timestamp").min().over("flight_id").dt.date().cast(pl.String)
+            frame = descents.frame.filter(day.is_in(part["day"].implode()))
+            of_type = pl.col("typecode").fill_null(typecode) == typecode
+            sides.append(Descents(frame.filter(of_type) if typecode in frame["typecode"] else frame, descents.metadata))
+        report = diagnose(sides[0], sides[1], typecode=typecode, bada_dir=bada_dir)
     except (ConfigError, DataError) as error:
         return {"verdict": "unknown", "why": str(error)}
     return {
@@ -221,8 +217,3 @@ def _cause(
         "in_words": [f"{report.details.label(step.effect)}: {step.text}" for step in report.recipe],
         "only_the_weather": bool(report.causes) and all(cause.of_air for cause in report.causes),
     }
-
-
-def _own_type(frame: pl.DataFrame) -> str | None:
-    types = frame["typecode"].drop_nulls().unique().to_list()
-    return str(types[0]) if len(types) == 1 else None

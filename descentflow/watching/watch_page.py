@@ -1,6 +1,6 @@
 """Page of a watch: the difference day by day, the evidence, the alarm, and what cannot be seen."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import polars as pl
@@ -73,45 +73,39 @@ def hidden(days: DayMeans, reference: int, false_alarms: float) -> list[list[str
 
 def _evidence_figure(watch: Watch, weighed: Evidence) -> "Figure":
     """Logarithm of the evidence by day, with the threshold."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(3.4, 2.6), layout="constrained")
-    ax = figure.subplots()
+    figure, ax = _axes(watch, "evidence of a change", "ln of the evidence")
     ax.plot(weighed.log_e, color="#0072b2")
     threshold = -np.log(watch.settings.false_alarms)
     ax.axhline(threshold, color="#d55e00", linestyle="--")
     ax.annotate("alarm", (0, threshold), color="#d55e00", fontsize=9, va="bottom")
-    ax.axvspan(-0.5, watch.settings.reference_days - 0.5, color="#eeeeee")
-    ax.set_ylim(
-        min(-1.0, float(weighed.log_e.min())), max(2 * threshold, min(float(weighed.log_e.max()), 10 * threshold))
-    )
-    ax.set_title("evidence of a change", fontsize=9)
-    return _finished(figure, "day", "ln of the evidence")
+    top = max(2 * threshold, min(float(weighed.log_e.max()), 10 * threshold))
+    ax.set_ylim(min(-1.0, float(weighed.log_e.min())), top)
+    return figure
 
 
 def _day_figure(watch: Watch, counted: pl.DataFrame, days: DayMeans, q: int) -> "Figure":
     """A day's mean difference with its 90 % interval, the reference shaded, the change marked."""
+    label, unit, scale = list(WATCHED.values())[q]
+    figure, ax = _axes(watch, label, unit)
+    half = 1.645 * scale * np.sqrt(days.within[:, q])
+    middle = scale * days.mean[:, q]
+    ax.errorbar(np.arange(len(counted)), middle, half, fmt="o", markersize=2.5, linewidth=0.7, color="#0072b2")
+    if watch.alarm and watch.alarm["change"]["day"] in counted["day"]:
+        ax.axvline(counted["day"].to_list().index(watch.alarm["change"]["day"]) - 0.5, color="#d55e00", linestyle="--")
+    return figure
+
+
+def _axes(watch: Watch, title: str, up: str) -> tuple["Figure", Any]:
+    """Figure and axes of days, the reference shaded."""
     from matplotlib.figure import Figure
 
-    label, unit, scale = list(WATCHED.values())[q]
+    from descentflow.reporting.figure_style import tidy
+
     figure = Figure(figsize=(3.4, 2.6), layout="constrained")
     ax = figure.subplots()
     ax.axvspan(-0.5, watch.settings.reference_days - 0.5, color="#eeeeee")
-    half = 1.645 * scale * np.sqrt(days.within[:, q])
-    ax.errorbar(
-        np.arange(len(counted)), scale * days.mean[:, q], half, fmt="o", markersize=2.5, linewidth=0.7, color="#0072b2"
-    )
-    if watch.alarm and watch.alarm["change"]["day"] in counted["day"]:
-        ax.axvline(counted["day"].to_list().index(watch.alarm["change"]["day"]) - 0.5, color="#d55e00", linestyle="--")
-    ax.set_title(label, fontsize=9, wrap=True)
-    return _finished(figure, "day", unit)
-
-
-def _finished(figure: "Figure", across: str, up: str) -> "Figure":
-    from descentflow.reporting.figure_style import tidy
-
-    (ax,) = figure.axes
-    ax.set_xlabel(across, fontsize=9)
+    ax.set_title(title, fontsize=9, wrap=True)
+    ax.set_xlabel("day", fontsize=9)
     ax.set_ylabel(up, fontsize=9)
     tidy([ax])
-    return figure
+    return figure, ax

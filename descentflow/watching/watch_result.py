@@ -39,9 +39,9 @@ class Watch:
 
     def __str__(self) -> str:
         """The answer in a line or two."""
-        new = len(self.new_days)
-        lines = [f"{len(self.days)} days against {self.settings.simulator}, {new} of them new: {standing(self)}"]
-        return "\n".join([*lines, *(f"left out: {name}: {why}" for name, why in self.left_out.items())])
+        days, new = len(self.days), len(self.new_days)
+        head = f"{days} days against {self.settings.simulator}, {new} of them new: {standing(self)}"
+        return "\n".join([head, *(f"left out: {name}: {why}" for name, why in self.left_out.items())])
 
 
 def standing(watched: Watch) -> str:

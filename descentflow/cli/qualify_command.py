@@ -24,7 +24,8 @@ def run(
     Args:
         real: rows, or prepared descents (descentflow prepare)
         out: folder for the record
-        simulator: checkpoint, of which descents are drawn; or flights of any simulator
+        simulator: checkpoint, of which descents are drawn; flights of any simulator; or a predictor's table of times
+            for the real flights (flight_id, level_fl, time_s)
         limits: part60 (14 CFR Part 60, Table A2A, 1.d.4), look_ahead (errors of predictions, measured and not judged),
             or a YAML file of your own
         samples: descents to draw of a checkpoint

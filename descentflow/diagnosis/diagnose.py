@@ -111,12 +111,6 @@ def diagnose(
         'none'
     """
     say = progress or (lambda _: None)
-    if simulator is None and typecode is None:
-        raise ConfigError(
-            "neither a simulator nor a type",
-            expected="at least one of them",
-            mend="pass a checkpoint, a model or a simulator's flights, or the designator of a type for nominal BADA",
-        )
     if out is not None:
         check_folder(out, *FILES)
         # The corrected flights there would be taken for the simulator's the next time.

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import polars as pl
+from torch import Tensor
 
 from descentflow.core.mode_s_steps import UNCERTAINTY
 from descentflow.core.units import KT_MPS
@@ -41,9 +42,8 @@ def domain_of(frame: pl.DataFrame, compared: Compared) -> dict[str, str]:
             pl.col(name).quantile(q).alias(f"{name} {q}") for name in ("latitude", "longitude") for q in (0.05, 0.95)
         ).row(0)
         domain["places"] = "latitude {:.1f} to {:.1f}, longitude {:.1f} to {:.1f} (nine in ten rows)".format(*ends)
-    speeds = compared.state.cas_mps[compared.real]
-    slow, fast = (float(speeds.nanquantile(q)) / KT_MPS for q in (0.05, 0.95))
-    domain["airspeeds"] = f"CAS {slow:.0f} to {fast:.0f} kt (nine in ten)"
+    speeds = _nine_in_ten(compared.state.cas_mps[compared.real] / KT_MPS, "{:.0f} to {:.0f}")
+    domain["airspeeds"] = f"CAS {speeds} kt (nine in ten)"
     domain["weather"] = _weather(compared)
     return domain
 
@@ -57,15 +57,16 @@ def _weather(compared: Compared) -> str:
         standard = mach_to_tas_mps(cas_to_mach(cas, altitude), altitude) / cas_to_mach(cas, altitude)
         # The speed of sound goes with the root of the temperature.
         kelvin = (standard**2 / (1.4 * 287.05287) * (2.0 * warmth).expm1()).nanmean(1)
-        kelvin = kelvin[kelvin.isfinite()]
-        said.append("temperature ISA {:+.0f} to {:+.0f} K".format(*(float(kelvin.quantile(q)) for q in (0.05, 0.95))))
+        said.append(f"temperature ISA {_nine_in_ten(kelvin)} K")
     tailwind = compared.state.tailwind_mps[compared.real]
     if bool((tailwind != 0).any()):
-        knots = (tailwind / KT_MPS).nanmean(1)
-        said.append(
-            "wind along the track {:+.0f} to {:+.0f} kt".format(*(float(knots.quantile(q)) for q in (0.05, 0.95)))
-        )
+        said.append(f"wind along the track {_nine_in_ten(tailwind.nanmean(1) / KT_MPS)} kt")
     return f"{', '.join(said)} (nine in ten flights)" if said else "not reported"
+
+
+def _nine_in_ten(values: Tensor, ends: str = "{:+.0f} to {:+.0f}") -> str:
+    known = values[values.isfinite()]
+    return ends.format(*(float(known.quantile(q)) for q in (0.05, 0.95)))
 
 
 def independence_of(gap: GapReport) -> str:
@@ -105,15 +106,11 @@ def budget_of(rows: Sequence[Row], gap: GapReport) -> dict[str, str]:
     if rate is not None:
         air = "unknown: both sides must report TAS, groundspeed, track and heading"
         if rate.by_air is not None:
-            air = (
-                f"{with_unit(rate.by_air, 'ft/min', signed=True)} of the mean rate is by the air that flights measured"
-            )
+            air = f"{with_unit(rate.by_air, 'ft/min', signed=True)} of the mean rate is by the air of the flights"
         budget["air"] = air
     aircraft = gap.provenance.coefficients
     stands = f"{aircraft.typecode}, {aircraft.source}" if aircraft else gap.details.typecode
-    budget["coefficients"] = (
-        f"{stands}: they carry the rate from one airspeed to another; their error is not in the intervals"
-    )
+    budget["coefficients"] = f"{stands}: they carry rates between airspeeds; their error is not in the intervals"
     return budget
 
 

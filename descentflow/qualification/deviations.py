@@ -17,6 +17,7 @@ from torch import Tensor
 
 from descentflow.core.units import FL_M, FT_M
 from descentflow.diagnosis.gap.costs import flown, simulator_rows
+from descentflow.diagnosis.sides.measured_sides import MeasuredSides
 from descentflow.diagnosis.sides.two_sides import Compared
 
 BAND_FL = 10.0
@@ -48,24 +49,41 @@ class Deviation:
     by_air: Numbers | None = None
 
 
-def by_level(compared: Compared, y: Tensor) -> list[Deviation]:
+def own_predictions(sides: MeasuredSides) -> Tensor:
+    """(n,) place of the prediction of each flight, the simulator's flights first, as their own; -1 without one."""
+    assert sides.simulated is not None
+    place = {name: i for i, name in enumerate(sides.simulated.names)}
+    return torch.tensor([*range(len(place)), *(place.get(name, -1) for name in sides.real.names)])
+
+
+def _claims(values: Tensor, simulator: Tensor, own: Tensor | None) -> Tensor:
+    """Claim (n, K) of a simulator for each flight: the mean of its flights, or the flight's own prediction."""
+    if own is None:
+        return values[simulator].nanmean(0).expand_as(values)
+    return torch.where((own >= 0)[:, None], values[own], torch.nan)
+
+
+def by_level(compared: Compared, y: Tensor, own: Tensor | None = None) -> list[Deviation]:
     """Deviations of airspeed and rate in each band, from below, and in all bands together.
 
-    A nominal descent flies each flight's own airspeed, so that there is none of it.
+    A nominal descent, and a predictor's times, fly each flight's own airspeed, so that there is none of it.
 
     Args:
         compared: Flights of both sides, in bands of :data:`BAND_FL`.
         y: (n, p) their entries, as they are or with causes put in.
+        own: (n,) of :func:`own_predictions`; None where the mean of the simulator's flights is its claim.
     """
     table, simulator = flown(compared, y), simulator_rows(compared)
     rows: dict[str, tuple[Tensor, Tensor, Tensor | None]] = {}
-    if compared.has_simulated and "cas" in table:
+    if compared.has_simulated and "cas" in table and own is None:
         mean = table["cas"][simulator].nanmean(0)
         rows["airspeed"] = (table["cas"] - mean, mean, None)
     ratio = compared.table("rate", y).exp()
-    usual = ratio[simulator].nanmean(0) if compared.has_simulated else torch.ones(ratio.shape[1], dtype=ratio.dtype)
+    usual = _claims(ratio, simulator, own) if compared.has_simulated else torch.ones_like(ratio)
     claimed = table["rate"] / ratio * usual
-    rows["rate"] = (table["rate"] - claimed, table["rate"][simulator].nanmean(0), _rate_by_air(compared, claimed))
+    # The air that a predictor assumed is in its times, and is not known.
+    by_air = None if own is not None else _rate_by_air(compared, claimed)
+    rows["rate"] = (table["rate"] - claimed, table["rate"][simulator].nanmean(0), by_air)
     deviations = []
     for quantity, (deviation, mean, by_air) in rows.items():
         for k in torch.nonzero(deviation[compared.real].isfinite().any(0) & mean.isfinite())[:, 0].tolist():
@@ -88,7 +106,9 @@ def _rate_by_air(compared: Compared, claimed: Tensor) -> Tensor | None:
     return claimed * (change - simulated).expm1()
 
 
-def of_predictions(compared: Compared, y: Tensor, minutes: Sequence[float]) -> list[Deviation]:
+def of_predictions(
+    compared: Compared, y: Tensor, minutes: Sequence[float], own: Tensor | None = None
+) -> list[Deviation]:
     """Errors of predictions after some minutes, and of the place of the top of descent.
 
     Distance is over ground where both sides report groundspeeds, else through the air. The top of descent is too late
@@ -98,11 +118,16 @@ def of_predictions(compared: Compared, y: Tensor, minutes: Sequence[float]) -> l
         compared: Flights of both sides.
         y: (n, p) their entries.
         minutes: For which predictions are made.
+        own: As in :func:`by_level`.
     """
     table, levels = flown(compared, y), compared.levels()
     claimed = table if compared.has_simulated else flown(compared, 0.0 * y)
     way = "ground_distance" if "ground_distance" in table else "air_distance"
-    flights = list(_flights(compared, table["time"], claimed["time"], table[way], claimed[way]))
+    predicted = [claimed["time"], claimed[way]]
+    if compared.has_simulated:
+        # One without flights of its own follows each flight's airspeed.
+        predicted = [_claims(x, simulator_rows(compared), own) for x in predicted]
+    flights = list(_flights(compared, table["time"], predicted[0], table[way], predicted[1]))
     deviations = []
     for after in minutes:
         errors = np.array([flight.errors(60.0 * after) for flight in flights])
@@ -153,10 +178,6 @@ def _flights(
     compared: Compared, seconds: Tensor, claimed_s: Tensor, way: Tensor, claimed_way: Tensor
 ) -> Iterator[_Flight]:
     """Flights from their highest band down to the first that they do not show."""
-    if compared.has_simulated:
-        # What the simulator flies on average; one without flights of its own follows each flight's airspeed.
-        simulator = simulator_rows(compared)
-        claimed_s, claimed_way = (x[simulator].nanmean(0).expand_as(x) for x in (claimed_s, claimed_way))
     tables = [x.flip(1).numpy() for x in (seconds, claimed_s, way, claimed_way)]
     shown = np.isfinite(np.stack(tables)).all(0)
     top = np.array(compared.middles_fl()[::-1]) + compared.band_fl / 2

@@ -75,6 +75,11 @@ class Limits:
     source: str
     limits: tuple[Limit, ...]
 
+    def limit_on(self, quantity: str, levels: tuple[float, float], minutes: float | None) -> Limit | None:
+        """The limit that holds there; the first of several."""
+        own = (one for one in self.limits if (one.quantity, one.minutes) == (quantity, minutes))
+        return next((one for one in own if one.holds_at(*levels)), None)
+
     @property
     def minutes(self) -> list[float]:
         """Times for which predictions are judged or measured, in order."""
@@ -101,14 +106,11 @@ def read_limits(name: str | Path) -> Limits:
     """
     path = _file_of(name)
     content = read_settings(path)
-    if not isinstance(content.get("limits"), list) or not content["limits"]:
+    if set(content) - {"source", "limits"} or not isinstance(content.get("limits"), list) or not content["limits"]:
         raise ConfigError(
-            f"{path.name} without a list of limits", expected="`source` and `limits`", mend="see the how-to page"
-        )
-    unknown = set(content) - {"source", "limits"}
-    if unknown:
-        raise ConfigError(
-            f"{path.name} with {', '.join(map(str, unknown))}", expected="`source` and `limits`", mend="correct it"
+            f"{path.name} with {', '.join(map(str, content)) or 'nothing'}",
+            expected="`source` and a list of `limits`",
+            mend="see the how-to page",
         )
     source = str(content.get("source", "")) or path.name
     return Limits(path.stem, source, tuple(_limit(path.name, row, source) for row in content["limits"]))
@@ -134,11 +136,8 @@ def _limit(file: str, row: Any, source: str) -> Limit:
     try:
         return _checked(**{"source": source, **row})
     except TypeError as error:
-        raise ConfigError(
-            f"{file}: {row} ({error})",
-            expected="quantity, absolute, relative, levels, minutes, source",
-            mend="correct it",
-        ) from error
+        names = "quantity, absolute, relative, levels, minutes, source"
+        raise ConfigError(f"{file}: {row} ({error})", expected=names, mend="correct the line") from error
     except DescentflowError as error:
         raise ConfigError(f"{file}: {error.got}", expected=error.expected, mend="correct the line") from error
 
@@ -152,20 +151,15 @@ def _checked(
     minutes: Minutes | None = None,
     source: str = "",
 ) -> Limit:
-    if (quantity in AHEAD) != (minutes is not None):
-        raise ConfigError(
-            f"{quantity} {'without' if quantity in AHEAD else 'with'} minutes",
-            expected=f"minutes for {', '.join(AHEAD)} alone",
-            mend="correct the line",
-        )
-    if relative is not None and quantity not in ("airspeed", "rate"):
-        raise ConfigError(f"a relative limit on {quantity}", expected="an absolute one", mend="correct the line")
-    if levels is not None and (quantity not in ("airspeed", "rate") or len(levels) != 2 or levels[0] >= levels[1]):
-        raise ConfigError(
-            f"levels {list(levels)} of {quantity}",
-            expected="the lower and the higher level, of airspeed or rate",
-            mend="correct the line",
-        )
-    ends = None if levels is None else (float(levels[0]), float(levels[1]))
+    by_level, timed = quantity in ("airspeed", "rate"), "without" if quantity in AHEAD else "with"
+    ends = (float(levels[0]), float(levels[1])) if levels and len(levels) == 2 else None
+    ordered = levels is None or (by_level and ends is not None and ends[0] < ends[1])
+    for is_fine, got, expected in (
+        ((quantity in AHEAD) == (minutes is not None), f"{quantity} {timed} minutes", f"them for {', '.join(AHEAD)}"),
+        (relative is None or by_level, f"a relative limit on {quantity}", "an absolute one"),
+        (ordered, f"levels {levels} of {quantity}", "the lower and the higher level, of airspeed or rate"),
+    ):
+        if not is_fine:
+            raise ConfigError(got, expected=expected, mend="correct the line")
     size = None if absolute is None else float(absolute)
     return Limit(quantity, size, relative, ends, minutes, source)

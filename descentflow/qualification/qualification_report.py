@@ -60,13 +60,11 @@ class Qualification(Record, InNotebook):
 
     def as_dict(self) -> dict[str, Any]:
         """Primitives for `qualification.json`, whose form is `qualification.schema.json` beside this module."""
-        made = {"gap": {"verdict": self.gap.verdict, "causes": [cause.effect for cause in self.gap.causes]}}
-        pedigree = primitives(self.gap.provenance)
         return {
             "schema_version": SCHEMA_VERSION,
             **primitives(self),
-            **made,
-            "pedigree": {**pedigree, "left_out": dict(self.gap.dropped)},
+            "gap": {"verdict": self.gap.verdict, "causes": [cause.effect for cause in self.gap.causes]},
+            "pedigree": {**primitives(self.gap.provenance), "left_out": dict(self.gap.dropped)},
         }
 
     def write(self, folder: str | Path) -> None:

@@ -10,7 +10,6 @@ import polars as pl
 import torch
 
 from descentflow.core.arguments import Count, Output, Seed, checked_arguments
-from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_folder
 from descentflow.core.threads import one_thread
 from descentflow.diagnosis.correction.effects_in_flights import AddedEffects
@@ -26,13 +25,16 @@ from descentflow.diagnosis.sides.two_sides import Compared, compare
 from descentflow.effects import EFFECTS
 from descentflow.measurements.quantity_registry import CHANNELS
 from descentflow.qualification.assurance import budget_of, domain_of, factors_of, independence_of
-from descentflow.qualification.deviations import BAND_FL, Deviation, by_level, of_predictions
+from descentflow.qualification.deviations import BAND_FL, Deviation, by_level, of_predictions, own_predictions
 from descentflow.qualification.equivalence import MeanOfFlights, Verdict, judge, mean_of
 from descentflow.qualification.limits import UNITS, Limit, Limits, read_limits
+from descentflow.qualification.predicted_times import flown_as_predicted, table_of_times
 from descentflow.qualification.qualification_report import FILES, Qualification
 from descentflow.qualification.record import Row
 from descentflow.surveillance.descents.prepared_descents import Descents
+from descentflow.surveillance.open_descents import FlightSource, paths_of
 
+BY_RULE = MeanOfFlights(0.0, 0.0, 0, 0)
 SAMPLES = 1000
 """Descents that are drawn of a model."""
 
@@ -61,7 +63,9 @@ def qualify(
 
     Args:
         real: Real flights, as :func:`descentflow.diagnosis.diagnose.diagnose` takes them.
-        simulator: A checkpoint, of which descents are drawn; flights of any simulator; or a type, for nominal BADA.
+        simulator: A checkpoint, of which descents are drawn; flights of any simulator; a type, for nominal BADA; or a
+            predictor's table of times for the real flights, see
+            :func:`~descentflow.qualification.predicted_times.table_of_times`.
         limits: ``part60`` (14 CFR Part 60, Table A2A, test 1.d.4), ``look_ahead`` (errors of predictions, which are
             measured), or a YAML file, see :func:`~descentflow.qualification.limits.read_limits`.
         typecode: In place of ``simulator``, its nominal descent; or the type whose coefficients carry the rate from one
@@ -94,26 +98,26 @@ def qualify(
         'airspeed'
     """
     say = progress or (lambda _: None)
-    if simulator is None and typecode is None:
-        raise ConfigError(
-            "neither a simulator nor a type",
-            expected="one of them",
-            mend="pass a checkpoint, a simulator's flights, or the designator of a type",
-        )
     asked = read_limits(limits)
     if out is not None:
         check_folder(out, *FILES)
+    times, name, unused = table_of_times(simulator), simulator_name, dict[str, int]()
+    if times is not None:
+        real, columns = FlightSource(real, columns, say).descents(), None
+        name = name or next((path.name for path in paths_of(simulator)), None)
+        simulator, unused = flown_as_predicted(real, times)
     opened = Inputs(
         real, simulator, typecode, bada_dir, nearest_type, any_type, None, columns, simulator_columns, say
     ).open()
-    made = replace(opened.simulator, name=simulator_name or opened.simulator.name)
+    opened = replace(opened, dropped={**opened.dropped, **unused})
+    made = replace(opened.simulator, name=name or opened.simulator.name)
     with one_thread():
         settings = Settings(made, EFFECTS, CHANNELS, seed, say)
         findings = diagnose_prepared(opened.frame, settings, opened.dropped)
         provenance = opened.provenance({"seed": str(seed), "limits": asked.name}, [])
         gap = GapReport(**vars(replace(findings, provenance=provenance)))
         say("judging by the limits")
-        qualification = _qualified(opened, made, asked, gap, samples)
+        qualification = _qualified(opened, made, asked, gap, samples, by_flight=times is not None)
         if out is not None:
             say("writing the record")
             qualification.write(out)
@@ -121,8 +125,10 @@ def qualify(
 
 
 @torch.inference_mode()
-def _qualified(opened: Opened, simulator: Simulator, asked: Limits, gap: GapReport, samples: int) -> Qualification:
-    """The record of opened flights and their diagnosis."""
+def _qualified(
+    opened: Opened, simulator: Simulator, asked: Limits, gap: GapReport, samples: int, *, by_flight: bool
+) -> Qualification:
+    """The record of opened flights and their diagnosis; ``by_flight`` if each was predicted, and has its own."""
     seed = gap.details.seed
     flown = simulator if simulator.model is None else _drawn(simulator, samples, seed)
     sides = both_sides(flown, opened.frame, CHANNELS, BAND_FL)
@@ -133,7 +139,8 @@ def _qualified(opened: Opened, simulator: Simulator, asked: Limits, gap: GapRepo
         if not cause.inherited
     }
     added = AddedEffects(EFFECTS, theta, compared.state.mass_kg, simulator.cleaning, seed)
-    rows = judged_rows(compared, asked, added if theta else None)
+    own = own_predictions(sides) if by_flight else None
+    rows = judged_rows(compared, asked, added if theta else None, own)
     return Qualification(
         _together([row.verdict for row in rows]),
         asked.name,
@@ -171,50 +178,35 @@ def _drawn(simulator: Simulator, samples: int, seed: int) -> Simulator:
     return replace(simulator, flights=Descents(flights, {}), model=None)
 
 
-def judged_rows(compared: Compared, asked: Limits, added: AddedEffects | None) -> list[Row]:
+def judged_rows(
+    compared: Compared, asked: Limits, added: AddedEffects | None, own: torch.Tensor | None = None
+) -> list[Row]:
     """Judgements of all that has a limit, or is asked for."""
 
     def all_of(y: torch.Tensor) -> list[Deviation]:
-        deviations = by_level(compared, y)
-        minutes = asked.minutes
         predicted = any(limit.quantity not in ("airspeed", "rate") for limit in asked.limits)
-        return deviations + (of_predictions(compared, y, minutes) if predicted else [])
+        ahead = of_predictions(compared, y, asked.minutes, own) if predicted else []
+        return [*by_level(compared, y, own), *ahead]
 
-    before = all_of(compared.y)
-    after = all_of(left_with(compared, added)) if added else []
-    pairs = []
-    for deviation in before:
-        limit = _limit_of(deviation, asked)
-        if limit is not None:
-            again = [one for one in after if _key(one) == _key(deviation)]
-            pairs.append((deviation, limit, again[0] if again else None))
-    judged = sum(limit.width(deviation.simulator) is not None for deviation, limit, _ in pairs)
-    return [_row(compared, *pair, max(judged, 1)) for pair in pairs]
+    after = {_key(deviation): deviation for deviation in all_of(left_with(compared, added))} if added else {}
+    keyed = {_key(deviation): deviation for deviation in all_of(compared.y)}
+    limited = [(keyed[key], limit, after.get(key)) for key in keyed if (limit := asked.limit_on(*key))]
+    judged = sum(limit.width(deviation.simulator) is not None for deviation, limit, _ in limited)
+    return [_row(compared, *judgement, max(judged, 1)) for judgement in limited]
 
 
 def _key(deviation: Deviation) -> tuple[str, tuple[float, float], float | None]:
     return deviation.quantity, deviation.levels, deviation.minutes
 
 
-def _limit_of(deviation: Deviation, asked: Limits) -> Limit | None:
-    """The limit that holds there; the first of several."""
-    for limit in asked.limits:
-        asked_for = (limit.quantity, limit.minutes) == (deviation.quantity, deviation.minutes)
-        if asked_for and limit.holds_at(*deviation.levels):
-            return limit
-    return None
-
-
 def _row(compared: Compared, deviation: Deviation, limit: Limit, again: Deviation | None, tests: int) -> Row:
     real, width = compared.real.numpy(), limit.width(deviation.simulator)
-    judged = judge(*_means(compared, deviation.of_flights), width, tests)
-    shown = deviation.of_flights[real]
-    count = int(np.isfinite(shown).sum()) if np.isfinite(judged.difference.estimate) else 0
-    inside = None
+    means = _means(compared, deviation.of_flights)
+    judged, inside = judge(*means, width, tests), None
+    count = means[0].flights if np.isfinite(judged.difference.estimate) else 0
     if width is not None and count:
-        within = np.where(np.isfinite(shown), (np.abs(shown) <= width).astype(float), np.nan)
-        share = mean_of(within, *(ids[real] for ids in _groups(compared)))
-        spread = judge(share, MeanOfFlights(0.0, 0.0, 0, 0), None).difference
+        within = np.where(np.isfinite(deviation.of_flights), np.abs(deviation.of_flights) <= width, np.nan)
+        spread = judge(_means(compared, within)[0], BY_RULE, None).difference
         ends = [None if x is None else min(max(x, 0.0), 1.0) for x in (spread.low, spread.high)]
         inside = Measured(spread.estimate, *ends)
     corrected = None if again is None else judge(*_means(compared, again.of_flights), None).difference
@@ -239,15 +231,11 @@ def _row(compared: Compared, deviation: Deviation, limit: Limit, again: Deviatio
     )
 
 
-def _groups(compared: Compared) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
-    return compared.airframe.numpy(), compared.day.numpy()
-
-
 def _means(compared: Compared, deviations: np.ndarray[Any, Any]) -> tuple[MeanOfFlights, MeanOfFlights]:
     """Means of the real flights and of the simulator's; a rule without flights has none of its own."""
-    real = compared.real.numpy()
-    sides = [mean_of(deviations[side], *(ids[side] for ids in _groups(compared))) for side in (real, ~real)]
-    return (sides[0], sides[1]) if compared.has_simulated else (sides[0], MeanOfFlights(0.0, 0.0, 0, 0))
+    real, groups = compared.real.numpy(), (compared.airframe.numpy(), compared.day.numpy())
+    sides = [mean_of(deviations[side], *(ids[side] for ids in groups)) for side in (real, ~real)]
+    return sides[0], sides[1] if compared.has_simulated else BY_RULE
 
 
 def _together(verdicts: Sequence[Verdict]) -> Verdict:

@@ -32,8 +32,8 @@ class Row:
 
     Example:
         >>> row = Row("rate", "ft/min", 200.0, 210.0, None, 200.0, 80, Measured(50.0, 20.0, 80.0), None, "inside")
-        >>> row.of_limit
-        0.25
+        >>> row.verdict
+        'inside'
     """
 
     quantity: str
@@ -51,11 +51,6 @@ class Row:
     by_air: float | None = None
     corrected: Measured | None = None
     source: str = ""
-
-    @property
-    def of_limit(self) -> float | None:
-        """Mean difference in units of the limit."""
-        return None if not self.limit or self.difference is None else self.difference.estimate / self.limit
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = {"inside": "#00695c", "outside": "#b3261e", "not enough flights": "#c45100"}
+HEAD = (
+    "quantity|levels or time|flights|real minus simulator|limit|flights inside|verdict|to decide|by the air|corrected"
+)
 SHOWN = 4.0
 """Limits to either side that a figure shows; what is beyond is drawn at its edge."""
 
@@ -32,14 +35,13 @@ def page(record: Record) -> str:
         8
     """
     picture = limits_figure(record)
-    corrected = any(row.corrected is not None for row in record.rows)
     return rendered(
         "qualification/qualification.html.j2",
         record=record,
         name=simulator_name(record.gap),
         headline=headline(record),
         reasons=_reasons(record),
-        tables=_tables(record.rows, corrected=corrected),
+        tables=_tables(record.rows),
         figure="" if picture is None else drawing(picture),
         sources=list(dict.fromkeys(row.source for row in record.rows)),
         costs=cost_table(record.gap, means=True) if record.gap.costs else [],
@@ -65,7 +67,7 @@ def summary(record: Record) -> str:
         >>> print(summary(qualify("descents.parquet", "A320")).splitlines()[0])
         Nominal BADA of the A320 is inside the limits of part60, by 120 real A320 flights.
     """
-    rows = [_head(corrected=False), *(_cells(row, corrected=False) for row in _whole(record.rows))]
+    rows = _without_empty_columns([HEAD.split("|"), *(_cells(row) for row in _whole(record.rows))])
     wide = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
     table = ["  " + "  ".join(cell.ljust(n) for cell, n in zip(row, wide, strict=True)).rstrip() for row in rows]
     return "\n".join([headline(record), *_reasons(record), *table])
@@ -122,26 +124,23 @@ def _where(row: Row) -> str:
     return level_range(row.low_fl, row.high_fl) if row.minutes is None else f"after {row.minutes:g} min"
 
 
-def _tables(rows: Sequence[Row], *, corrected: bool) -> list[tuple[str, list[str], list[list[str]]]]:
-    """Caption, head and rows for each quantity; an empty column is left out."""
+def _tables(rows: Sequence[Row]) -> list[tuple[str, list[str], list[list[str]]]]:
+    """Caption, head and rows for each quantity."""
     tables = []
     for quantity in dict.fromkeys(row.quantity for row in rows):
         own = [row for row in rows if row.quantity == quantity]
         by_level = len(own) > 1 and own[-1].minutes is None
-        lines = [
-            _cells(row, corrected=corrected, whole="all levels" if by_level and row is own[-1] else None)[1:]
-            for row in own
-        ]
-        columns = list(zip(_head(corrected)[1:], *lines, strict=True))
-        shown = [column for column in columns if set(column[1:]) != {"-"}]
+        lines = [_cells(row, whole="all levels" if by_level and row is own[-1] else None)[1:] for row in own]
+        head, *shown = _without_empty_columns([HEAD.split("|")[1:], *lines])
         label, unit = UNITS[quantity]
-        tables.append((f"{label[:1].upper()}{label[1:]} ({unit})", *_turned(shown)))
+        tables.append((f"{label[:1].upper()}{label[1:]} ({unit})", head, shown))
     return tables
 
 
-def _turned(columns: Sequence[tuple[str, ...]]) -> tuple[list[str], list[list[str]]]:
-    head, *rows = (list(row) for row in zip(*columns, strict=True))
-    return head, rows
+def _without_empty_columns(rows: Sequence[Sequence[str]]) -> list[list[str]]:
+    """Head and rows."""
+    shown = [column for column in zip(*rows, strict=True) if set(column[1:]) != {"-"}]
+    return [list(row) for row in zip(*shown, strict=True)]
 
 
 def _whole(rows: Sequence[Row]) -> list[Row]:
@@ -150,23 +149,9 @@ def _whole(rows: Sequence[Row]) -> list[Row]:
     return [row for row in rows if row.minutes is not None or row is last[row.quantity]]
 
 
-def _head(corrected: bool) -> list[str]:
-    head = [
-        "quantity",
-        "levels or time",
-        "flights",
-        "real minus simulator",
-        "limit",
-        "flights inside",
-        "verdict",
-        "to decide",
-    ]
-    return [*head, *(["by the air", "corrected"] if corrected else ["by the air"])]
-
-
-def _cells(row: Row, *, corrected: bool, whole: str | None = None) -> list[str]:
+def _cells(row: Row, *, whole: str | None = None) -> list[str]:
     unit = row.unit
-    cells = [
+    return [
         UNITS[row.quantity][0],
         _where(row) if whole is None else whole,
         f"{row.flights:,}",
@@ -176,8 +161,8 @@ def _cells(row: Row, *, corrected: bool, whole: str | None = None) -> list[str]:
         row.verdict,
         row.decides or "-",
         "-" if row.by_air is None else with_unit(row.by_air, unit, signed=True),
+        "-" if row.corrected is None else between(row.corrected, unit),
     ]
-    return [*cells, "-" if row.corrected is None else between(row.corrected, unit)] if corrected else cells
 
 
 def _share(row: Row) -> str:

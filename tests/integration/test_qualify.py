@@ -12,14 +12,15 @@ import polars as pl
 import pytest
 
 from descentflow.cli.entry import main
-from descentflow.core.errors import ConfigError
+from descentflow.core.errors import ConfigError, DataError
 from descentflow.diagnosis.gap.costs import flown
 from descentflow.diagnosis.sides.diagnosis_inputs import Inputs
 from descentflow.diagnosis.sides.measured_sides import both_sides
 from descentflow.diagnosis.sides.two_sides import Compared, compare
 from descentflow.effects import EFFECTS
 from descentflow.measurements.quantity_registry import CHANNELS
-from descentflow.qualification.deviations import BAND_FL, Numbers, by_level, of_predictions
+from descentflow.qualification.deviations import BAND_FL, Numbers, by_level, of_predictions, own_predictions
+from descentflow.qualification.predicted_times import flown_as_predicted
 from descentflow.qualification.qualification_report import Qualification
 from descentflow.qualification.qualify import qualify
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
@@ -146,6 +147,63 @@ def test_the_command_judges_a_type_by_limits_of_ones_own(
     words = ["qualify", "--real", str(real), "--typecode", "A320", "--limits", str(tmp_path / "ours.yaml")]
     assert main([*words, "--out", str(tmp_path / "record")]) == 0
     assert "Nominal BADA of the A320 is inside the limits of ours" in capsys.readouterr().out
+
+
+@pytest.fixture(scope="module")
+def predicted(real: Path) -> pl.DataFrame:
+    """Times every ten levels, a fifth shorter than each flight will need; and those of an unknown flight."""
+    frame = read_descents(real).frame.filter(pl.col("level_fl") % 10 == 0)
+    times = frame.select("flight_id", "level_fl", time_s=9e4 + pl.col("time_s") / FASTER)
+    return pl.concat([times, times.head(3).with_columns(flight_id=pl.lit("another"))])
+
+
+def test_a_table_of_times_is_judged_flight_by_flight(real: Path, predicted: pl.DataFrame, tmp_path: Path) -> None:
+    """Times, as the error is the same share of each flight's own, scatter less than flights do."""
+    (tmp_path / "ours.yaml").write_text("limits:\n- {quantity: time_ahead, minutes: 5, absolute: 90}\n")
+    predicted.write_csv(tmp_path / "times.csv")
+    found = qualify(real, tmp_path / "times.csv", limits=tmp_path / "ours.yaml")
+    (row,) = found.rows
+    assert row.difference is not None
+    assert row.difference.estimate == pytest.approx((FASTER - 1) * 300.0, rel=0.03)
+    assert row.verdict == "inside"
+    assert found.gap.dropped["predictions_of_other_flights"] == 1
+    assert "times.csv is inside the limits of ours" in str(found).lower()
+    assert "airspeed" not in {row.quantity for row in qualify(real, predicted).rows}
+
+
+def test_each_flights_own_prediction_is_its_claim(real: Path, predicted: pl.DataFrame) -> None:
+    descents = read_descents(real)
+    flown_so, _ = flown_as_predicted(descents, predicted)
+    opened = Inputs(descents, flown_so).open()
+    sides = both_sides(opened.simulator, opened.frame, CHANNELS, BAND_FL)
+    own = own_predictions(sides)
+    both = compare(sides.simulated, sides.real, opened.simulator.aircraft)
+    by_name, by_mean = (
+        {row.quantity: row.of_flights for row in of_predictions(both, both.y, [5.0], pairs)} for pairs in (own, None)
+    )
+    late = by_name["time_ahead"]
+    assert np.nanmax(np.abs(late[~both.real.numpy()])) == pytest.approx(0.0, abs=1e-9)
+    assert np.nanstd(late[both.real.numpy()]) < 0.5 * np.nanstd(by_mean["time_ahead"][both.real.numpy()])
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (pl.col("time_s") * -1.0, "do_not_grow_downwards"),
+        (pl.lit(None, dtype=pl.Float64), "without_a_number"),
+        (pl.lit(float("nan")), "without_a_number"),
+    ],
+)
+def test_times_that_no_descent_has_are_refused_with_their_count(
+    real: Path, predicted: pl.DataFrame, change: pl.Expr, said: str
+) -> None:
+    with pytest.raises(DataError, match=said):
+        qualify(real, predicted.with_columns(time_s=change))
+
+
+def test_a_table_without_times_is_refused(real: Path, predicted: pl.DataFrame) -> None:
+    with pytest.raises(DataError, match="time_s or mean_s"):
+        qualify(real, predicted.rename({"time_s": "eta"}))
 
 
 def test_no_simulator_is_refused(real: Path) -> None:

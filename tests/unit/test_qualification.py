@@ -100,7 +100,7 @@ def test_look_ahead_judges_nothing_until_a_limit_is_given() -> None:
 @pytest.mark.parametrize(
     ("text", "named"),
     [
-        ("limits: []", "without a list"),
+        ("limits: []", "with limits"),
         ("limits:\n- {quantity: drag, absolute: 3}", "drag"),
         ("limits:\n- {quantity: rate, absolute: -3}", "absolute"),
         ("limits:\n- {quantity: rate, absolut: 3}", "absolut"),
@@ -108,7 +108,7 @@ def test_look_ahead_judges_nothing_until_a_limit_is_given() -> None:
         ("limits:\n- {quantity: rate, minutes: 5}", "with minutes"),
         ("limits:\n- {quantity: rate, absolute: 3, levels: [240, 100]}", "levels"),
         ("limits:\n- {quantity: top_of_descent, relative: 0.1}", "relative"),
-        ("limit:\n- {quantity: rate}", "without a list"),
+        ("limit:\n- {quantity: rate}", "with limit"),
         ("sources: x\nlimits:\n- {quantity: rate, absolute: 3}", "sources"),
     ],
 )

@@ -132,6 +132,12 @@ class Inputs:
             DescentflowWarning: If flights of other types are left out, a checkpoint knows the air of its flights, which
                 is then taken out of both sides, or most of the real flights are its own.
         """
+        if self.simulator is None and self.typecode is None:
+            raise ConfigError(
+                "neither a simulator nor a type",
+                expected="at least one of them",
+                mend="pass a checkpoint, a model, a simulator's flights, or the designator of a type for nominal BADA",
+            )
         if self.simulator is None:
             # Of BADA 4 the name of a model stands for a type, and is no designator.
             return replace(self, simulator=find_aircraft(str(self.typecode), self.bada_dir), typecode=None).open()

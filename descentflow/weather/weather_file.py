@@ -133,7 +133,7 @@ def weather_files(source: WeatherSource) -> list[Path]:
     files = (sorted(path.iterdir()) if path.is_dir() else [path] for path in paths)
     usable = [file for file in chain(*files) if file in paths or file.suffix.lower() in SUFFIXES]
     if not usable:
-        raise layout.unusable(f"no file of weather ({', '.join(SUFFIXES)}) in {source}")
+        raise layout.unusable(f"no file of weather ({', '.join(SUFFIXES)}) in {', '.join(map(str, paths))}")
     return usable
 
 

@@ -224,11 +224,11 @@ BAD: dict[str, tuple[Change, str]] = {
     "no pressure altitude": (lambda f: f.rename({"altitude": "geoaltitude"}),
                              r"no column altitude.*a geometric altitude is none"),
     "a copied altitude": (lambda f: f.with_columns(geoaltitude="altitude"), r"altitude is the geometric altitude"),
-    "no places": (lambda f: f.drop("latitude", "longitude"), r"lack a value.*--airspeeds-from"),
+    "no places": (lambda f: f.drop("latitude", "longitude"), r"latitude in .*fill the column latitude"),
     "another day": (lambda f: f.with_columns(pl.col("timestamp").dt.offset_by("40d")),
                     r"times that the weather field does not have"),
     "another region": (lambda f: f.with_columns(pl.col("longitude") - 90), r"places or levels that the weather field"),
-    "tracks that are NaN": (lambda f: f.with_columns(track=pl.lit(float("nan"))), r"lack a value"),
+    "tracks that are NaN": (lambda f: f.with_columns(track=pl.lit(float("nan"))), r"fill the column track"),
     "days as times": (lambda f: f.with_columns(
         timestamp=pl.col("timestamp").dt.epoch("us") / 86_400e6 + 25_569), r"days since 1899"),
 }  # fmt: skip
@@ -245,8 +245,12 @@ def test_bad_columns_of_weather_are_refused(flown: pl.DataFrame) -> None:
     bare = flown.drop("IAS", "Mach")
     with pytest.raises(DataError, match="temperature seems to be in degrees Celsius"):
         prepare(bare.with_columns(pl.col("temperature") - 273.15), airspeeds_from="columns")
-    with pytest.raises(DataError, match=r"lack a value.*--airspeeds-from"):
+    with pytest.raises(DataError, match=r"lack a value.*fill the column temperature, which is empty"):
         prepare(bare.with_columns(temperature=pl.lit(None, pl.Float64)), airspeeds_from="columns")
+    with pytest.raises(DataError, match="fill the column u_component_of_wind"):
+        prepare(bare.drop("u_component_of_wind"), airspeeds_from="columns")
+    with pytest.raises(DataError, match="fill the column groundspeed"):
+        prepare(bare.with_columns(pl.format("{} kt", "groundspeed").alias("groundspeed")), airspeeds_from="columns")
 
 
 @pytest.mark.parametrize(("wind", "slope"), [
@@ -265,8 +269,11 @@ def test_a_wind_that_groundspeeds_do_not_follow_is_refused(wind: Callable[..., o
 
 def test_bad_sources_are_refused(flown: pl.DataFrame, nc: Path, tmp_path: Path) -> None:
     rows = plain(flown)
-    with pytest.raises(DataError, match=r"no file nowhere\.nc"):
+    with pytest.raises(DataError, match=r"no file nowhere\.nc.*'columns' or 'neighbours'"):
         prepare(rows, airspeeds_from="nowhere.nc")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(DataError, match=r"no file of weather .* in /[^(]*empty;"):
+        prepare(rows, airspeeds_from=tmp_path / "empty")
     with pytest.raises(ConfigError, match="expected one source"):
         prepare(rows, airspeeds_from=["columns", nc])
     with pytest.raises(ConfigError, match="airspeeds from 3"):

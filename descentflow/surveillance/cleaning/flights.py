@@ -35,7 +35,7 @@ def usable(rows: pl.DataFrame, report: DropReport, instead: Sequence[str] = ()) 
     report.count("read", rows, rows)
     absent = [name for name in (*AIRSPEEDS, *instead) if name not in rows.columns]
     rows = rows.with_columns(pl.lit(None, COLUMNS[name]).alias(name) for name in absent)
-    for name in REQUIRED:
+    for name in (*REQUIRED, *instead):
         report.note(ROWS_WITHOUT + name, rows[name].null_count())
     report.note(BEFORE_1990, int((rows["timestamp"].dt.epoch("us") < 1e6 * FIRST_TIME_S).sum()))
     either = [pl.all_horizontal(pl.col(some).is_not_null()) for some in (AIRSPEEDS, instead) if some]

@@ -12,7 +12,7 @@ from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.cleaning.two_clocks import ROWS_OF_OTHER_CLOCK
 from descentflow.surveillance.rows.drop_report import DropReport, Step
 from descentflow.surveillance.rows.false_values import TAKEN_FOR_MISSING
-from descentflow.surveillance.rows.schema import POSSIBLE, REQUIRED, ROWS_WITHOUT
+from descentflow.surveillance.rows.schema import AIRSPEEDS, COLUMNS, POSSIBLE, ROWS_WITHOUT
 from descentflow.surveillance.rows.values_beside import JOIN_MEND, OF_OTHER_ROWS, VALUES_APART
 
 MAX_LISTED_TYPES = 12
@@ -123,12 +123,10 @@ def nothing_left(report: DropReport, cleaning: Cleaning) -> CleaningError:
         return CleaningError(nothing, expected="surveillance rows", mend="pass other files")
     most = max(report.steps, key=lambda step: step.rows_dropped, default=Step("read", 0, None, 0, None))
     why, mend = _reason(most.step, cleaning)
-    empty = [
-        f"{name} in {report.notes[ROWS_WITHOUT + name]:,}" for name in REQUIRED if ROWS_WITHOUT + name in report.notes
-    ]
-    if empty and most.step == "missing_value":
-        why = f"lack a value ({', '.join(empty)})"
-        mend = _mend_of_missing(report, read) or mend
+    lacking = {name: number for name in COLUMNS if (number := report.notes.get(ROWS_WITHOUT + name))}
+    if lacking and most.step == "missing_value":
+        why = f"lack a value ({', '.join(f'{name} in {number:,}' for name, number in lacking.items())})"
+        mend = _mend_of_missing(report, lacking, read) or mend
     return CleaningError(
         f"no free descent is left: {most.rows_dropped:,} of {read:,} rows {why} ({most.step})",
         expected=f"descents of airliners over {cleaning.fewest_levels} levels above FL{cleaning.bottom_fl}, with IAS, "
@@ -137,11 +135,11 @@ def nothing_left(report: DropReport, cleaning: Cleaning) -> CleaningError:
     )
 
 
-def _mend_of_missing(report: DropReport, read: int) -> str | None:
+def _mend_of_missing(report: DropReport, lacking: Mapping[str, int], read: int) -> str | None:
     """Advice on the column that is empty, where it is not airspeed; None if it is."""
     if VALUES_APART.format(name="altitude") in report.notes:
         return JOIN_MEND.format(name="altitude")
-    empty = [name for name in ("icao24", "timestamp", "altitude") if report.notes.get(ROWS_WITHOUT + name, 0) == read]
+    empty = [name for name, number in lacking.items() if number == read and name not in AIRSPEEDS]
     return f"fill the column {empty[0]}, which is empty in every row" if empty else None
 
 

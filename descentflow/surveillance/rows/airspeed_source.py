@@ -72,7 +72,9 @@ class AirspeedSource:
             )
         for path in map(Path, several):
             if not path.exists():
-                raise DataError(f"no file {path}", expected="a weather field, NetCDF or GRIB", mend="check the path")
+                raise DataError(
+                    f"no file {path}", expected=f"a field, {COLUMNS_OF_ROWS!r} or {NEIGHBOURS!r}", mend="check the path"
+                )
         return cls(FIELD, tuple(map(Path, several)))
 
     @property

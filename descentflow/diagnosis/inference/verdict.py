@@ -50,7 +50,9 @@ def differs_in_time(costs: Sequence[Cost]) -> bool:
 
 
 def leaves_some(costs: Sequence[Cost]) -> bool:
-    """Test for time at equal speed, or rate, that the causes leave, by more than chance and more than a tenth.
+    """Test for time at equal speed and rate that the causes leave, both by more than chance and more than a tenth.
+
+    The rate alone goes with how fast crews fly by chance, and time at equal speed alone with how the polar follows it.
 
     Example:
         >>> from descentflow.diagnosis.findings.costs_found import Measured
@@ -60,8 +62,8 @@ def leaves_some(costs: Sequence[Cost]) -> bool:
         (False, True)
     """
     # Over all levels: of many parts one is off by chance.
-    return any(
-        abs(cost.after.estimate) > max(CERTAIN_HALF_WIDTHS * cost.floor, LEAST_SHARE_LEFT * abs(cost.before.estimate))
-        for cost in judged(costs)
-        if cost.after
+    known = [(cost, abs(cost.after.estimate)) for cost in judged(costs) if cost.after]
+    return bool(known) and all(
+        left > max(CERTAIN_HALF_WIDTHS * cost.floor, LEAST_SHARE_LEFT * abs(cost.before.estimate))
+        for cost, left in known
     )

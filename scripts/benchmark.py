@@ -1,19 +1,19 @@
-"""Measure speed beside limits and peers, in one run: python scripts/benchmark.py decode."""
+"""Measure speed against limits and peers, in one run: python scripts/benchmark.py decode."""
 
 import argparse
 from importlib import import_module
 
 PARTS = {
-    "decode": "the decoder beside power, memory and pyBADA",
-    "fit": "fits beside scikit-learn, scikit-fda and zuko",
-    "score": "scores level by level beside scipy",
-    "fidelity": "samples against held-out flights, beside generators without physics",
-    "sample": "draws of the three densities beside scikit-learn, zuko and the paper's times; latency of df.Generator",
+    "decode": "the decoder against power, memory and pyBADA",
+    "fit": "fits against scikit-learn, scikit-fda and zuko",
+    "score": "scores level by level against scipy",
+    "fidelity": "samples against held-out flights and generators without physics",
+    "sample": "draws of the three densities against scikit-learn, zuko and the paper's times; latency of df.Generator",
     "diagnose": "one diagnosis over the number of flights",
     "simulate": "flights of the simulated world over their number",
     "real": "time over runs of real flights: open types and other programs; samples by folds of aircraft (--fidelity)",
     "exported": "exported samplers in onnxruntime: size and time",
-    "prepare": "rows to free descents beside pandas, with the curve over sizes",
+    "prepare": "rows to free descents against pandas, with the curve over sizes",
 }
 """Modules of `benchmarks`, each with `add_arguments` and `run`."""
 

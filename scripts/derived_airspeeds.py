@@ -1,4 +1,4 @@
-"""Fit flights whose airspeeds are derived with a field that errs, beside the same flights' reported airspeeds.
+"""Fit flights whose airspeeds are derived with a field that errs, next to the same flights' reported airspeeds.
 
 A simulated fleet reports its airspeeds, or is plain ADS-B (``descentflow simulate --without-airspeeds``): each day has
 a wind, and the field that comes with the rows errs. Models are fitted to the reported airspeeds, to the derived ones as
@@ -69,7 +69,7 @@ def _correlation(one: torch.Tensor, other: torch.Tensor) -> float:
 
 
 def row_of(name: str, found: dict[str, float], true: dict[str, float]) -> str:
-    """A row of the record: times, spread and correlation beside those of reported airspeeds, and scores."""
+    """A row of the record: times, spread and correlation next to those of reported airspeeds, and scores."""
     spread = np.array([found[key] / true[key] - 1 for key in true if key.startswith("sd of CAS")])
     apart = np.array([found[key] - true[key] for key in true if key.startswith("correlation")])
     return (
@@ -197,7 +197,7 @@ RECORD = """# Airspeeds from groundspeed and a field that errs
 airspeeds, or are plain ADS-B (`descentflow simulate --without-airspeeds`): they fly in a wind of each day, and get
 airspeeds from the field that comes with them, whose wind errs as said and whose temperature errs by 1 K. A quarter of
 the variance of both is common to hours and the region, seven tenths are alike over 8,000 ft of a flight, the rest is
-white. Samples of one Gaussian, 4,000 of each fit. Spread and correlation stand beside those of reported airspeeds: the
+white. Samples of one Gaussian, 4,000 of each fit. Spread and correlation stand next to those of reported airspeeds: the
 mean of six levels from FL160 to FL350, and the extremes. Scores are by the reported airspeeds of the flights held out.
 
 """

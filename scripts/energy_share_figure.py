@@ -1,4 +1,4 @@
-"""Draw BADA's beside the exact energy share factor: python scripts/energy_share_figure.py FIGURE.png [TYPE]."""
+"""Draw BADA's next to the exact energy share factor: python scripts/energy_share_figure.py FIGURE.png [TYPE]."""
 
 import sys
 

@@ -67,7 +67,7 @@ def traffic(checkpoint: str, folder: Path) -> Figure:
 
 
 def bluesky(checkpoint: str, folder: Path) -> Figure:
-    """A scenario and the plugin as BlueSky flies them, beside the samples."""
+    """A scenario and the plugin as BlueSky flies them, next to the samples."""
     flyer = Path(__file__).resolve().parents[1] / "tests" / "fly_in_bluesky.py"
     own = df.sample(checkpoint, 40, seed=0).to_polars()
     figure = Figure(figsize=(10, 3.8), layout="constrained")

@@ -5,7 +5,7 @@
 A file has rows of one aircraft with N1 (`N1`, `n1` or `N1_1`), and perhaps the fuel flow of each engine in lb/h (`FF_1`
 and on). A row is at idle within five points of the lowest decile of its 4,000 ft band. A filter that should drop what
 is above idle has a precision (of what it drops, how much is) and a recall (of what is, how much it drops). The fuel is
-that of the flow over the levels kept, beside the law at the rates flown.
+that of the flow over the levels kept, next to the law at the rates flown.
 """
 
 import argparse

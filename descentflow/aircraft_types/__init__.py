@@ -7,7 +7,7 @@ Reading order: :mod:`~descentflow.aircraft_types.registry` (type designator to m
 
 To add an open type: copy a file of ``open_types/coefficients/``, one TOML file per type; every number names its source.
 
-To add a performance model: a folder beside :mod:`~descentflow.aircraft_types.bada4` with a class that has all of
+To add a performance model: a folder next to :mod:`~descentflow.aircraft_types.bada4` with a class that has all of
 :class:`~descentflow.physics.performance_model.PerformanceModel` and a reader of its files, and a line in each function
 of :mod:`~descentflow.aircraft_types.registry`. Nothing else reads coefficients. To be repaired it needs two methods of
 :class:`~descentflow.repairs.type_fit.Repairable`, and its files in :mod:`~descentflow.repairs.repaired_files`.

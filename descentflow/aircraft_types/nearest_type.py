@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from descentflow.aircraft_types.registry import AnyAircraft
 
 SIZES = "sizes.csv"
-"""Beside the open aircraft: types without coefficients."""
+"""Besides the open aircraft: types without coefficients."""
 LARGEST_RATIO = 1.5
 """A type that is heavier or lighter by more has another wing and other engines: no coefficients are near it."""
 

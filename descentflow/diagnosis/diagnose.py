@@ -59,7 +59,7 @@ def diagnose(
         simulator: Path of a checkpoint, a density, or a fitted model; flights of any simulator, in every form of
             ``real``; the designator of a type (``"A320"``), the name of a model of BADA 4, or coefficients, for
             nominal BADA at each flight's own speed. Files are recognised by their content.
-        typecode: Designator of a type: in place of ``simulator``, its nominal descent; beside a simulator's flights,
+        typecode: Designator of a type: in place of ``simulator``, its nominal descent; next to a simulator's flights,
             whose coefficients give the signatures of effects (the flights' own type if absent).
         nearest_type: Whether the nearest type may stand for flights whose type has no coefficients, see
             :func:`descentflow.aircraft_types.nearest_type.nearest_type`.
@@ -67,7 +67,7 @@ def diagnose(
         channels: Channels to use, see :data:`descentflow.measurements.quantity_registry.CHANNELS`; all that both sides
             have if absent.
         catalogue: Effects that may be named; :data:`descentflow.effects.EFFECTS` if absent. A path is that of a Python
-            file with effects beside those (:func:`descentflow.effects.user_catalogue.effects_of_file`): it is run.
+            file with effects next to those (:func:`descentflow.effects.user_catalogue.effects_of_file`): it is run.
         previous: `gap.json` of an earlier diagnosis of the same real flights, after which the simulator was changed:
             what it predicted is compared with what was achieved.
         seed: Of permutations, bootstrap and samples: the same seed gives the same answer.

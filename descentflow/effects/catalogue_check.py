@@ -59,7 +59,7 @@ def _check_shift(effect: Effect) -> None:
     if not isinstance(shift, Mapping):
         _refuse(effect, f"a {type(shift).__name__}", "a dictionary of quantities")
     if all(name.startswith(NOISE) for name in shift):
-        _refuse(effect, "noise alone", "a change of what is flown or reported: noise is listed beside the causes")
+        _refuse(effect, "noise alone", "a change of what is flown or reported: noise is listed next to the causes")
     n, bands = state.cas_mps.shape
     for name, change in shift.items():
         if name not in QUANTITIES:

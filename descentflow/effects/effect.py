@@ -26,7 +26,7 @@ ShownAs = Literal["number", "change", "logarithm", "percent", "flights"]
 REPORTED_IN = {"m/s per m": ("kt per 1,000 ft", 1000 * FT_M / KT_MPS)}
 """Unit of a parameter -> aviation unit in which it is reported, and the factor to it."""
 NOISE = "noise_"
-"""Prefix of names of short-scale noise, which is never a cause: the diagnosis lists it beside them."""
+"""Prefix of names of short-scale noise, which is never a cause: the diagnosis lists it next to them."""
 FLOWN = ("rate", "cas", "tas", "wind", "height", "level", "level_gaps", "slow", "missing")
 """Quantities that a simulator's flights have, so that a correction can change them; the others follow from these."""
 
@@ -164,7 +164,7 @@ class Effect(ABC):
     """True if a shift of CAS takes the rate along as between flights that fly slower and faster."""
 
     misfit_of_rate: ClassVar[float] = 0.5
-    """Share of its own shift of the rate by which its equation may be off, beside what the aircraft's coefficients
+    """Share of its own shift of the rate by which its equation may be off, besides what the aircraft's coefficients
     leave open. Measured on six-degree-of-freedom flights of four types against another type's coefficients: air and
     mass are off by half and more of their few percent; brakes, drag and wind, which have a smaller share, by 5 to 11 %.
     """

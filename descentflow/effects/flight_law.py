@@ -57,7 +57,7 @@ class Windows:
     Attributes:
         slots: Quantity and band of each slot; the band of a quantity of the whole flight is -1.
         shape: (n, S) what a size of one shows.
-        offset: (n, S) what it shows beside that.
+        offset: (n, S) what it shows besides that.
         table: (E, S) weights of the shape.
         lower: (W,) row that is taken off...
         upper: (W,) ...the row of each window.

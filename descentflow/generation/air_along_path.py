@@ -85,7 +85,7 @@ class AirAlongPath:
                 mend="give --end and --track, or --route (in Python: plan=ground_plan(...))",
             )
         if plan.wind is not None:
-            raise ConfigError("a wind beside a weather field", expected="one of them", mend="leave --wind out")
+            raise ConfigError("a wind next to a weather field", expected="one of them", mend="leave --wind out")
         if not field.wind:
             warnings.warn("a weather field has no wind: still air of its temperature", DescentflowWarning, stacklevel=2)
         self.field, self.path, self.to_go_m = field, plan.path, plan.to_go_nm * NM_M

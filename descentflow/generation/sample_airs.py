@@ -102,7 +102,7 @@ def _check_one_temperature(representation: Representation, asked: "Airs | None",
     warm = names_weather(asked) or (air is not None and bool(air.deviation_k.any()))
     if gives_temperature(representation) and warm:
         raise ConfigError(
-            f"a temperature of the air beside the context's {NAME}",
+            f"a temperature of the air next to the context's {NAME}",
             expected=f"one of them: the model has learnt what {NAME} does to the rate, and TAS is that of the context",
             mend="leave the temperature out of the air (a tailwind may stay), or take a model without this context",
         )

@@ -108,7 +108,7 @@ def entry_levels(
     if own or wrong or not asked or (contexts.width and len(contexts) != len(asked) * one_each):
         raise ConfigError(
             f"entry_fl {', '.join(f'{name:g}' for name in asked[:8])}"
-            + (" beside a context that holds entry_fl" if own else ""),
+            + (" next to a context that holds entry_fl" if own else ""),
             expected=f"flight levels above {levels[0]:.0f}, up to {levels[-1]:.0f}: one, or one for each context",
             mend="leave entry_fl to the context" if own else "choose levels of the model's grid",
         )

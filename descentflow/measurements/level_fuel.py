@@ -1,4 +1,4 @@
-"""Fuel that level flight in descents burnt, beside the type at idle; and the files of level flight by flight."""
+"""Fuel that level flight in descents burnt, next to the type at idle; and the files of level flight by flight."""
 
 from pathlib import Path
 

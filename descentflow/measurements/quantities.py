@@ -34,7 +34,7 @@ MAX_REFERENCE = 2000
 
 @dataclass(frozen=True)
 class Quantities:
-    """n flights: ``values`` by quantity, (n, K) or (n,), NaN where not seen; what physics needs beside them.
+    """n flights: ``values`` by quantity, (n, K) or (n,), NaN where not seen; what physics needs besides them.
 
     ``log_rate`` is the logarithm of the reported rate (m/s), of which `rate` will be what the polar does not explain;
     ``cas_mps``, ``cas_slope_per_s``, ``tailwind_mps`` (n, K); ``rate_slope_per_m`` (n, K) d ln(reported rate)/dHp

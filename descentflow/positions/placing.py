@@ -91,7 +91,7 @@ def place(
     air, tailwind = _Air.of(flown, end_time), np.asarray(tailwind_mps)
     if wind is not None and tailwind.any():
         raise ConfigError(
-            "a wind over the ground beside descents that were flown in a wind of their own",
+            "a wind over the ground next to descents that were flown in a wind of their own",
             expected="one of them",
             mend="leave the wind out, or fly in an air without wind",
         )

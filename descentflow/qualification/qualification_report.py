@@ -59,7 +59,7 @@ class Qualification(Record, InNotebook):
         return pl.DataFrame(flat, infer_schema_length=None)
 
     def as_dict(self) -> dict[str, Any]:
-        """Primitives for `qualification.json`, whose form is `qualification.schema.json` beside this module."""
+        """Primitives for `qualification.json`, whose form is `qualification.schema.json` next to this module."""
         return {
             "schema_version": SCHEMA_VERSION,
             **primitives(self),

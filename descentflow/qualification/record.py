@@ -55,7 +55,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Record:
-    """Judgements of a simulator, and what assurance asks for beside them.
+    """Judgements of a simulator, and what assurance asks for besides them.
 
     Attributes:
         verdict: ``inside`` if every row is; ``outside`` if one surely is; else ``not enough flights``; ``not judged``

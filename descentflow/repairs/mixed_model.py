@@ -260,7 +260,7 @@ def fit(flights: Flights, first: Sizes = Sizes()) -> MixedModelPosterior:
     usual = np.log([getattr(first, name) for name in names])
 
     def sizes_at(point: Array) -> Sizes:
-        # Weights by a softmax beside a type's own part.
+        # Weights by a softmax with a type's own part.
         odds = np.exp(np.append(point[len(names) :], 0.0))
         weights = tuple((odds / odds.sum())[:-1].tolist()) if groups else ()
         return Sizes(**dict(zip(names, np.exp(point[: len(names)]).tolist(), strict=True)), weights=weights)

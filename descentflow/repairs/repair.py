@@ -47,8 +47,8 @@ def repair(
         flights: Rows or prepared descents, as :func:`~descentflow.diagnosis.diagnose.diagnose` takes real flights.
         aircraft: Type designator; of BADA 4 also the name of a model.
         bada_dir: Folder of BADA 3 or BADA 4; None for the open aircraft.
-        out: File of coefficients to write, ``A320.toml``, with the OPF, APF and other files beside it, and a page. Of
-            BADA 4 the page, ``A320.html``, with the model's own XML file beside it.
+        out: File of coefficients to write, ``A320.toml``, with the OPF, APF and other files next to it, and a page. Of
+            BADA 4 the page, ``A320.html``, with the model's own XML file next to it.
         columns: Name in a row -> column of the rows' tables.
         progress: Called with what is being done.
 
@@ -138,7 +138,7 @@ def _types(
             expected=f"at least {FEWEST_FLIGHTS} flights, sisters included, and {FEWEST_AIRCRAFT} aircraft of the type",
             mend=f"give flights of more {before.typecode}"
             if aircraft < FEWEST_AIRCRAFT
-            else "give more flights, or those of sister types beside them",
+            else "give more flights, or those of sister types next to them",
         )
     return types, skipped
 

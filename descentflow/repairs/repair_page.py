@@ -23,7 +23,7 @@ def page(repair: Repair, paths: Mapping[str, Path]) -> str:
 
     Args:
         repair: The repair.
-        paths: Files beside it.
+        paths: Files next to it.
 
     Example:
         >>> from descentflow.repairs.repair import repair

@@ -67,7 +67,7 @@ def write_repair(repair: Repair, out: Path) -> list[Path]:
 
     Args:
         repair: The repair.
-        out: Name of the TOML file; the others lie beside it, the OPF and APF by their usual names, so that the folder
+        out: Name of the TOML file; the others lie next to it, the OPF and APF by their usual names, so that the folder
             is a ``bada_dir``.
 
     Returns:

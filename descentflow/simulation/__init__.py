@@ -10,5 +10,5 @@ diagnosis is to find are injected by :mod:`~descentflow.simulation.causes` throu
 :mod:`~descentflow.simulation.injected`. Nothing of this shares an equation with the decoder that it tests.
 
 Descents alone are flown. To fly climbs, begin with the list in :mod:`descentflow.physics`; here an autopilot that
-climbs goes beside the one that descends.
+climbs goes next to the one that descends.
 """

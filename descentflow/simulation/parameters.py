@@ -88,7 +88,7 @@ class FlightParameters:
     constant_rates: ConstantRates
     """Constant-rate segments from the top of descent."""
     weather: Weather
-    """Wind and temperature that change with height, beside those above."""
+    """Wind and temperature that change with height, besides those above."""
     speed_changes: SpeedChanges
     off_idle: OffIdle
     """Stretches with thrust or brakes."""

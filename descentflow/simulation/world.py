@@ -135,7 +135,7 @@ class World:
         """Write rows, truth and flights as Parquet, each file whole or not at all.
 
         Args:
-            out: The rows, ``NAME.parquet``; the flights go to ``NAME_flights.parquet`` beside it, and a field to
+            out: The rows, ``NAME.parquet``; the flights go to ``NAME_flights.parquet`` next to it, and a field to
                 ``NAME_field.nc``.
             truth: The truth; ``NAME_truth.parquet`` if not given.
 

@@ -8,7 +8,7 @@ rows, and those in memory to descents), then the folders in that order:
 :mod:`~descentflow.surveillance.rows` (tables to rows in one schema),
 :mod:`~descentflow.surveillance.cleaning` (rows to free descents on flight levels; thresholds are changed here),
 :mod:`~descentflow.surveillance.out_of_core` (rows that do not fit in memory),
-:mod:`~descentflow.surveillance.descents` (the result). Beside them,
+:mod:`~descentflow.surveillance.descents` (the result). Next to them,
 :mod:`~descentflow.surveillance.open_descents` takes rows or prepared descents for every command, and
 :mod:`~descentflow.surveillance.figure_pages` shows what cleaning kept.
 """

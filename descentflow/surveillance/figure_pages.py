@@ -47,7 +47,7 @@ def look(reason: str | None) -> tuple[str, str, float]:
 def cleaning_figure(flights: Sequence[pl.DataFrame], slowest_fpm: float = Cleaning().slowest_fpm) -> Figure:
     """Altitude, rate and IAS of some flights against time, every row coloured by the rule that dropped it.
 
-    The thin line beside the IAS is the CAS of Mach number and altitude, which should agree with it. The dotted line is
+    The thin line next to the IAS is the CAS of Mach number and altitude, which should agree with it. The dotted line is
     the slowest rate of a descent.
     """
     figure, grid = panels(5.2 * len(flights), 8.0, 3, len(flights), sharex="col")

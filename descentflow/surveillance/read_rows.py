@@ -134,7 +134,7 @@ def source_of(rows: Any) -> Source:
 
 
 def _with_times(table: Any) -> Any:
-    """A table of pandas by nameless times, as `timestamp`, unless it has times beside; anything else as it is."""
+    """A table of pandas by nameless times, as `timestamp`, unless it has times as well; anything else as it is."""
     if not is_pandas(table) or table.index.name is not None or getattr(table.index.dtype, "kind", "") != "M":
         return table
     has_times = "timestamp" in row_names([str(name) for name in table.columns]).values()

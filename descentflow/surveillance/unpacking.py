@@ -139,7 +139,7 @@ COMPANION_FILE = re.compile(
     r"|(^|/)_(success|metadata|common_metadata|(committed|started)_[^/]*)$",
     re.IGNORECASE,
 )
-"""Names of what published archives and folders hold beside rows; `trace_recent` repeats the end of `trace_full`;
+"""Names of what published archives and folders hold next to rows; `trace_recent` repeats the end of `trace_full`;
 Spark and Trino leave `_SUCCESS` and the like."""
 
 
@@ -147,7 +147,7 @@ def _unlisted(error: OSError) -> NoReturn:
     raise DataError(
         f"{error.filename}: {error.strerror}",
         expected="a folder whose files may be listed",
-        mend="change its permissions, or pass the folders beside it",
+        mend="change its permissions, or pass the folders next to it",
     ) from error
 
 
@@ -273,7 +273,7 @@ class Unreadable:
             self.count(error, source)
 
 
-EMPTY_FILES = "empty files (0 bytes) beside others, left out"
+EMPTY_FILES = "empty files (0 bytes) besides others, left out"
 """Note in the report."""
 
 

@@ -345,7 +345,7 @@ def data_of(trainer: Trainer) -> DescentDataModule:
     if data is None or not hasattr(data, "evidence"):
         raise ConfigError(
             f"a trainer {'without a DataModule' if data is None else f'with a {type(data).__name__}'}",
-            expected="a DescentDataModule, which has the components of the flights beside their batches",
+            expected="a DescentDataModule, which has the components of the flights next to their batches",
             mend='trainer.fit(model, datamodule=DescentDataModule("descents.parquet"))',
         )
     return data

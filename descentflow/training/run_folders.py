@@ -109,13 +109,13 @@ def run_folder(checkpoint: Path) -> Path:
         >>> run_folder(Path("else/where/best.ckpt"))
         Traceback (most recent call last):
         ...
-        descentflow.core.errors.ConfigError: no config.yaml beside else/where/best.ckpt or one folder up; ...
+        descentflow.core.errors.ConfigError: no config.yaml next to else/where/best.ckpt or one folder up; ...
     """
     for folder in (checkpoint.parent, checkpoint.parent.parent):
         if (folder / "config.yaml").is_file():
             return folder
     raise ConfigError(
-        f"no config.yaml beside {checkpoint} or one folder up",
+        f"no config.yaml next to {checkpoint} or one folder up",
         expected="the settings of the run that wrote it",
         mend="pass the descents, --data.descents FILE, or its settings, --config FILE",
     )

@@ -1,4 +1,4 @@
-"""Record of a day of real flights beside a simulator: means and their variances, and no flight."""
+"""Record of a day of real flights next to a simulator: means and their variances, and no flight."""
 
 from collections.abc import Mapping
 from typing import Any

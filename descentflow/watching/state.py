@@ -119,7 +119,7 @@ class State:
         return pl.read_parquet(path) if path.exists() else pl.DataFrame({name: [] for name in KEYS})
 
     def add(self, lines: list[dict[str, Any]]) -> pl.DataFrame:
-        """Write days that are new beside those that are known; the file is whole before and after."""
+        """Write days that are new besides those that are known; the file is whole before and after."""
         known = self.days()
         if lines:
             new = pl.DataFrame(lines, infer_schema_length=None)

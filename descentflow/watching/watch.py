@@ -49,7 +49,7 @@ def watch(
     accept: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Watch:
-    """Measure new days of real flights beside a simulator, and say whether their difference has changed.
+    """Measure new days of real flights next to a simulator, and say whether their difference has changed.
 
     The same days give the same state, in whatever order they come. A run that is killed leaves a whole state, and the
     next one goes on. No flight is kept.

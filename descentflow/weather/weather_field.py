@@ -226,7 +226,7 @@ def _steps(files: Sequence[WeatherFile], name: str) -> list[_Step]:
                 if steps.setdefault(time, step) is not step:
                     steps[time].again.append(step)
     if None in steps and len(steps) > 1:
-        raise unusable(f"{steps[None].file.path} without a time beside files of a time")
+        raise unusable(f"{steps[None].file.path} without a time next to files of a time")
     return sorted(steps.values(), key=lambda step: step.unix_s or 0.0)
 
 

@@ -152,7 +152,7 @@ def _grib_options(path: Path) -> list[dict[str, Any]]:
     logging.getLogger("cfgrib").addHandler(logging.NullHandler())
     cfgrib.messages.eccodes.codes_context_set_logging(_nowhere())
     _check_messages(path, cfgrib.messages.eccodes)
-    # No index beside the file: it would be left behind. Without "raise", what is damaged would be left out.
+    # No index next to the file: it would be left behind. Without "raise", what is damaged would be left out.
     stream = cfgrib.messages.FileStream(str(path), errors="raise")
     whole = cfgrib.dataset.open_fileindex(stream, "", ["shortName", "typeOfLevel"])
     kind = next((kind for kind in ("isobaricInhPa", "isobaricInPa") if kind in whole["typeOfLevel"]), None)

@@ -22,7 +22,7 @@ AXES = {
 }
 """Axis -> its names in files: ecCodes', those of both layouts of the Climate Data Store, and CF's.
 
-Beside the valid time, GRIB has the time at which a forecast began.
+Besides the valid time, GRIB has the time at which a forecast began.
 """
 TEMPERATURE, EAST, NORTH = "air_temperature", "eastward_wind", "northward_wind"
 VARIABLE_NAMES = {TEMPERATURE: ("t", "ta"), EAST: ("u", "ua"), NORTH: ("v", "va")}

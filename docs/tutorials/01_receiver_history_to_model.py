@@ -85,7 +85,7 @@ print(samples)
 print(samples.to_polars().head())
 
 # %%
-# Each score stands beside its noise floor, the distance between two sets of the held-out flights: a perfect
+# Each score stands next to its noise floor, the distance between two sets of the held-out flights: a perfect
 # generator has ``equal_size`` at the floor.
 
 scores = df.evaluate(model, descents, n=1_000)

@@ -104,7 +104,7 @@ print("idle thrust, kN:", licensed.idle_thrust_n(altitude_m, tas_mps) / 1000)
 print("fuel flow, kg/min:", licensed.idle_fuel_flow_kg_s(altitude_m, tas_mps) * 60)
 
 # %%
-# A nominal descent by these coefficients, beside samples:
+# A nominal descent by these coefficients, next to samples:
 
 import matplotlib.pyplot as plt
 

@@ -61,7 +61,7 @@ print(sorted(path.name for path in (folder / "gap").iterdir()))
 # How far the gap shrinks
 # -----------------------
 # The corrected simulator is sampled and scored like any other model. To diagnose it, diagnose what it flies:
-# ``corrected.parquet`` beside it, or samples.
+# ``corrected.parquet`` next to it, or samples.
 
 before = df.evaluate(model, real, n=1_000)
 after = df.evaluate(folder / "gap" / "corrected.ckpt", real, n=1_000)

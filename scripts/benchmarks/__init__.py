@@ -1,1 +1,1 @@
-"""Measurements beside peers and limits, one module for each part of the path."""
+"""Measurements against peers and limits, one module for each part of the path."""

@@ -1,4 +1,4 @@
-"""Descents a second of the decoder, beside the memory and power bounds of the same arrays, BADA 4, and pyBADA."""
+"""Descents a second of the decoder, against the memory and power bounds of the same arrays, BADA 4, and pyBADA."""
 
 import argparse
 import importlib.util
@@ -173,7 +173,7 @@ def _small_model(folder: Path) -> Path:
 
 
 def _gpu() -> None:
-    """Up to ten million descents in chunks, beside the time that the memory's bandwidth needs for their values."""
+    """Up to ten million descents in chunks, against the time that the memory's bandwidth needs for their values."""
     print(f"{torch.cuda.get_device_name()}: chunks of {GPU_CHUNK:,} descents, input made once")
     print_row(["precision", "descents", "decoder s", "copy s", "descents/s", "of copy", "peak GiB"])
     for dtype in (torch.float64, torch.float32):

@@ -1,4 +1,4 @@
-"""Size of exported samplers and their time in onnxruntime, beside `sample`."""
+"""Size of exported samplers and their time in onnxruntime, against `sample`."""
 
 import argparse
 import os

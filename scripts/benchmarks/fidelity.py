@@ -1,4 +1,4 @@
-"""Samples against flights that were held out, beside generators without physics, on any fleets.
+"""Samples against flights that were held out, against generators without physics, on any fleets.
 
     python scripts/benchmark.py fidelity fokker100.parquet b738.parquet
 

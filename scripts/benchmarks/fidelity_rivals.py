@@ -86,7 +86,7 @@ def mixture_on_components(train: Vectors, n: int, seed: int) -> Vectors:
 def as_traffic_does(train: Vectors, n: int, seed: int) -> Vectors:
     """``traffic.algorithms.generation.Generation`` of the same numbers: each flight's in a row, scaled, a mixture.
 
-    Written out, for traffic does not import beside pandas 3; gaps are drawn first, which it cannot have.
+    Written out, for traffic does not import with pandas 3; gaps are drawn first, which it cannot have.
     """
     parts, rng = Components(train, seed), np.random.default_rng(seed)
     scaler = StandardScaler()

@@ -22,7 +22,7 @@ STEP = 10
 COARSE = 3
 """Bins of the coarse features: 3,000 ft."""
 IAS_NOISE_KT = 0.3
-"""Noise of reports of IAS before it is rounded to 1 kt, put on samples beside fine features."""
+"""Noise of reports of IAS before it is rounded to 1 kt, put on samples with fine features."""
 TREES = {"max_iter": 60, "learning_rate": 0.1, "max_leaf_nodes": 8, "min_samples_leaf": 10, "random_state": 0}
 LEAST_COMMON = 6
 """Numbers that two descents must both show to be compared."""

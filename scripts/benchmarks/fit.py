@@ -1,4 +1,4 @@
-"""Fits beside peers: components on complete and gappy data, the mixture, and epochs of a flow."""
+"""Fits against peers: components on complete and gappy data, the mixture, and epochs of a flow."""
 
 import argparse
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Rows a second, memory and the curve of `descentflow prepare`, beside the same cleaning done with pandas."""
+"""Rows a second, memory and the curve of `descentflow prepare`, against the same cleaning done with pandas."""
 
 import argparse
 import os

@@ -1,4 +1,4 @@
-"""Samples against real flights of aircraft that were held out, beside generators without physics and other programs.
+"""Samples against real flights of aircraft that were held out, against generators without physics and other programs.
 
 Types of a family of several places are one fleet. Its aircraft are dealt to folds; each fold is judged by models of the
 others, on their levels. A flight is judged by the time over its longest stretch of whole thousands of feet: the CRPS in

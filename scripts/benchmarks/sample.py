@@ -1,4 +1,4 @@
-"""Draws and plausible descents a second of the three densities, beside peers and the paper; latency of a generator."""
+"""Draws and plausible descents a second of the three densities, against peers and the paper; latency of a generator."""
 
 import argparse
 import tempfile

@@ -1,4 +1,4 @@
-"""Scores of samples against flights, level by level, beside scipy's functions called level by level."""
+"""Scores of samples against flights, level by level, against scipy's functions called level by level."""
 
 import argparse
 import time

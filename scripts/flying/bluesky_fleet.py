@@ -33,7 +33,7 @@ WIND_FROM_BEHIND_DEG = 270
 
 @dataclass(frozen=True)
 class Orders:
-    """Commands beside the speeds; without any BlueSky flies as it comes.
+    """Commands next to the speeds; without any BlueSky flies as it comes.
 
     Attributes:
         step_ft: Altitudes are commanded so many feet below the flight and no further (None: the lowest at once).

@@ -234,7 +234,7 @@ def _settings(rng: random.Random, good: Path, folder: Path) -> Case:
 
 
 def _table(rng: random.Random, good: Path, folder: Path) -> Case:
-    """Tables beside the flights: contexts that are given, and types by address."""
+    """Tables next to the flights: contexts that are given, and types by address."""
     name = rng.choice(("given.csv", "types.csv"))
     path, out = folder / name, folder / "out.parquet"
     path.write_bytes(damaged((good / name).read_bytes(), rng))

@@ -153,7 +153,7 @@ def _write_grib(data: xarray.Dataset, path: Path, rng: random.Random) -> None:
         else:
             parts[at], parts[-1] = parts[-1], parts[at]
     path.write_bytes(b"".join(b"GRIB" + part for part in parts))
-    if rng.random() < 0.3:  # another kind of level beside
+    if rng.random() < 0.3:  # another kind of level as well
         other = whole().isel(pressure_level=[0], valid_time=[0])
         written_as_grib(other, path, typeOfLevel="heightAboveGround", level=rng.choice((2, 10)))
 

@@ -211,7 +211,7 @@ def test_a_checkpoint_is_known_by_its_content(folder: Path, real: Descents) -> N
     renamed = folder / "flights_of_mine"
     renamed.write_bytes(checkpoint.read_bytes())
     assert Inputs(real, renamed).open().simulator.model is not None
-    with pytest.raises(ConfigError, match=r"coefficients are to be taken, beside a checkpoint"):
+    with pytest.raises(ConfigError, match=r"coefficients are to be taken, next to a checkpoint"):
         Inputs(real, checkpoint, typecode="A320").open()
     with pytest.raises(ConfigError, match=r"simulator.ckpt among 2 paths"):
         Inputs(real, [checkpoint, folder / "simulator.parquet"]).open()
@@ -223,7 +223,7 @@ def test_a_checkpoint_is_known_by_its_content(folder: Path, real: Descents) -> N
     cut.write_bytes(checkpoint.read_bytes()[:5000])
     with pytest.raises(CheckpointError, match="truncated"):
         Inputs(real, cut).open()
-    with pytest.raises(ConfigError, match="the nearest type, beside a type"):
+    with pytest.raises(ConfigError, match="the nearest type, next to a type"):
         Inputs(real, None, typecode="A320", nearest_type=True).open()
 
 

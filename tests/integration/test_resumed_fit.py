@@ -104,7 +104,7 @@ def test_what_makes_a_resumed_fit_another_one_is_said(
     alone.write_bytes((run / "checkpoints" / "last.ckpt").read_bytes())
     words = ["fit", "--config", str(run / "config.yaml"), "--ckpt_path", str(alone), "--seed_everything=7"]
     with (
-        pytest.warns(UserWarning, match="the best epoch of the fit that is resumed is lost"),
+        pytest.warns(UserWarning, match="the best epoch of the resumed fit is lost"),
         pytest.warns(UserWarning, match="a fit of seed 0 is resumed with seed 7"),
     ):
         main(words)

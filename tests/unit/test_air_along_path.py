@@ -101,7 +101,7 @@ def test_what_the_field_does_not_hold_or_the_plan_does_not_say(checkpoint: Path,
         df.sample(checkpoint, 3, air=path)
     with pytest.raises(ConfigError, match="no time of the descents"):
         df.sample(checkpoint, 3, air=path, plan=ground_plan(**PLAN))
-    with pytest.raises(ConfigError, match="a wind beside a weather field"):
+    with pytest.raises(ConfigError, match="a wind next to a weather field"):
         df.sample(checkpoint, 3, air=path, plan=ground_plan(**PLAN, wind="270/30", end_time=NOON))
     with pytest.raises(DataError, match=r"outside of the weather field: 2024-06-.*expected 2024-03-03"):
         df.sample(checkpoint, 3, air=path, plan=ground_plan(**PLAN, end_time="2024-06-05T12:00:00"))

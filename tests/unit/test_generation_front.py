@@ -71,7 +71,7 @@ def test_contexts_are_values_a_table_or_a_path(conditional: Gaussian, tmp_path: 
     ):
         with pytest.raises((ConfigError, DataError), match=message):
             sample(conditional, 5, context=wrong)
-    with pytest.raises(ConfigError, match="beside a context that holds entry_fl"):
+    with pytest.raises(ConfigError, match="next to a context that holds entry_fl"):
         sample(conditional, 5, context=rows, entry_fl=300)
 
 

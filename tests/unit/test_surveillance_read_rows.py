@@ -147,7 +147,7 @@ def test_empty_files_beside_others_are_left_out_and_counted(tmp_path: Path) -> N
     assert [file.name for file in files_of([tmp_path])] == ["day.parquet", "rows.parquet"]
     found = prepare(tmp_path)
     assert found.flights == {"A320": 1}
-    assert found.report.notes["empty files (0 bytes) beside others, left out"] == 1
+    assert found.report.notes["empty files (0 bytes) besides others, left out"] == 1
     with pytest.raises(DataError, match=r"day.parquet is empty.*take it out"):
         prepare(tmp_path / "day.parquet")
     (tmp_path / "rows.parquet").unlink()

@@ -76,7 +76,9 @@ def test_a_missing_temperature_is_that_of_the_standard_atmosphere() -> None:
 
 @pytest.mark.parametrize("air", [{"deviation_k": 15}, pl.DataFrame({"level_fl": [270, 370], "deviation_k": [0, 5]})])
 def test_a_second_temperature_is_refused(air: object) -> None:
-    with pytest.raises(ConfigError, match=r"beside the context's deviation_k; .* leave the temperature out of the air"):
+    with pytest.raises(
+        ConfigError, match=r"next to the context's deviation_k; .* leave the temperature out of the air"
+    ):
         df.sample(model(), 5, context=given(WARM), air=air)
 
 

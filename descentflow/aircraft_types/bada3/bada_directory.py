@@ -150,7 +150,7 @@ def load_aircraft(typecode: str, bada_dir: str | Path) -> Bada3Aircraft:
 
 
 def file_of(typecode: str, bada_dir: str | Path) -> Path:
-    """OPF file of a type, see :func:`load_aircraft`; its APF lies beside it.
+    """OPF file of a type, see :func:`load_aircraft`; its APF lies next to it.
 
     Raises:
         AircraftError: If the directory is missing, or the type is not in it.

@@ -46,7 +46,7 @@ def _polar_place(phase: str) -> Place:
 PLACES: tuple[Place, ...] = (*_BEFORE_POLARS, *map(_polar_place, PHASES), *_AFTER_POLARS)
 """The numbers of the file's 21 data lines after the first, in order."""
 REPAIRED, OPEN = MARKS = ("repaired", "not BADA")
-"""Beside the date of modification, where there is room in the layout: what is not as EUROCONTROL ships it."""
+"""Next to the date of modification, where there is room in the layout: what is not as EUROCONTROL ships it."""
 SIGNS = dict(zip(MARKS, ("repaired by", "not BADA"), strict=True))
 """Mark -> words of a source that ask for it."""
 EMPTY = Path(__file__).with_name("empty_opf.txt")
@@ -70,7 +70,7 @@ class Opf:
 
     @property
     def source(self) -> str:
-        """The files by their date, with what descentflow has noted beside it."""
+        """The files by their date, with what descentflow has noted next to it."""
         day, *marks = self.modified.split(", ")
         day, marks = ("", [day, *marks]) if day in MARKS else (day, marks)
         family = "open coefficients, not BADA, in files" if OPEN in marks else "BADA 3 files"

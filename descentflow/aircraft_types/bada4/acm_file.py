@@ -98,7 +98,7 @@ def read_xml(file: Path, what: str, remove_comments: bool = True) -> Element:
 
 
 def read_root(file: Path, tag: str) -> Element:
-    """The root of a file of BADA 4, checked by the schema that ships beside or above it where there is one.
+    """The root of a file of BADA 4, checked by the schema that ships next to or above it where there is one.
 
     Args:
         file: File.
@@ -148,7 +148,7 @@ def read_acm(file: str | Path, limits: GlobalParameters, typecode: str | None = 
 
     Raises:
         AircraftError: If the file is damaged, of another version or lacks a part, has numbers that no aircraft has, or
-            others than the printed table beside it (``NAME_ISA.PTD``); the message names file, line and element.
+            others than the printed table next to it (``NAME_ISA.PTD``); the message names file, line and element.
 
     Example:
         >>> read_acm("no_such.xml", GlobalParameters())

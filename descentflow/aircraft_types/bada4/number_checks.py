@@ -29,7 +29,7 @@ PRINTED = ("level", "TAS", "CAS", "mass_kg", "thrust", "drag", "fuel")
 _PLACES = (0, 5, 6, 8, 9, 10, 11)
 _CONFIGURATION = 15
 AGREED = 0.002
-"""Relative room for the rounding of constants; EUROCONTROL's dummies need less than 0.0001 beside that of prints."""
+"""Relative room for the rounding of constants; EUROCONTROL's dummies need less than 0.0001 besides that of prints."""
 
 
 class Judged(NamedTuple):

@@ -115,7 +115,7 @@ class Alternative:
     Attributes:
         effect: Its name in the catalogue.
         probability: Probability that it is among the causes.
-        sizes: In aviation units, of the flights that have it, beside the other causes.
+        sizes: In aviation units, of the flights that have it, besides the other causes.
         share_of_flights: Share of the flights that have it; None where all have.
 
     Example:
@@ -150,7 +150,7 @@ class Cause:
         on_both_sides: What either side has by itself, where broadcast values measure it (temperature by TAS and Mach
             number, wind by groundspeed and TAS, noise).
         takes_away: By cost (``time``, ``rate``, ...) over all levels: the part of the difference, flights minus
-            simulator, that goes once the simulator has this cause beside the others; in the cost's unit.
+            simulator, that goes once the simulator has this cause besides the others; in the cost's unit.
         alternatives: The effects of ``group`` with their sizes.
         of_air: Whether it is of the air that flights met, and not of the simulator's aircraft or crews.
 

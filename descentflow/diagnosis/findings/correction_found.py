@@ -8,7 +8,7 @@ from descentflow.diagnosis.findings.cause_found import ClosedShare
 from descentflow.diagnosis.findings.costs_found import Measured
 
 CHECKPOINT, FLIGHTS = "corrected.ckpt", "corrected.parquet"
-"""Names of the corrected simulator beside `gap.json`: a checkpoint, and flights with the causes in them."""
+"""Names of the corrected simulator next to `gap.json`: a checkpoint, and flights with the causes in them."""
 Corrections = Mapping[str, Callable[[Path], None]]
 """Name of a file of the corrected simulator -> what writes it to a path."""
 

@@ -67,7 +67,7 @@ class Discrepancy:
 
     Attributes:
         explained: Nats of evidence that the named effects gain.
-        rest: Nats that an unknown cause gains beside them.
+        rest: Nats that an unknown cause gains besides them.
         probability: Of an unknown cause.
 
     Example:
@@ -147,7 +147,7 @@ class Details:
         profile: What the simulator flies on average by level.
         measured_over: What the gap was measured over, for the next round.
         gap_error: Standard error of the gap before the causes, in spreads.
-        lacks: What the simulator's flights lack beside any cause: noise of reports, level-offs.
+        lacks: What the simulator's flights lack besides any cause: noise of reports, level-offs.
 
     Example:
         >>> from descentflow.diagnosis.diagnose import diagnose
@@ -205,7 +205,7 @@ class Findings:
         flights_worth_a_look: Those with most of what no named cause explains, largest first.
         previous: The round before, where one was given.
         provenance: What went in; without names where it is not known.
-        corrected_file: Name of the corrected simulator beside `gap.json`; empty where there is none.
+        corrected_file: Name of the corrected simulator next to `gap.json`; empty where there is none.
         corrections: By file: writes the checkpoint with the causes in it, or prepared descents with them.
         below_rounding: Of a gap that is more than chance and yet less than the rounding of one report, the largest
             difference of each quantity; empty of any other.

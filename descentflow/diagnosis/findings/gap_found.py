@@ -119,7 +119,7 @@ class WouldSplit:
 
 @dataclass(frozen=True)
 class Nuisance:
-    """Something that a simulator has too little of beside any cause, or below zero too much.
+    """Something that a simulator has too little of besides any cause, or below zero too much.
 
     Attributes:
         quantity: Name, see :data:`descentflow.measurements.quantity_registry.QUANTITIES`.

@@ -1,4 +1,4 @@
-"""Sizes of an effect in aviation units, of the flights that have it, beside what either side has by itself."""
+"""Sizes of an effect in aviation units, of the flights that have it, next to what either side has by itself."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -172,7 +172,7 @@ class BothSides:
 
 
 def sizes_beside(effect: Effect, sizes: Sequence[ReportedSize], both: BothSides) -> list[ReportedSize]:
-    """Sizes as differences, beside what either side has, where the simulator's flights have some of the effect.
+    """Sizes as differences, next to what either side has, where the simulator's flights have some of the effect.
 
     Args:
         effect: Whose sizes they are.

@@ -54,7 +54,7 @@ def labellings(airframe: Tensor, real: Tensor, count: int, seed: int) -> Labelli
     Args:
         airframe: (n,) aircraft of each flight; all flights of one are on one side.
         real: (n,) bool. Where all are real, what physics claims to be zero has a random sign in each aircraft.
-        count: Labellings beside the true one.
+        count: Labellings besides the true one.
         seed: Of the permutations.
 
     Example:

@@ -25,7 +25,7 @@ MOST_FLIGHTS = 10
 CERTAIN_ERRORS = 3.0
 """Standard errors from which a difference of means is more than chance, of all that are looked at."""
 NEIGHBOURS = 0.5
-"""Bands beside the one with the largest difference belong to it while theirs, of the same sign, is so large a share."""
+"""Neighbours of the band with the largest difference belong to it while theirs is so large a share of it."""
 
 
 def standard_errors(compared: Compared) -> Tensor:
@@ -45,7 +45,7 @@ def remaining_of(compared: Vectors, left: Tensor, error: Tensor, gap: float, sha
     """
     mean = compared.difference(left)
     standing = (mean.abs() / compared.negligible()).nan_to_num(0.0)
-    # What the simulator lacks beside any cause is no part of the difference that is explained.
+    # What the simulator lacks besides any cause is no part of the difference that is explained.
     standing = torch.where(free_in_every_set(compared), 0.0, standing)
     # The largest of those that are more than chance, where any is.
     certain = torch.where(mean.abs() > CERTAIN_ERRORS * error, standing, 0.0)

@@ -1,4 +1,4 @@
-"""Candidate causes: an effect with a mean shift, its prior, and the evidence of single flights beside."""
+"""Candidate causes: an effect with a mean shift, its prior, and the evidence of single flights as well."""
 
 from dataclasses import dataclass
 

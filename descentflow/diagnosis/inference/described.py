@@ -33,7 +33,7 @@ def cause_of(explanation: Explanation, name: str, closed: ClosedShare, takes_awa
     flights, both, group = int(compared.real.sum()), on_both_sides(compared, effect), explanation.named.groups[name]
     alternatives = []
     for member in group:
-        # In the cause's place, beside the others.
+        # In the cause's place, besides the others.
         other, candidate = explanation.catalogue[member], fits.candidates[member]
         names = tuple(member if some == name else some for some in best.names)
         fit = explanation.search.sized(fits.fit(names, best.unknown, best.sizes))

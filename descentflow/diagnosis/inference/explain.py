@@ -1,4 +1,4 @@
-"""Explanation of the difference of two sides: causes with sizes, what stands beside them, and what is unknown."""
+"""Explanation of the difference of two sides: causes with sizes, what stands next to them, and what is unknown."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -44,7 +44,7 @@ class Explanation:
         best: The set of the causes, with an unknown cause where one is probable.
         theta: By cause: its parameters (k,).
         errors: Standard errors of these.
-        nuisances: Noise, level-offs and layers of air that the simulator has too little of, beside any cause.
+        nuisances: Noise, level-offs and layers of air that the simulator has too little of, besides any cause.
     """
 
     compared: Compared

@@ -1,7 +1,7 @@
 r"""Effects that some flights have, each in its own way, by the shapes of single flights.
 
 Mean and residuals of normal samples are independent, so what the shapes gain multiplies the evidence of the means: for
-an effect e beside others,
+an effect e besides others,
 
 .. math:: G_e = \Delta\ln L_\mathrm{real} - \max(\Delta\ln L_\mathrm{sim}, 0)\,\frac{n_r}{n_s} - \tfrac32 \ln n_r,
 

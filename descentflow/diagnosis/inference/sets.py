@@ -1,4 +1,4 @@
-r"""Evidence of sets of effects, with or without an unknown cause beside them, and the search for the heaviest.
+r"""Evidence of sets of effects, with or without an unknown cause besides them, and the search for the heaviest.
 
 For a set M, about the sizes at which it is most probable,
 
@@ -164,7 +164,7 @@ class SetFits:
         return np.outer(size, size) * self.known.kernel
 
     def unknown_scales(self, fit: SetFit, *, air: bool) -> dict[str, float]:
-        """The likeliest scales beside a set, one quantity after the other: of layers of air alone, or of everything."""
+        """The likeliest scales with a set, one quantity after the other: of layers of air alone, or of everything."""
         rest, noise = self.known.difference - fit.shift, fit.noise - self.unknown_covariance(fit.unknown)
         for name in fit.names:
             candidate = self.candidates[name]
@@ -237,7 +237,7 @@ def evidence(x: Array, covariance: Array) -> float:
 MOST_ENUMERATED = 3
 """Effects of the sets that are all screened; larger ones are grown."""
 MOST_FITTED = 20
-"""Sets that are fitted; half as many with an unknown cause beside them."""
+"""Sets that are fitted; half as many with an unknown cause besides them."""
 
 
 class Search:

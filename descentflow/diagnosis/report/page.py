@@ -1,4 +1,4 @@
-"""The page and the terminal text of a diagnosis: its findings as short numbers for the templates beside this file."""
+"""The page and the terminal text of a diagnosis: its findings as short numbers for the templates next to this file."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -147,7 +147,7 @@ def next_command(findings: Findings, folder: str | Path = "gap", real: str = "",
 
     Args:
         findings: What the diagnosis found.
-        folder: Where its report lies; beside the reader if absent.
+        folder: Where its report lies; next to the reader if absent.
         real: The real flights as they are typed; their name if empty.
         simulator: The simulator in the same way.
 

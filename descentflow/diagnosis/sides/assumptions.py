@@ -1,6 +1,6 @@
 """Every number that a diagnosis assumes: its meaning, its unit, where it comes from.
 
-Numbers that only say how exactly something is computed (rounds, steps of derivatives, lengths of lists) stand beside
+Numbers that only say how exactly something is computed (rounds, steps of derivatives, lengths of lists) stand next to
 the code that computes it. `python scripts/vary_assumptions.py REAL SIMULATOR` halves and doubles each of these on
 flights of your own, and prints what moves.
 """
@@ -45,7 +45,7 @@ class Assumptions:
         unknown_scales: Sizes of an unknown cause, in negligible shifts, among which the likeliest is taken: from
             barely more than negligible to 12 % of the rate.
         layers: Scale up to which what measures the air is free in every set: layers of 1.5 K, 0.6 m/s and 6 m, as the
-            mean of some days has them beside a temperature or a wind gradient.
+            mean of some days has them next to a temperature or a wind gradient.
         named: Probability from which an effect, or a group of them, is named: that of the intervals of its sizes.
         alike: Ratio of weights from which one member of a scale group stands alone: polars of other aircraft decide
             smaller ratios, and no flight does.

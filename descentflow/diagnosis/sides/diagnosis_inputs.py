@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from descentflow.representation.own_air import AirSource
     from descentflow.representation.representation import Representation
 
-OWN = "it beside a simulator's flights, for a checkpoint and a type have coefficients of their own"
+OWN = "it next to a simulator's flights, for a checkpoint and a type have coefficients of their own"
 MISPLACED = (
     (
         "air",
@@ -44,8 +44,8 @@ MISPLACED = (
         "them for rows of its flights",
         "leave them out; columns of the real rows are `columns` (--column)",
     ),
-    ("typecode", (MODEL, TYPE), "a type whose coefficients are to be taken, beside {kind}", OWN, "leave it out"),
-    ("nearest_type", (MODEL, TYPE), "the nearest type, beside {kind}", OWN, "leave it out"),
+    ("typecode", (MODEL, TYPE), "a type whose coefficients are to be taken, next to {kind}", OWN, "leave it out"),
+    ("nearest_type", (MODEL, TYPE), "the nearest type, next to {kind}", OWN, "leave it out"),
     (
         "bada_dir",
         (MODEL,),
@@ -206,7 +206,7 @@ class Inputs:
             raise ConfigError(
                 f"{name}, a simulator that is corrected already: the flights that it carries are those before",
                 expected="the checkpoint that `descentflow fit` wrote, or flights",
-                mend="diagnose what it flies: corrected.parquet beside it, or samples (descentflow sample) as "
+                mend="diagnose what it flies: corrected.parquet next to it, or samples (descentflow sample) as "
                 "--simulator",
             )
         self.progress("reading flights")
@@ -316,6 +316,6 @@ def _own_flights(real: pl.DataFrame, name: str, parts: "Representation") -> dict
     if 2 * count > total:
         warn(
             f"{count:,} of the {total:,} real flights are some that {name} was trained or validated on, and are no "
-            "test of it; to learn how it descends beside flights that it has not seen, pass others"
+            "test of it; to learn how it descends with flights that it has not seen, pass others"
         )
     return {SEEN: count} if count else {}

@@ -229,7 +229,7 @@ class Generator:
         )
         if flown is not None:
             if entry_fl is not None:
-                raise ConfigError("entry_fl beside what was flown", expected="one of them", mend="leave entry_fl out")
+                raise ConfigError("entry_fl next to what was flown", expected="one of them", mend="leave entry_fl out")
             so_far = flown_so_far(self.decoder, flown, self.bounds)
             if bool(so_far.mask[0, 0]):
                 raise ConfigError(

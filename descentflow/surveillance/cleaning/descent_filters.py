@@ -41,7 +41,7 @@ class Descending(Filter):
 
 @dataclass(frozen=True)
 class SteadyDescent(Filter):
-    """Drop the transients at the top and the bottom of a descent, and beside level-offs (paper, section 3).
+    """Drop the transients at the top and the bottom of a descent, and next to level-offs (paper, section 3).
 
     A transport aircraft takes some 20 s to enter or to leave its descent (0.05 to 0.1 g); in this time its rate carries
     little about thrust and drag.

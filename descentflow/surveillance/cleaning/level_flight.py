@@ -158,7 +158,7 @@ def by_flight(segments: pl.DataFrame) -> pl.DataFrame:
     """Level flight of each flight that descends.
 
     Args:
-        segments: Of :func:`stretches`; the fuel of level segments may be beside
+        segments: Of :func:`stretches`; the fuel of level segments may be there
             (:mod:`descentflow.measurements.level_fuel`).
 
     Returns:

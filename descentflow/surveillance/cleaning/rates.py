@@ -31,7 +31,7 @@ RATE_ERROR_FPM = 50.0
 SELECTED_STEP_FPM = 100.0
 """Step of the vertical rate that a pilot can select (flight control units of Airbus and Boeing)."""
 SIDE_S, TURN_S, SETTLE_S = 20.0, 4.0, 10.0
-"""Time of the mean rates beside a sudden change, time left out on either side of it while the aircraft enters its new
+"""Time of the mean rates next to a sudden change, time left out on either side of it while the aircraft enters its new
 path, and time left out at both ends of a judged segment. As :class:`ConstantRate`, measured on 1,500 simulated flights
 and an hour of real ones over the Netherlands."""
 MIN_SIDE_REPORTS, MIN_REPORTS = 3, 6

@@ -18,7 +18,7 @@ from descentflow.surveillance.rows.values_beside import JOIN_MEND, OF_OTHER_ROWS
 MAX_LISTED_TYPES = 12
 MAX_CONTRADICTING_SHARE = 0.5
 """Share of rows whose IAS contradicts Mach, above which the column is wrong, not its rows; real ones have 0.001."""
-NONE_OF = "types asked for beside others, of which there is no row: "
+NONE_OF = "types asked for besides others, of which there is no row: "
 """Note in the report."""
 ADVICE = {
     OTHER_VALUES: "give rows of another run or another receiver addresses (icao24) or times of their own; the first of "
@@ -30,12 +30,12 @@ ADVICE = {
 
 
 def tell_absent_types(wanted: Sequence[str], present: Iterable[str], what: str, option: str) -> None:
-    """Warn of types that were asked for beside others, and of which there is none."""
+    """Warn of types that were asked for besides others, and of which there is none."""
     known = sorted(name for name in present if name)
     if absent := asked_in_vain(wanted, known):
         there = ", ".join(known[:MAX_LISTED_TYPES]) + (", ..." if len(known) > MAX_LISTED_TYPES else "")
         warn(
-            f"no {what} of type {', '.join(absent)}, which {option} asks for beside others; there are {there}: "
+            f"no {what} of type {', '.join(absent)}, which {option} asks for besides others; there are {there}: "
             "designators of ICAO Doc 8643 are taken, as B738; to mend it, correct it or leave it out"
         )
 

@@ -223,7 +223,7 @@ def format_of_document(document: object, label: str) -> Format:
     if "hex" in names:
         raise DataError(
             f"{label}: aircraft of a receiver without the time of each",
-            expected="`now` beside `hex` or around the list `aircraft`, in seconds since 1970",
+            expected="`now` next to `hex` or around the list `aircraft`, in seconds since 1970",
             mend="record whole snapshots (aircraft.json), or readsb's JSON output",
         )
     raise DataError(

@@ -101,7 +101,7 @@ def joined(traces: Sequence[Trace], report: DropReport) -> pl.DataFrame:
 
 
 def _columns(traces: Sequence[Trace]) -> pl.DataFrame:
-    """Values of the points, with those of their details beside them."""
+    """Values of the points, with those of their details next to them."""
     points = list(itertools.chain.from_iterable(trace.points for trace in traces))
     columns: list[Any] = [*itertools.islice(itertools.zip_longest(*points), POINT_VALUES)]
     columns += [[None] * len(points)] * (POINT_VALUES - len(columns))

@@ -1,4 +1,4 @@
-"""The folder beside an output in which an unfinished `prepare` keeps its parts, so that a rerun resumes from them."""
+"""The folder next to an output in which an unfinished `prepare` keeps its parts, so that a rerun resumes from them."""
 
 import hashlib
 import json
@@ -95,7 +95,7 @@ def _lock_of(folder: Path) -> Path:
 
 @contextmanager
 def _alone(folder: Path, out: Path) -> Iterator[None]:
-    """Hold the lock of the work, which lies beside its folder."""
+    """Hold the lock of the work, which lies next to its folder."""
     claim = Claim(_lock_of(folder))
     if not claim.take():
         raise ConfigError(

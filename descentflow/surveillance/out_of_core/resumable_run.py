@@ -30,7 +30,7 @@ Progress = Callable[[str], None]
 def prepare_to(out: Path, request: PreparationRequest, memory: Memory, engine: Engine, progress: Progress) -> Descents:
     """Prepare rows to a file (a name that ends in .parquet) or a store by type (any other name).
 
-    Rows that do not fit in memory are distributed over partitions of whole aircraft on disk, in a folder beside the
+    Rows that do not fit in memory are distributed over partitions of whole aircraft on disk, in a folder next to the
     output. A run that was killed leaves there what is done, and the same call resumes from it. The descents do not
     depend on memory, engine, partitions or interruptions.
 
@@ -56,7 +56,7 @@ def prepare_to(out: Path, request: PreparationRequest, memory: Memory, engine: E
     """
     _check_ending(out)
     check_separate([out], [Path(source) for source in request.rows if not isinstance(source, pl.DataFrame)])
-    # An output inside a folder of inputs, and what an earlier run left beside it, are no inputs.
+    # An output inside a folder of inputs, and what an earlier run left next to it, are no inputs.
     own = (out.resolve(), work_folder(out).resolve())
     files = [path for path in request.files() if not any(path.resolve().is_relative_to(file) for file in own)]
     progress("hashing inputs")

@@ -52,7 +52,7 @@ def six_digits(column: pl.Series, source: object, report: DropReport) -> pl.Seri
         return column
     text = column.cast(pl.String).str.strip_chars(" \t~").str.to_lowercase().replace("", None)
     distinct = text.drop_nulls().unique().sort().to_list()
-    # pandas writes whole numbers beside a missing one as 8014.0.
+    # pandas writes whole numbers next to a missing one as 8014.0.
     bare = {name: name.removeprefix("0x").removesuffix(".0") for name in distinct}
     spelt = _spelt(bare, numbers or not any(name.startswith("0x") for name in distinct), source)
     changed = {name: new for name, new in spelt.items() if new != name}

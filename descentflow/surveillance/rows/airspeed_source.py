@@ -10,7 +10,7 @@ import polars as pl
 from descentflow.core.errors import ConfigError, DataError
 
 COLUMNS_OF_ROWS, NEIGHBOURS, FIELD = "columns", "neighbours", "field"
-"""Words of the argument, and of the column `airspeed_source` beside `reported`."""
+"""Words of the argument, and of the column `airspeed_source` next to `reported`."""
 REPORTED = "reported"
 WEATHER_COLUMNS = ("u_component_of_wind", "v_component_of_wind", "temperature")
 """Columns of the wind towards east and north (m/s) and of the temperature (K), as fastmeteo and the PRC name them."""

@@ -93,7 +93,7 @@ def _renamed(table: pl.DataFrame, path: Path | str, report: DropReport) -> pl.Da
         if target == name:
             continue
         if target in table.columns:
-            report.note(f"values of column {name} not used beside {target}", table[name].count())
+            report.note(f"values of column {name} not used next to {target}", table[name].count())
         else:
             if target in renames.values():
                 raise DataError(

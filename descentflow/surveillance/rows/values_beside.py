@@ -12,7 +12,7 @@ BETWEEN_S = 5.0
 NEAR_S = 5.0
 """Largest distance in time of other values from a row; radars ask for registers every 4 to 12 s."""
 OF_OTHER_ROWS = ("TAS", "groundspeed", "track", "roll", "latitude", "longitude", "geoaltitude")
-"""Values of BDS 5,0 and ADS-B beside IAS and Mach of BDS 6,0."""
+"""Values of BDS 5,0 and ADS-B next to IAS and Mach of BDS 6,0."""
 MAX_SHARE_TOGETHER = 0.01
 """Share of the rows with IAS that have a value, up to which it is taken for one that comes in rows of its own."""
 LEAPING_COLUMNS = ("track", "longitude")
@@ -28,7 +28,7 @@ JOIN_MEND = (
 
 
 def with_values_beside(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
-    """Rows in which IAS has beside it what the table holds in rows of its own, where these are near in time.
+    """Rows in which IAS has with it what the table holds in rows of its own, where these are near in time.
 
     Nothing is done with a column that has a value in more than :data:`MAX_SHARE_TOGETHER` of the rows with IAS.
     """

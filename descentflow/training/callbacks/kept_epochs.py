@@ -17,7 +17,7 @@ from descentflow.training.run_folders import folder_of
 
 
 class WholeCheckpoints(TorchCheckpointIO):
-    """Writes a checkpoint beside its name and renames it, and removes what a killed run left.
+    """Writes a checkpoint next to its name and renames it, and removes what a killed run left.
 
     Example:
         >>> WholeCheckpoints().save_checkpoint({"epoch": 3}, "run/epoch.ckpt")
@@ -106,11 +106,11 @@ class KeptEpochs(ModelCheckpoint):
         paths = state.get("best_k_models") or {state["best_model_path"]: None}
         new = {old: str(folder / Path(old).name) for old in paths if old}
         for old, here in new.items():
-            # The last epoch is the one that is resumed; the best one lies beside it.
+            # The last epoch is the one that is resumed; the best one lies next to it.
             source = resumed if self.monitor is None else resumed.parent / Path(old).name
             if not source.is_file():
                 warnings.warn(
-                    f"{Path(old).name} is not beside {resumed}: the best epoch of the fit that is resumed is lost, and "
+                    f"{Path(old).name} is not next to {resumed}: the best epoch of the resumed fit is lost, and "
                     "the best one from now on is kept; to mend it, resume in the folder where the run left its files",
                     DescentflowWarning,
                     stacklevel=2,

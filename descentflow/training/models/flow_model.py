@@ -19,7 +19,7 @@ from descentflow.training.models.latent_model import Batch, LatentModel, trainin
 from descentflow.training.models.optimizers import FlowSteps, adam_with_cosine
 
 BEST = "best_epoch"
-"""Key of a checkpoint under which a flow's best epoch is kept beside the last one."""
+"""Key of a checkpoint under which a flow's best epoch is kept next to the last one."""
 FEWEST_FLIGHTS = 2
 """Training flights a weight that a whitened flow needs to be more than its Gaussian: with fewer, the two or three
 flights that validate it let epochs pass of which up to a fifth of the draws are not plausible."""

@@ -120,6 +120,6 @@ def _whole_epochs(trainer: Trainer, max_steps: int | None) -> int:
         raise ConfigError(
             "a fit without a last epoch (max_epochs -1), with which its learning rate ends",
             expected="a number of epochs",
-            mend="pass --trainer.max_epochs 150 (Trainer(max_epochs=150)), beside early stopping too",
+            mend="pass --trainer.max_epochs 150 (Trainer(max_epochs=150)), with early stopping too",
         )
     return max(trainer.max_epochs or 1, 1)

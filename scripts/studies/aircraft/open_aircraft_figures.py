@@ -1,4 +1,4 @@
-"""The nominal descent of an open aircraft beside the kinematic ranges published for its type."""
+"""The nominal descent of an open aircraft next to the kinematic ranges published for its type."""
 
 import torch
 from matplotlib.axes import Axes

@@ -43,7 +43,7 @@ def write_simulator(one: SimulatorPlan, form: Form, path: Path) -> None:
     Args:
         one: Seed, type and number of its flights.
         form: Whether it has weather, noise and spreads, and whether it is a checkpoint.
-        path: File of prepared descents, or the checkpoint; a checkpoint is trained on the ``flights`` beside it.
+        path: File of prepared descents, or the checkpoint; a checkpoint is trained on the ``flights`` next to it.
 
     Raises:
         DescentflowError: If the flights cannot be prepared or the model cannot be fitted.

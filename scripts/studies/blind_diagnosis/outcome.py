@@ -84,7 +84,7 @@ class Outcome:
 def outcomes(
     plan: Plan, manifest: Mapping[str, Any], diagnoses: Mapping[str, Any], *, prefix: str = ""
 ) -> list[Outcome]:
-    """Every diagnosis beside its key.
+    """Every diagnosis next to its key.
 
     Args:
         plan: The key.
@@ -166,7 +166,7 @@ def matched(groups: Sequence[frozenset[str]], planted: Sequence[str]) -> bool:
 
 
 def sizes(outcome: Outcome, truth: Mapping[str, Mapping[str, float]]) -> list[dict[str, Any]]:
-    """Estimates beside the truth, for every parameter of every cause that was named by its own name.
+    """Estimates next to the truth, for every parameter of every cause that was named by its own name.
 
     Args:
         outcome: Of one diagnosis.

@@ -1,4 +1,4 @@
-"""The scores of a study, once its key is open: goals beside what was reached, and every miss by name."""
+"""The scores of a study, once its key is open: goals next to what was reached, and every miss by name."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -136,7 +136,7 @@ def column_of(o: Outcome) -> Column:
 def row(
     text: str, column: Column, flags: Sequence[bool], asked: float | None, misses: Sequence[str], *, at_least: bool
 ) -> dict[str, Any]:
-    """A goal beside what was reached; ``met`` is None where nothing was asked or nothing can judge it.
+    """A goal next to what was reached; ``met`` is None where nothing was asked or nothing can judge it.
 
     Example:
         >>> row("right", "own", [True, True, False], 0.9, ["blind_2"], at_least=True)["met"]
@@ -163,7 +163,7 @@ def _closure_row(column: Column, some: Sequence[Outcome], closures: Mapping[str,
 def _intervals(
     column: Column, some: Sequence[Outcome], truth: Mapping[str, Mapping[str, Mapping[str, float]]]
 ) -> list[dict[str, Any]]:
-    """Coverage of each parameter by itself, beside the median relative error."""
+    """Coverage of each parameter by itself, next to the median relative error."""
     every = [estimate for o in some if o.groups for estimate in sizes(o, truth[o.one.name])]
     rows = []
     for cause, parameter in sorted({(s["cause"], s["parameter"]) for s in every}):

@@ -111,7 +111,7 @@ class FlightPlan:
     wander: tuple[tuple[float, float, float], ...]
     """Amplitude (m/s), rate (rad/s) and phase of each wave of the speed's wander."""
     layered_mps: tuple[float, ...] = ()
-    """Tailwind of the day beside that, at :data:`descentflow.simulation.weather.HEIGHT_M`; none where empty."""
+    """Tailwind of the day besides that, at :data:`descentflow.simulation.weather.HEIGHT_M`; none where empty."""
     cdi_factor: float = 1.0
     """Of the model's induced drag."""
     wave_factor: float = 1.0

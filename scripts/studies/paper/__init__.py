@@ -9,5 +9,5 @@ resumed and spread over workers), :mod:`~studies.paper.study_tables`,
 
 A study's folder holds ``plan.json``, and for each type ``descents.parquet``, a folder per model (``model.ckpt``,
 ``scores.csv``, ``intervals.csv``, ``classifier.csv``, ``rejections.json``, logs and, last, ``done``), figures,
-``nll.csv`` and, last, ``flights.json``; the tables as CSV and ``report.html`` lie beside the types.
+``nll.csv`` and, last, ``flights.json``; the tables as CSV and ``report.html`` lie next to the types.
 """

@@ -1,4 +1,4 @@
-"""Judge a study of all types: a few numbers of each type, beside the bounds that they should keep."""
+"""Judge a study of all types: a few numbers of each type, next to the bounds that they should keep."""
 
 import json
 from dataclasses import dataclass, replace

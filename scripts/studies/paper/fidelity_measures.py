@@ -5,7 +5,7 @@ The spread at the top compares standard deviations within levels,
 .. math:: \sqrt{\sum_l n_l s_l^2(\text{samples}) / \sum_l n_l s_l^2(\text{flights})},
 
 over the highest 3,000 ft of the grid, with :math:`n_l` flights at level l: a density that is fitted to the most
-probable profile of flights with hidden levels varies too little there. Beside it stands the same number of the
+probable profile of flights with hidden levels varies too little there. Next to it stands the same number of the
 training flights in place of the samples, which tells how much of it is chance: at the top of a small type are some
 hundred flights. The intervals: the share of flights whose time to a level lay inside its 90 % interval, predicted from
 what was flown above.

@@ -1,4 +1,4 @@
-"""Log of what a job of a study prints, beside its files."""
+"""Log of what a job of a study prints, next to its files."""
 
 import logging
 import sys

@@ -12,7 +12,7 @@ from descentflow.evaluation.metrics.score_table import ScoreTable
 from descentflow.evaluation.metrics.statistic_kinds import LevelStatistic
 
 MAX_SAMPLES = 2000
-"""Samples that resampled flights are compared with: their own noise is small beside that of hundreds of flights."""
+"""Samples that resampled flights are compared with: their own noise is small next to that of hundreds of flights."""
 NORMAL_90 = 1.645
 
 

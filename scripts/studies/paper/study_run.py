@@ -123,7 +123,7 @@ def _figures(job: _Job, place: _Place) -> None:
 
 @contextmanager
 def _accounted(stage: str, job: _Job, place: _Place) -> Iterator[None]:
-    """Work with one thread, and leave what it cost beside the job's files."""
+    """Work with one thread, and leave what it cost next to the job's files."""
     cpu, wall = time.process_time(), time.monotonic()
     with one_thread():
         yield

@@ -66,7 +66,7 @@ def flights(plan: StudyPlan, folder: Path, theirs: pl.DataFrame | None) -> list[
         " is the share of flights whose time some mass gives.",
     )
     first = next(iter(plan.flights))
-    caption = f"{first}: flights beside BADA at its reference mass, its least and largest mass, and masses between."
+    caption = f"{first}: flights next to BADA at its reference mass, its least and largest mass, and masses between."
     alt = f"Held-out flights of the {first} and BADA at its masses"
     return [text, table(head, rows), figure(folder / first / "mass_range.png", alt, caption)]
 
@@ -229,9 +229,9 @@ def of_type(folder: Path) -> list[Html]:
         3
     """
     captions = {
-        "profiles": "Held-out flights beside samples of each model.",
+        "profiles": "Held-out flights next to samples of each model.",
         "cuts": "Time to bottom, and CAS and rate at the transition altitude (the grid's middle if it has none).",
-        "mass_range": "Held-out flights beside BADA at all its masses.",
+        "mass_range": "Held-out flights next to BADA at all its masses.",
     }
     return [figure(folder / f"{name}.png", f"{folder.name}: {text}", text) for name, text in captions.items()]
 

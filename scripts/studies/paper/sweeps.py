@@ -1,4 +1,4 @@
-"""Sweeps beside a study: explained variance, gappy reconstruction, flow sizes (paper, appendices B, A and C).
+"""Sweeps next to a study: explained variance, gappy reconstruction, flow sizes (paper, appendices B, A and C).
 
 They look at training flights of a finished study alone, at most so many of a type, and leave one file per job: a killed
 sweep goes on with the files that are missing.
@@ -40,7 +40,7 @@ PAPER_SIZE = (5, 2)
 
 @dataclass(frozen=True)
 class SweepPlan:
-    """All that decides the sweeps' results, beside the study's plan.
+    """All that decides the sweeps' results, next to the study's plan.
 
     Attributes:
         flights: Most training flights of a type.
@@ -152,7 +152,7 @@ def _jobs_of(name: str, typecode: str, sweep: SweepPlan) -> list[_SweepJob]:
 
 
 def _do_job(job: _SweepJob, common: _Sweeps) -> None:
-    """Do one job, with one thread; its output goes into a log beside its file."""
+    """Do one job, with one thread; its output goes into a log next to its file."""
     with one_thread(), logged_to(job.product(common.own).with_suffix(".log")):
         {"variance": _variance, "gappy": _gappy, "flow": _flow}[job.sweep](job, common)
 

@@ -1,4 +1,4 @@
-"""Descents over BADA's whole range of mass, beside those flown (paper, figure 1)."""
+"""Descents over BADA's whole range of mass, next to those flown (paper, figure 1)."""
 
 from dataclasses import dataclass
 
@@ -100,7 +100,7 @@ MOST_TICKS = 4
 def mass_range_figure(
     flights: DescentSet, aircraft: PerformanceModel, *, n_lines: int = 50, seed: int = 0, title: str = ""
 ) -> Figure:
-    """Flights' altitude over time, their rate and CAS by level, beside BADA's at the masses from least to largest.
+    """Flights' altitude over time, their rate and CAS by level, next to BADA's at the masses from least to largest.
 
     Args:
         flights: Flights on a grid.

@@ -310,3 +310,4 @@ def test_a_diagnosis_leaves_out_what_the_field_made_and_names_its_error(flown: p
     with pytest.warns(DescentflowWarning, match=r"a.parquet: flights, 3 of them with derived airspeeds: .* field"):
         found = input_of_flights("a.parquet", mixed)
     assert "is the error of the weather field that made them, or the simulator's" in found.kind
+    assert found.derived == 3

@@ -245,6 +245,14 @@ def test_what_is_not_known_is_left_out() -> None:
     assert "Change in the simulator:" in summary(empty)
 
 
+def test_no_limit_of_the_air_is_claimed_where_a_field_made_airspeeds() -> None:
+    found = of_verdict("none")
+    sides = found.provenance or Provenance()
+    by_field = replace(found, provenance=replace(sides, real=replace(sides.real, derived=3)))
+    assert "ISA +1.2 K" in page(found)
+    assert "ISA +1.2 K" not in page(by_field)
+
+
 def test_still_air_is_stated_apart_and_the_rest_is_said_in_seconds_and_feet() -> None:
     found = finding_toys.findings()
     air = finding_toys.cause("temperature", {"deviation_k": ParameterEstimate(15.6, 14.0, 17.2, "K", "deviation")})

@@ -19,6 +19,7 @@ class InputUsed:
         settings: Cleaning settings by name, as text; empty where not known.
         files: Names of the files of rows behind the flights.
         fingerprint: SHA-256 of the flights, or of a checkpoint's weights; None where there are none.
+        derived: Flights whose airspeeds were made by a weather field.
 
     Example:
         >>> InputUsed("rows.parquet", "rows", 400, 80, "2026-10-01", "2026-10-31", ["A320"]).flights
@@ -36,6 +37,7 @@ class InputUsed:
     settings: dict[str, str] = field(default_factory=dict)
     files: list[str] = field(default_factory=list)
     fingerprint: str | None = None
+    derived: int = 0
 
 
 @dataclass(frozen=True)

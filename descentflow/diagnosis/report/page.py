@@ -278,7 +278,12 @@ def limit_text(limit: DetectionLimit) -> str:
 
 
 def _limits(findings: Findings) -> list[list[str]]:
-    return [[findings.details.label(x.effect), limit_text(x)] for x in findings.details.detection_limits if x.size]
+    """Sizes that would be found; none of the air where a weather field made airspeeds, for its own error is larger."""
+    sides = findings.provenance or Provenance()
+    by_field = sides.real.derived or sides.simulator.derived
+    air = {name for name, effect in EFFECTS.items() if effect.of_air and by_field}
+    limits = [limit for limit in findings.details.detection_limits if limit.size and limit.effect not in air]
+    return [[findings.details.label(limit.effect), limit_text(limit)] for limit in limits]
 
 
 def _deciding(findings: Findings) -> list[tuple[str, str, str]]:

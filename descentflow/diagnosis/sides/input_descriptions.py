@@ -57,6 +57,7 @@ def input_of_flights(name: str, descents: Descents) -> InputUsed:
         settings=settings_in_text(descents.cleaning),
         files=[str(one.get("name")) for one in metadata.get("inputs", []) if isinstance(one, dict)],
         fingerprint=fingerprint(frame),
+        derived=derived,
     )
 
 

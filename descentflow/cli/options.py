@@ -66,7 +66,7 @@ class CommandParser(argparse.ArgumentParser):
     def _add_group(self, group: Any) -> None:
         """The keys of a `TypedDict`, each passed on only where it is given."""
         text = parse(inspect.getdoc(group) or "")
-        place = self.add_argument_group(text.short_description, text.long_description)
+        place = self.add_argument_group((text.short_description or "").rstrip("."), text.long_description)
         texts = {param.arg_name: param for param in text.params}
         for name, hint in get_type_hints(group, include_extras=True).items():
             parameter = Parameter(name, Parameter.KEYWORD_ONLY, default=argparse.SUPPRESS)

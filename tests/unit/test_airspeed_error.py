@@ -1,13 +1,15 @@
 """The spread that the error of a wind adds to derived airspeeds, taken off again."""
 
+import numpy as np
 import polars as pl
 import pytest
 import torch
 from torch import Tensor
 
 import descentflow as df
-from derived_airspeeds import with_errors
-from descentflow.core.units import KT_MPS
+from descentflow.air.air_smoother import matern
+from descentflow.core.units import FT_M, KT_MPS
+from descentflow.physics.atmosphere import isa_temperature_k
 from descentflow.representation.airspeed_error import AirspeedErrors, _to_less, without_airspeed_error
 from descentflow.representation.encode_flights import encode_flights
 from descentflow.representation.fit_representation import RepresentationSettings
@@ -17,11 +19,30 @@ from descentflow.training.datamodule import DescentDataModule
 WIND_MPS, KELVINS = 2.5, 1.0
 AIRSPEEDS = ("IAS", "Mach", "TAS", "heading")
 LEVELS = slice(0, 180, 10)
+HEIGHT_M = np.linspace(0.0, 14_000.0, 141)
+
+
+def with_errors(rows: pl.DataFrame) -> pl.DataFrame:
+    """Rows of still standard air with columns of a weather that errs by flight over 8,000 ft, and in nothing else."""
+    height = torch.from_numpy(HEIGHT_M)
+    root = torch.linalg.cholesky(matern(height, height) + 1e-9 * torch.eye(len(height))).numpy()
+    generator, parts = np.random.default_rng(1), []
+    for flight in rows.sort("flight_id", "timestamp").partition_by("flight_id"):
+        altitude_m = flight["altitude"].to_numpy() * FT_M
+        drawn = generator.standard_normal((3, len(HEIGHT_M))) @ root.T
+        east, north, warmer = (np.interp(altitude_m, HEIGHT_M, values) for values in drawn)
+        columns = {
+            "u_component_of_wind": WIND_MPS * east,
+            "v_component_of_wind": WIND_MPS * north,
+            "temperature": isa_temperature_k(torch.from_numpy(altitude_m)).numpy() + KELVINS * warmer,
+        }
+        parts.append(flight.with_columns(pl.Series(name, values) for name, values in columns.items()))
+    return pl.concat(parts)
 
 
 @pytest.fixture(scope="module")
 def rows() -> pl.DataFrame:
-    return with_errors(df.simulate("A320", 300, seed=0).rows, WIND_MPS, KELVINS, seed=1)
+    return with_errors(df.simulate("A320", 300, seed=0).rows)
 
 
 @pytest.fixture(scope="module")

@@ -74,7 +74,7 @@ def test_the_text_explains_what_is_absent() -> None:
 def test_absent_numbers_are_empty_fields(tmp_path: Path) -> None:
     path = tmp_path / "scores.csv"
     table = score(plain(40, 1), plain(3), 205.0, n_splits=2)
-    table.write_csv(path)
+    table.frame().write_csv(path)
     header, first, *rest = path.read_text().splitlines()
     assert len(rest) == 22
     assert header.split(",")[:6] == ["quantity", "statistic", "unit", "score", "equal_size", "floor"]

@@ -5,6 +5,7 @@ import re
 import shlex
 from contextlib import suppress
 from pathlib import Path
+from runpy import run_path
 
 import pytest
 
@@ -111,3 +112,8 @@ def test_commands_of_the_pages_have_the_options_that_there_are(path: Path, capsy
         known = re.findall(r"--[\w-]+", capsys.readouterr().out)
         unknown += [f"{name} {word}" for word in words if word.startswith("--") and word not in known]
     assert unknown == []
+
+
+def test_every_package_has_its_place_on_the_map_of_the_house() -> None:
+    placed = run_path(str(ROOT / "docs/_ext/packages.py"))["layers"]()
+    assert "watching" in [path.name for path in placed["Diagnosis"]]

@@ -9,9 +9,9 @@ PACKAGE = ROOT / "descentflow"
 LAYERS = {
     "Ground": ("core", "configs", "reporting"),
     "Physics and aircraft": ("physics", "aircraft_types"),
-    "Data": ("surveillance", "measurements", "air"),
+    "Data": ("surveillance", "measurements", "air", "weather"),
     "Model": ("representation", "densities", "training", "positions", "generation", "evaluation", "exports"),
-    "Diagnosis": ("effects", "diagnosis", "repairs"),
+    "Diagnosis": ("effects", "diagnosis", "repairs", "qualification", "watching"),
     "Worlds": ("simulation",),
     "Command line": ("cli",),
 }

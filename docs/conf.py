@@ -44,7 +44,7 @@ OTHERS = (
     "matplotlib normflows np numpy os pathlib pl polars pyro pytorch_lightning scipy sklearn torch types typing"
 )
 BARE = (
-    "AnyAircraft Artist DataclassInstance Figure None Path Tensor "
+    "AnyAircraft Artist Axes DataclassInstance Figure None Path Tensor "
     "bool bytes callable dict float int iterable list object set str tuple type"
 )
 nitpick_ignore_regex = [

@@ -65,7 +65,7 @@ def observations(rows: pl.DataFrame, by: str = "icao24") -> pl.DataFrame:
     """Observations by aircraft, or flight, 1,000 ft and ten minutes: one a row, with its mean place and time.
 
     Args:
-        rows: With the columns :data:`NEEDED`; where one is absent there is no observation.
+        rows: With the columns of ``NEEDED``; where one is absent there is no observation.
         by: Column of the aircraft or flight.
 
     Example:

@@ -153,7 +153,7 @@ class Descents(WithTable):
         return kept_cleaning(self.metadata.get("settings"))
 
     def to_polars(self) -> pl.DataFrame:
-        """The table as polars has it: :attr:`frame`; :meth:`to_pandas` as pandas has it.
+        """The table as polars has it: :attr:`frame`; ``to_pandas`` gives it as pandas has it.
 
         Example:
             >>> read_descents("descents.parquet").to_pandas().shape

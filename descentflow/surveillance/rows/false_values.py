@@ -23,7 +23,7 @@ NEAR_KT = 2.0
 MAX_EQUAL_SHARE = 0.9
 """Share of a column's values that are another column's, above which the whole column is that one."""
 LEAPS = {"vertical_rate": 500.0, "IAS": 30.0, "Mach": 0.08, "TAS": 40.0, "groundspeed": 40.0}
-"""Column -> leap to a value and back, in one direction, that no aircraft makes within :data:`LONGEST_LEAP_S`."""
+"""Column -> leap to a value and back, in one direction, that no aircraft makes within a minute."""
 LONGEST_LEAP_S = 60.0
 MIN_SHARE_OF_LEAPS = 0.3
 """Share of all such leaps that lead to one value, from which it stands for none: spikes have values of all kinds."""

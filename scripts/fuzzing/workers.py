@@ -84,10 +84,10 @@ class _Worker:
 
     def outcome(self) -> dict[str, Any]:
         """Outcome of the case, whatever became of the process."""
-        told = {"case": self.number, "seconds": round(time.monotonic() - self.begun, 2)}
+        case = {"case": self.number, "seconds": round(time.monotonic() - self.begun, 2)}
         try:
             if self.pipe.poll():
-                return {**told, **self.pipe.recv()}
+                return {**case, **self.pipe.recv()}
             ending = {"kind": "?", "verdict": "hung", "words": "killed"}
         except EOFError:
             self.process.join(5)
@@ -96,7 +96,7 @@ class _Worker:
             ending = {"kind": "?", "verdict": "ended by a signal", "words": name}
         self.end()
         self.begin()
-        return {**told, **ending}
+        return {**case, **ending}
 
     def end(self) -> None:
         self.process.kill()

@@ -70,8 +70,8 @@ def test_a_jet_blows_from_the_west_at_its_level_alone() -> None:
 
 def test_flights_obey_the_equation_of_motion_in_layered_air(windy: World) -> None:
     """``m dV/dt = T - D - m g sin(gamma) - m dw/dt cos(gamma)`` with the wind and the speeds of the truth table."""
-    told = windy.truth.join(windy.flights.select("flight_id", "mass_kg"), on="flight_id")
-    for (_,), flight in told.group_by("flight_id", maintain_order=True):
+    flown = windy.truth.join(windy.flights.select("flight_id", "mass_kg"), on="flight_id")
+    for (_,), flight in flown.group_by("flight_id", maintain_order=True):
         v, g, wind = flight["tas_mps"].to_numpy(), flight["gamma"].to_numpy(), flight["groundspeed_mps"].to_numpy()
         wind = wind - v * np.cos(g)
         force = (flight["thrust_n"] - flight["drag_n"]).to_numpy() / flight["mass_kg"][0]

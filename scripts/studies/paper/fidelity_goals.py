@@ -87,8 +87,8 @@ def of_types(plan: StudyPlan, name: str, folder: Path) -> pl.DataFrame:
 def _covered(place: Path) -> dict[str, float | None]:
     """Share of all times inside their intervals, and of the level where it is furthest from 0.9."""
     table = pl.read_csv(place / "in_flight.csv")
-    told = table.filter(pl.col("flights") >= ENOUGH)["covered"].to_list()
-    worst = max(told, key=lambda share: abs(share - 0.9), default=None)
+    shares = table.filter(pl.col("flights") >= ENOUGH)["covered"].to_list()
+    worst = max(shares, key=lambda share: abs(share - 0.9), default=None)
     inside = table.select((pl.col("flights") * pl.col("covered")).sum() / pl.col("flights").sum()).item()
     return {"covered": inside, "covered_worst_level": worst}
 

@@ -1,9 +1,8 @@
-"""Rows a second, memory and the curve of `descentflow prepare`, against the same cleaning done with pandas."""
+"""Rows a second, memory and the curve of `descentflow prepare`."""
 
 import argparse
 import os
 import tempfile
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,8 +12,6 @@ from benchmarks.timing import measured
 
 FLIGHTS = 1000
 FILE_ROWS = 2_500_000
-PEER_ROWS = 400_000
-"""Rows that pandas is given: its time grows in proportion, and it needs a minute for a million."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Print the curve and the peers."""
+    """Print the curve."""
     prepare(args.rows, args.memory)
 
 
@@ -40,7 +37,6 @@ def prepare(millions: Sequence[float], memory: str) -> None:
         world = _world(Path(folder))
         for size in millions:
             _curve_row(world, Path(folder), round(size * 1e6), memory)
-        _peers(world, Path(folder))
 
 
 def _world(folder: Path) -> pl.DataFrame:
@@ -95,42 +91,3 @@ def _curve_row(world: pl.DataFrame, folder: Path, number: int, memory: str) -> N
     print("".join(f"{cell:>14}" for cell in cells), flush=True)
     for path in (*rows.iterdir(), out):
         path.unlink()
-
-
-def _peers(world: pl.DataFrame, folder: Path) -> None:
-    rows = folder / "peer"
-    make_rows(world, rows, PEER_ROWS)
-    path = next(rows.iterdir())
-    from descentflow.surveillance.prepare import prepare as in_memory
-
-    wall, cpu = time.perf_counter(), time.process_time()
-    ours = in_memory(path).frame
-    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-    print(f"{PEER_ROWS:,} rows, once more in this process: {PEER_ROWS / wall:,.0f} rows/s, {cpu:.1f} CPU s")
-    try:
-        import pandas as pd
-
-        from benchmarks.peer_pandas import prepare_pandas
-    except ImportError:
-        print("pandas is not installed: nothing to compare with")
-        return
-    frame = pl.read_parquet(path)
-    table = pd.DataFrame({name: frame[name].to_numpy() for name in frame.columns})
-    start, cpu = time.perf_counter(), time.process_time()
-    theirs = prepare_pandas(table)
-    seconds, cpu = time.perf_counter() - start, time.process_time() - cpu
-    print(
-        f"the same cleaning with pandas, flight by flight, without reading: {PEER_ROWS / seconds:,.0f} rows/s, "
-        f"{cpu:.1f} CPU s; {len(theirs):,} levels (descentflow: {len(ours):,}); "
-        f"descentflow is {seconds / wall:.0f} times as fast"
-    )
-    try:
-        from traffic.core import Traffic
-    except ImportError as error:
-        print(f"traffic is not installed, or not for these versions ({error}): no comparison with it")
-        return
-    table["timestamp"] = table["timestamp"].dt.tz_localize("UTC")
-    start, cpu = time.perf_counter(), time.process_time()
-    Traffic(table).filter().eval()
-    seconds, cpu = time.perf_counter() - start, time.process_time() - cpu
-    print(f"traffic's filter() of spikes alone, flight by flight: {PEER_ROWS / seconds:,.0f} rows/s, {cpu:.1f} CPU s")

@@ -25,16 +25,13 @@ RUNS: Mapping[str, Sequence[str]] = {
     "cleaning_truth": [],
     "derived_airspeeds": ["--flights", "60", "--winds", "2.5", "--out", "{out}/record.md"],
     "energy_share_figure": ["{out}/figure.png"],
-    "export_figures": ["cf", "{model}", "{out}/figure.png"],
     "fly_jsbsim": ["--model", "fokker100", "--flights", "1", "--out", "{out}/rows.parquet"],
     "kill": ["{out}", "--times", "1", "--commands", "sample", "--signals", "KILL"],
     "open_aircraft_page": ["{out}/page.html", "A320"],
     "package_contents": ["{p.whl}", "{p.tar}"],
     "paper_study": ["{out}/study", "--types", "A320", "--share", "0.005", "--models", "gaussian", "--samples", "200"],
-    "positions_figure": ["{model}", "{out}/figure.png"],
     "qualification_trial": ["--cases", "2", "--flights", "60", "--out", "{out}/trial.json"],
     "recorder_thrust": ["{shared}/real/rj85_recorder_2001.parquet"],
-    "sample_descents": ["{model}", "10"],
     "size": [],
     "study_goals": ["{out}/study", "--model", "gaussian"],
     "study_repair": ["{out}/found.json", "--files", "1"],
@@ -56,7 +53,7 @@ SMALL = {
     },
 }
 """Constants of scripts that have no option for their size."""
-NEEDED = {"bluesky_descents": "bluesky", "export_figures": "xarray", "fly_jsbsim": "jsbsim", "watch_trial": "river"}
+NEEDED = {"bluesky_descents": "bluesky", "fly_jsbsim": "jsbsim", "watch_trial": "river"}
 pytestmark = pytest.mark.filterwarnings("default")
 """Libraries that scripts import warn of their own."""
 

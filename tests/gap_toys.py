@@ -6,7 +6,7 @@ from pathlib import Path
 import toys
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-from descentflow.effects.example_flights import example_flights
+from descentflow.effects._example_flights import example_flights
 from descentflow.effects.flight_state import FlightState
 from descentflow.simulation.parameters import FlightParameters
 from descentflow.simulation.world import simulate

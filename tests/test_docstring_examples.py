@@ -21,8 +21,8 @@ NEEDS = {
     f"studies.jsbsim_world.{name}": "jsbsim" for name in ("fly_models", "model_aircraft", "model_files", "model_flight")
 } | {
     "descentflow.exports.onnx_export": "onnxscript",
-    "descentflow.surveillance.formats.asterix": "pyasteryx",
-    "descentflow.surveillance.formats.mode_s": "rs1090",
+    "descentflow.surveillance.formats._asterix": "pyasteryx",
+    "descentflow.surveillance.formats._mode_s": "rs1090",
 }
 """Modules whose examples need an optional library; where it is missing they are skipped."""
 LONG = ("descentflow.exports.onnx_export",)

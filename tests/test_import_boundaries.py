@@ -110,6 +110,19 @@ def test_a_file_name_stands_for_one_file() -> None:
     assert sorted({name for name in names if names.count(name) > 1}) == []
 
 
+def test_private_modules_stay_in_their_package() -> None:
+    """No other top package, and no script, imports a module whose name begins with an underscore."""
+    scripts = sorted((PACKAGE.parent / "scripts").rglob("*.py"))
+    uses = modules() | {f"scripts.{path.stem}": imported_modules(path) for path in scripts}
+    strays = {
+        (user, name)
+        for user, others in uses.items()
+        for name in others
+        if name.split(".")[-1].startswith("_") and user.split(".")[0] != name.split(".")[0]
+    }
+    assert strays == set()
+
+
 @pytest.mark.parametrize("library", ONLY_IN)
 def test_libraries_stay_in_their_places(library: str) -> None:
     strays = [

@@ -12,7 +12,7 @@ from descentflow.physics.performance_model import PerformanceModel
 
 if TYPE_CHECKING:
     from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
-    from descentflow.aircraft_types.bada4.bada4_aircraft import Bada4Aircraft
+    from descentflow.aircraft_types.bada4._bada4_aircraft import Bada4Aircraft
 
     AnyAircraft = Bada3Aircraft | Bada4Aircraft
 
@@ -76,11 +76,11 @@ def file_of(typecode: str, bada_dir: str | Path) -> Path:
 
 def _reader(bada_dir: str | Path) -> tuple[Any, Path]:
     """The module that reads a folder, and the folder that it reads."""
-    from descentflow.aircraft_types.bada3 import bada_directory
+    from descentflow.aircraft_types.bada3 import _bada_directory
     from descentflow.aircraft_types.bada4 import bada4_directory
 
     release = bada4_directory.release_folder(bada_dir)
-    return (bada_directory, Path(bada_dir)) if release is None else (bada4_directory, release)
+    return (_bada_directory, Path(bada_dir)) if release is None else (bada4_directory, release)
 
 
 def aircraft_from_state(state: dict[str, Any]) -> PerformanceModel:
@@ -94,7 +94,7 @@ def aircraft_from_state(state: dict[str, Any]) -> PerformanceModel:
         True
     """
     if "family" in state:
-        from descentflow.aircraft_types.bada4.bada4_aircraft import Bada4Aircraft
+        from descentflow.aircraft_types.bada4._bada4_aircraft import Bada4Aircraft
 
         return Bada4Aircraft.from_state(state)
     from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft

@@ -127,7 +127,7 @@ def _run(name: str, rest: list[str]) -> int:
     if (own := options.pop("model")) is not None:
         options_of.class_in(own)
     del options["quiet"]
-    remote = import_module("descentflow.core.remote_files")
+    remote = import_module("descentflow.core._remote_files")
     status = remote.with_local_files(lambda given: module.run(**given), options, OUTPUTS)
     for name in OUTPUTS:
         if (url := remote.address(options.get(name))) is not None:

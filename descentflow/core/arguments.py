@@ -12,9 +12,9 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, NamedTuple, ParamSpec, TypeVar, Union, get_args, get_origin
 
+from descentflow.core._remote_files import has_address, with_local_files
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import is_name
-from descentflow.core.remote_files import has_address, with_local_files
 from descentflow.core.tabular import held_table
 
 P = ParamSpec("P")
@@ -61,7 +61,7 @@ def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
     """Let a function refuse arguments that are not of the annotated kinds.
 
     Numbers of NumPy and torch are passed on as Python's own, tables as those of Polars where these are taken, and
-    addresses as copies (:mod:`~descentflow.core.remote_files`), a dictionary as the group of settings that it stands
+    addresses as copies (``_remote_files``), a dictionary as the group of settings that it stands
     for. A text is a path too; a list, a tuple, an array and a
     column are all sequences. Missing and unknown names remain Python's own `TypeError`.
 

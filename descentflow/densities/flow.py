@@ -6,7 +6,7 @@ import normflows as nf
 import torch
 from torch import Tensor, nn
 
-from descentflow.densities.flow_draw import FlowDraw
+from descentflow.densities._flow_draw import FlowDraw
 from descentflow.densities.gaussian import TransformedDensity
 from descentflow.densities.importance import widened
 from descentflow.densities.layers import Bounded, ContextNet, ExponentialAffine, Flip, TurnedRound, made, turned_linear

@@ -15,8 +15,8 @@ from descentflow.core.threads import one_thread
 from descentflow.core.user_files import lines_named
 from descentflow.diagnosis.diagnosis_steps import diagnose_compared
 from descentflow.diagnosis.findings.findings import FEW, Findings
-from descentflow.diagnosis.gap.earlier_report import check_no_other_report
-from descentflow.diagnosis.gap.what_is_left import left_out_channels
+from descentflow.diagnosis.gap._earlier_report import check_no_other_report
+from descentflow.diagnosis.gap._what_is_left import left_out_channels
 from descentflow.diagnosis.report.gap_report import FILES, GapReport
 from descentflow.diagnosis.sides.diagnosis_inputs import Inputs
 from descentflow.diagnosis.sides.diagnosis_settings import Settings
@@ -131,7 +131,7 @@ def diagnose(
     diagnosed = replace(opened.simulator, name=simulator_name or opened.simulator.name)
     settings = Settings(diagnosed, effects, wanted, seed, say)
     if previous is not None:
-        from descentflow.diagnosis.gap.previous_round import previous_round
+        from descentflow.diagnosis.gap._previous_round import previous_round
 
         before = previous_round(previous, made, opened.simulator.aircraft.typecode)
         settings = replace(settings, previous=before, previous_name=str(previous))
@@ -185,11 +185,11 @@ def diagnose_prepared(frame: pl.DataFrame, settings: Settings, dropped: Mapping[
     findings = replace(findings, left_out_channels=left_out_channels(sides.lacked, settings.catalogue))
     if source == OWN_FLIGHTS:
         # Here and not above: a comparison of flights with flights must not pay for models.
-        from descentflow.diagnosis.causes_of_both_sides import with_shared_effects
+        from descentflow.diagnosis._causes_of_both_sides import with_shared_effects
 
         findings = with_shared_effects(findings, real, settings)
     if settings.previous:
-        from descentflow.diagnosis.gap.previous_round import held_against
+        from descentflow.diagnosis.gap._previous_round import held_against
 
         settings.progress("comparing with the round before")
         before = held_against(settings.previous, settings.previous_name, compared, settings.seed)

@@ -1,7 +1,7 @@
 """Steps of a diagnosis of measured flights: explain the difference, put the causes in, measure what is left.
 
 Each step is decided elsewhere: which effects are named in :mod:`~descentflow.diagnosis.inference.explain`, whether and
-where there is a gap in :mod:`~descentflow.diagnosis.gap.where`, the verdict in
+where there is a gap in ``_where``, the verdict in
 :mod:`~descentflow.diagnosis.inference.verdict`.
 """
 
@@ -15,13 +15,11 @@ from torch import Tensor
 
 from descentflow.diagnosis.correction.corrected_descents import correction_made
 from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, corrected_entries
-from descentflow.diagnosis.findings.cause_found import Cause, ClosedShare
+from descentflow.diagnosis.findings._cause_found import Cause, ClosedShare
 from descentflow.diagnosis.findings.costs_found import CLOSED, COST_LABELS, Cost, LevelMeans
 from descentflow.diagnosis.findings.findings import Curve, Details, Findings
-from descentflow.diagnosis.gap.costs import costs_of, profile_of
-from descentflow.diagnosis.gap.measured_gap import MeasuredGap
-from descentflow.diagnosis.gap.practical_size import below_rounding
-from descentflow.diagnosis.gap.what_is_left import (
+from descentflow.diagnosis.gap._measured_gap import MeasuredGap
+from descentflow.diagnosis.gap._what_is_left import (
     CERTAIN_ERRORS,
     curves,
     flights_worth_a_look,
@@ -30,8 +28,10 @@ from descentflow.diagnosis.gap.what_is_left import (
     standard_errors,
     would_split,
 )
-from descentflow.diagnosis.gap.where import PERMUTATIONS, where
-from descentflow.diagnosis.inference.described import cause_of, discrepancy_of, heaviest_sets, recipe_of, singles_of
+from descentflow.diagnosis.gap._where import PERMUTATIONS, where
+from descentflow.diagnosis.gap.costs import costs_of, profile_of
+from descentflow.diagnosis.gap.practical_size import below_rounding
+from descentflow.diagnosis.inference._described import cause_of, discrepancy_of, heaviest_sets, recipe_of, singles_of
 from descentflow.diagnosis.inference.explain import Explanation, detection_limits, explain
 from descentflow.diagnosis.inference.verdict import verdict_of
 from descentflow.diagnosis.sides.diagnosis_settings import Settings

@@ -7,8 +7,8 @@ To add an effect: write its file here and enter it in ``EFFECTS`` below; without
 catalogue with it to :func:`descentflow.diagnosis.diagnose.diagnose`.
 """
 
+from descentflow.effects._catalogue_check import checked_catalogue
 from descentflow.effects.airspeed_bias import AirspeedBias
-from descentflow.effects.catalogue_check import checked_catalogue
 from descentflow.effects.drag_polar import DragPolar
 from descentflow.effects.effect import Effect, FlightChange, Parameter, Shift
 from descentflow.effects.geometric_path import GeometricPath

@@ -13,7 +13,7 @@ class AirspeedBias(Effect):
     """IAS reads too high by a constant and a part that grows with Mach number; the aircraft flies as it did.
 
     Example:
-        >>> from descentflow.effects.example_flights import example_flights
+        >>> from descentflow.effects._example_flights import example_flights
         >>> shift = AirspeedBias().shift(example_flights(), torch.tensor([3.0, 0.0]))
         >>> float(shift["cas"].mean()), float(shift["mismatch"].mean())  # kt
         (3.0, 3.0)

@@ -10,8 +10,8 @@ import torch
 from torch import Tensor
 
 from descentflow.core.units import FT_M, KT_MPS
+from descentflow.effects._scale_group import ScaleGroup
 from descentflow.effects.flight_state import FlightState
-from descentflow.effects.scale_group import ScaleGroup
 
 NONE = 0.1
 """Share of a size that matters up to which flights count as having none of an effect."""
@@ -229,7 +229,7 @@ class Effect(ABC):
 
         Example:
             >>> from descentflow.effects import EFFECTS
-            >>> from descentflow.effects.example_flights import example_flights
+            >>> from descentflow.effects._example_flights import example_flights
             >>> warmer = EFFECTS["temperature"].change(example_flights(), torch.tensor([10.0]))
             >>> sorted(warmer.flown), sorted(warmer.reported)
             (['height', 'rate', 'tas'], [])

@@ -52,7 +52,7 @@ def changes_together(
         >>> from dataclasses import replace
         >>> from descentflow.core.counter_random import DrawNumbers
         >>> from descentflow.effects import EFFECTS
-        >>> from descentflow.effects.example_flights import example_flights
+        >>> from descentflow.effects._example_flights import example_flights
         >>> state = replace(example_flights(), affected=False)
         >>> warmer = {"temperature": torch.tensor([10.0])}
         >>> flown, reported = changes_together(state, EFFECTS, warmer, DrawNumbers(0))

@@ -64,7 +64,7 @@ class Windows:
 
     Example:
         >>> from descentflow.effects import EFFECTS
-        >>> from descentflow.effects.example_flights import example_flights
+        >>> from descentflow.effects._example_flights import example_flights
         >>> brakes, state = EFFECTS["speed_brake"], example_flights()
         >>> theta = torch.tensor([0.3, 200.0, 240.0, 0.5, 0.0, 10.0, 5.0, 0.1]).double()
         >>> windows = brakes.windows(state, theta)

@@ -37,7 +37,7 @@ class FlightState:
     is the mass of all.
 
     Example:
-        >>> from descentflow.effects.example_flights import example_flights
+        >>> from descentflow.effects._example_flights import example_flights
         >>> state = example_flights()
         >>> state.cas_mps.shape, bool((state.mach().amax(1) < 0.79).all())
         (torch.Size([6, 11]), True)
@@ -185,7 +185,7 @@ class Schedule:
     """Mach number and CAS held, (n, 1) each.
 
     Example:
-        >>> from descentflow.effects.example_flights import example_flights
+        >>> from descentflow.effects._example_flights import example_flights
         >>> plan = example_flights().schedule
         >>> round(float(plan.mach.mean()), 2), round(float(plan.cas_mps.mean()), 1)
         (0.78, 149.2)
@@ -238,7 +238,7 @@ def log_rate(
         (n, K).
 
     Example:
-        >>> from descentflow.effects.example_flights import example_flights
+        >>> from descentflow.effects._example_flights import example_flights
         >>> state = example_flights()
         >>> (log_rate(state, mass=0.9) - log_rate(state)).mean()  # a lighter aircraft falls faster
         tensor(0.0..., dtype=torch.float64)

@@ -36,7 +36,7 @@ class GeometricPath(DiffersByFlight):
     Each flight holds an angle of its own: ``shallower`` is the mean of those, ``spread`` how they differ.
 
     Example:
-        >>> from descentflow.effects.example_flights import example_flights
+        >>> from descentflow.effects._example_flights import example_flights
         >>> shift = GeometricPath().shift(example_flights(), torch.tensor([0.5, 0.1, 0.0]))
         >>> bool((shift["rate"] < 0).all())  # a shallower path than idle thrust allows
         True

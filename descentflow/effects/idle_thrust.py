@@ -2,9 +2,9 @@
 
 from torch import Tensor
 
+from descentflow.effects._scale_group import THRUST_DRAG_WEIGHT
 from descentflow.effects.effect import Effect, Parameter, Shift
 from descentflow.effects.flight_state import FlightState, log_rate
-from descentflow.effects.scale_group import THRUST_DRAG_WEIGHT
 
 NONE_LEFT = -1.0
 """Change by which there is no thrust: engines that pull backwards are no idle thrust, and rates that would need it have
@@ -15,7 +15,7 @@ class IdleThrust(Effect):
     """Relative change; only its ratio to the other two of mass, idle thrust and drag shows in what is observed.
 
     Example:
-        >>> from descentflow.effects.example_flights import example_flights
+        >>> from descentflow.effects._example_flights import example_flights
         >>> shift = IdleThrust().shift(example_flights(), torch.tensor([0.5]))
         >>> round(float(shift["rate"].mean()), 2)  # half as much idle thrust again: ln of the rate
         -0.02

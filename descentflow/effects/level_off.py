@@ -11,7 +11,7 @@ class LevelOff(Effect):
     """More (or longer) level segments than the simulator's flights had, as mean time in them for each flight.
 
     Example:
-        >>> from descentflow.effects.example_flights import example_flights
+        >>> from descentflow.effects._example_flights import example_flights
         >>> shift = LevelOff().shift(example_flights(), torch.tensor([20.0, 0.3]))
         >>> float(shift["level"].mean())  # s for each flight
         20.0

@@ -2,16 +2,16 @@
 
 from torch import Tensor
 
+from descentflow.effects._scale_group import THRUST_DRAG_WEIGHT
 from descentflow.effects.effect import Effect, Parameter, Shift
 from descentflow.effects.flight_state import FlightState, log_rate
-from descentflow.effects.scale_group import THRUST_DRAG_WEIGHT
 
 
 class Mass(Effect):
     """Relative change; only its ratio to the other two of mass, idle thrust and drag shows in what is observed.
 
     Example:
-        >>> from descentflow.effects.example_flights import example_flights
+        >>> from descentflow.effects._example_flights import example_flights
         >>> shift = Mass().shift(example_flights(), torch.tensor([-0.1]))
         >>> round(float(shift["rate"].mean()), 2)  # a tenth lighter: ln of the rate
         0.05

@@ -84,7 +84,7 @@ class SpeedBrake(WindowedEffect, DiffersByFlight):
     """CD0 higher between two altitudes on a share of the flights; ``extra_cd0`` is the mean over all flights.
 
     Example:
-        >>> from descentflow.effects.example_flights import example_flights
+        >>> from descentflow.effects._example_flights import example_flights
         >>> shift = SpeedBrake().shift(example_flights(), torch.tensor([0.3, 200, 240, 1, 0, 0, 0, 0]))
         >>> (shift["rate"].mean(0) > 0.01).nonzero()[:, 0]  # bands of 2,000 ft from FL150
         tensor([2, 3, 4])

@@ -11,7 +11,7 @@ class SpeedSchedule(Effect):
     """CAS shifted on the constant-CAS leg, Mach shifted on the constant-Mach leg; the rate follows the speed.
 
     Example:
-        >>> from descentflow.effects.example_flights import example_flights
+        >>> from descentflow.effects._example_flights import example_flights
         >>> shift = SpeedSchedule().shift(example_flights(), torch.tensor([10.0, 0.0]))
         >>> round(float(shift["cas"][:, 0].mean()), 3)  # kt at the lowest band
         10.0

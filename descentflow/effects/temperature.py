@@ -13,7 +13,7 @@ class Temperature(Effect):
     """Deviation from ISA: true airspeed at a Mach number, rate of pressure altitude, height between pressure levels.
 
     Example:
-        >>> from descentflow.effects.example_flights import example_flights
+        >>> from descentflow.effects._example_flights import example_flights
         >>> shift = Temperature().shift(example_flights(), torch.tensor([10.0]))
         >>> round(float(shift["tas"].mean()), 3)  # 10 K warmer: ln of the true airspeed at a Mach number
         0.021

@@ -23,7 +23,7 @@ class Turn(Effect):
 
     Example:
         >>> from dataclasses import replace
-        >>> from descentflow.effects.example_flights import example_flights
+        >>> from descentflow.effects._example_flights import example_flights
         >>> turned = torch.tensor([0.0] * 4 + [0.22] + [0.0] * 6).double()  # by headings, in the fifth of eleven bands
         >>> state = replace(example_flights(), turned_more=turned)
         >>> shift = Turn().shift(state, torch.tensor([0.02]).double())["rate"].mean(0)

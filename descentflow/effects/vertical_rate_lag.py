@@ -23,7 +23,7 @@ class VerticalRateLag(Effect):
     it less noisy too.
 
     Example:
-        >>> from descentflow.effects.example_flights import example_flights
+        >>> from descentflow.effects._example_flights import example_flights
         >>> shift = VerticalRateLag().shift(example_flights(), torch.tensor([8.0, 0.0]))
         >>> bool(torch.equal(shift["rate"], shift["lag"]))  # reported late, and not flown otherwise
         True

@@ -14,7 +14,7 @@ class VerticalSpeedMode(Effect):
     """A rate is held for a while; cleaning cuts the clearest stretches out and leaves gaps, the rest stays.
 
     Example:
-        >>> from descentflow.effects.example_flights import example_flights
+        >>> from descentflow.effects._example_flights import example_flights
         >>> shift = VerticalSpeedMode().shift(example_flights(), torch.tensor([0.2, 5.0, 0.04]))
         >>> round(float(shift["missing"].mean()), 3)  # share of the levels that cleaning cuts out
         0.2

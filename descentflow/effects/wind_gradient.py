@@ -11,7 +11,7 @@ class WindGradient(Effect):
     """Growth of the along-track tailwind with altitude (positive: more tailwind higher up).
 
     Example:
-        >>> from descentflow.effects.example_flights import example_flights
+        >>> from descentflow.effects._example_flights import example_flights
         >>> shift = WindGradient().shift(example_flights(), torch.tensor([0.002]))
         >>> round(float(shift["rate"].mean()), 2)  # 1.2 kt more tailwind for each 1,000 ft: ln of the rate
         -0.04

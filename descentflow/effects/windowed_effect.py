@@ -21,7 +21,7 @@ class WindowedEffect(Effect):
 
     Example:
         >>> from descentflow.effects import EFFECTS
-        >>> from descentflow.effects.example_flights import example_flights
+        >>> from descentflow.effects._example_flights import example_flights
         >>> brakes, state = EFFECTS["speed_brake"], example_flights()
         >>> ends = brakes.below(state, torch.tensor([200.0, 240.0]).double())["rate"]
         >>> (ends[1] - ends[0])[:6]  # bands of 2,000 ft, the third of which is about FL200

@@ -14,10 +14,10 @@ from descentflow.core.arguments import Output, checked_arguments
 from descentflow.core.files import check_folder, write_whole
 from descentflow.core.tabular import write_table
 from descentflow.core.units import FPM_MPS
+from descentflow.evaluation.figures._score_figures import acceptance_figure, classifier_figure, level_scores_figure
 from descentflow.evaluation.figures.components import components_figure
 from descentflow.evaluation.figures.level_cuts import cuts_figure
 from descentflow.evaluation.figures.profile_bands import profiles_figure
-from descentflow.evaluation.figures.score_figures import acceptance_figure, classifier_figure, level_scores_figure
 from descentflow.evaluation.metrics.classifier import MIN_PAIRS, Detection, detect
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.score_registry import FUEL, level_parts

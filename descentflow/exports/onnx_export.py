@@ -21,8 +21,8 @@ from descentflow.core.files import write_whole
 from descentflow.core.tabular import optional_library
 from descentflow.core.version import __version__
 from descentflow.densities.density import Density
-from descentflow.exports.descent_graph import ALL_RULES, PROFILES, Precision, SamplerGraph
-from descentflow.exports.export_request import ExportRequest
+from descentflow.exports._descent_graph import ALL_RULES, PROFILES, Precision, SamplerGraph
+from descentflow.exports._export_request import ExportRequest
 from descentflow.generation.sample_columns import COLUMNS, FUEL
 from descentflow.representation.context import ContextColumn
 

@@ -13,16 +13,16 @@ from descentflow.core.arguments import Count, checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.core.threads import one_thread_where_they_spin
 from descentflow.densities.checkpoint import as_density
-from descentflow.generation.given_temperature import given_deviation_k, in_given_air
+from descentflow.generation._given_temperature import given_deviation_k, in_given_air
+from descentflow.generation._sample_airs import Airs, airs_of
 from descentflow.generation.rejection import sample_descents
-from descentflow.generation.sample_airs import Airs, airs_of
 from descentflow.generation.sample_contexts import Contexts, context_rows, entry_levels
 from descentflow.generation.samples import Samples, origin_of
 from descentflow.positions.ground_plan import NOWHERE, GroundPlan
 from descentflow.weather.weather_layout import names_weather
 
 if TYPE_CHECKING:
-    from descentflow.generation.air_along_path import AirAlongPath
+    from descentflow.generation._air_along_path import AirAlongPath
 
 QUANTITIES = 6
 """Of each descent at each level: time, CAS, Mach number, TAS, rate and drag."""
@@ -112,7 +112,7 @@ def sample(
 def _along_path(field: Any, plan: GroundPlan) -> "Iterator[AirAlongPath]":
     """The air of a weather field along a plan's path."""
     # Here: samples without a field need none of it.
-    from descentflow.generation.air_along_path import AirAlongPath
+    from descentflow.generation._air_along_path import AirAlongPath
     from descentflow.weather.weather_field import weather_field
 
     with weather_field(field) as opened:

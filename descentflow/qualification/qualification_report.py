@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from descentflow.core.files import whole_file
 from descentflow.core.threads import one_thread
 from descentflow.diagnosis.findings.plain_values import primitives
-from descentflow.qualification.record import Record
-from descentflow.qualification.record_page import limits_figure, page, summary
+from descentflow.qualification._record import Record
+from descentflow.qualification._record_page import limits_figure, page, summary
 from descentflow.reporting.in_notebook import InNotebook
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ FILES = ("qualification.json", "qualification.html")
 
 @dataclass(frozen=True, repr=False)
 class Qualification(Record, InNotebook):
-    """Qualification of a simulator, see :class:`~descentflow.qualification.record.Record` for its parts.
+    """Qualification of a simulator, see ``Record`` for its parts.
 
     Example:
         >>> from descentflow.qualification.qualify import qualify

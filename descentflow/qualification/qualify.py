@@ -24,13 +24,13 @@ from descentflow.diagnosis.sides.simulator import Simulator
 from descentflow.diagnosis.sides.two_sides import Compared, compare
 from descentflow.effects import EFFECTS
 from descentflow.measurements.quantity_registry import CHANNELS
-from descentflow.qualification.assurance import budget_of, domain_of, factors_of, independence_of
+from descentflow.qualification._assurance import budget_of, domain_of, factors_of, independence_of
+from descentflow.qualification._predicted_times import flown_as_predicted, table_of_times
+from descentflow.qualification._record import Row
 from descentflow.qualification.deviations import BAND_FL, Deviation, by_level, of_predictions, own_predictions
 from descentflow.qualification.equivalence import MeanOfFlights, Verdict, judge, mean_of
 from descentflow.qualification.limits import UNITS, Limit, Limits, read_limits
-from descentflow.qualification.predicted_times import flown_as_predicted, table_of_times
 from descentflow.qualification.qualification_report import FILES, Qualification
-from descentflow.qualification.record import Row
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.open_descents import FlightSource, paths_of
 
@@ -65,7 +65,7 @@ def qualify(
         real: Real flights, as :func:`descentflow.diagnosis.diagnose.diagnose` takes them.
         simulator: A checkpoint, of which descents are drawn; flights of any simulator; a type, for nominal BADA; or a
             predictor's table of times for the real flights, see
-            :func:`~descentflow.qualification.predicted_times.table_of_times`.
+            ``table_of_times``.
         limits: ``part60`` (14 CFR Part 60, Table A2A, test 1.d.4), ``look_ahead`` (errors of predictions, which are
             measured), or a YAML file, see :func:`~descentflow.qualification.limits.read_limits`.
         typecode: In place of ``simulator``, its nominal descent; or the type whose coefficients carry the rate from one

@@ -15,9 +15,9 @@ from descentflow.aircraft_types.open_types.open_aircraft import open_type
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_output, write_whole
 from descentflow.exports.bluebird_tables import KINDS, tables
-from descentflow.repairs.nominal_fleet import nominal_fleet
+from descentflow.repairs._nominal_fleet import nominal_fleet
+from descentflow.repairs._repair_page import page
 from descentflow.repairs.repair_found import FACTORS, SPEEDS, CoefficientEstimate, Repair
-from descentflow.repairs.repair_page import page
 
 
 def paths_of(out: Path, typecode: str, own: Path | None = None) -> dict[str, Path]:

@@ -1,7 +1,7 @@
 """From surveillance rows to free descents; every row that is dropped is counted.
 
 Reading order: :mod:`~descentflow.surveillance.prepare` (all of it in order),
-:mod:`~descentflow.surveillance.read_rows` (the stages of reading), :mod:`~descentflow.surveillance.intake` (usable
+:mod:`~descentflow.surveillance.read_rows` (the stages of reading), ``_intake`` (usable
 rows, and those in memory to descents), then the folders in that order:
 :mod:`~descentflow.surveillance.unpacking` (paths to streams of bytes),
 :mod:`~descentflow.surveillance.formats` (streams to tables; a source of rows is added here),

@@ -10,7 +10,7 @@ from descentflow.core.errors import CleaningError, ConfigError, DataError, warn
 from descentflow.core.tabular import held_table, is_table
 from descentflow.core.threads import check_not_forked
 from descentflow.surveillance.cleaning.thresholds import Cleaning, differences_in_words, different_settings
-from descentflow.surveillance.descents.check_descents import checked_descents
+from descentflow.surveillance.descents._check_descents import checked_descents
 from descentflow.surveillance.descents.prepared_descents import Descents, join_descents, read_descents, top_levels
 from descentflow.surveillance.descents.store import KEY, MANIFEST, SCHEMA_VERSION
 from descentflow.surveillance.unpacking import whole_input

@@ -10,14 +10,14 @@ import polars as pl
 from descentflow.core.arguments import Count, Output, checked_arguments
 from descentflow.core.threads import check_not_forked
 from descentflow.core.workers import engine_of
+from descentflow.surveillance._intake import clean_held, take_in
+from descentflow.surveillance._request import PreparationRequest, description
 from descentflow.surveillance.cleaning.thresholds import Cleaning, cleaning_of
 from descentflow.surveillance.descents.prepared_descents import Descents
-from descentflow.surveillance.intake import clean_held, take_in
-from descentflow.surveillance.out_of_core.resumable_run import prepare_to
+from descentflow.surveillance.out_of_core._resumable_run import prepare_to
 from descentflow.surveillance.out_of_core.spill import Memory
 from descentflow.surveillance.read_rows import read_table, source_of
-from descentflow.surveillance.request import PreparationRequest, description
-from descentflow.surveillance.rows.addresses import named_types, types_held
+from descentflow.surveillance.rows._addresses import named_types, types_held
 from descentflow.surveillance.rows.airspeed_source import AirspeedSource
 
 __all__ = ["MEMORY_BYTES", "Cleaning", "prepare"]

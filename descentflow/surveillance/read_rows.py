@@ -10,7 +10,7 @@ import polars as pl
 
 from descentflow.core.errors import ConfigError, NoRowsError
 from descentflow.core.tabular import held_table, is_pandas
-from descentflow.surveillance.formats.known_formats import (
+from descentflow.surveillance.formats._known_formats import (
     ACCEPTED,
     RowBlock,
     check_format,
@@ -18,14 +18,14 @@ from descentflow.surveillance.formats.known_formats import (
     put_together,
     recognised,
 )
+from descentflow.surveillance.rows._column_names import note_unused, row_names, with_folders, with_named
+from descentflow.surveillance.rows._false_values import without_false_values
+from descentflow.surveillance.rows._normalise import is_list_of_types, normalise, wanted
+from descentflow.surveillance.rows._units_check import check_ground_vector, check_units
+from descentflow.surveillance.rows._values_beside import with_values_beside
 from descentflow.surveillance.rows.air_data import MACH_MISSING, mach_reported, reports_airspeeds, with_ias, with_mach
-from descentflow.surveillance.rows.column_names import note_unused, row_names, with_folders, with_named
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.rows.false_values import without_false_values
-from descentflow.surveillance.rows.normalise import is_list_of_types, normalise, wanted
 from descentflow.surveillance.rows.schema import AIRSPEEDS
-from descentflow.surveillance.rows.units_check import check_ground_vector, check_units
-from descentflow.surveillance.rows.values_beside import with_values_beside
 from descentflow.surveillance.unpacking import Input, Unreadable, files_of, inputs, opened, unpacked
 
 LISTS_OF_TYPES = "rows of lists of types (icao24, typecode), which are no surveillance rows"
@@ -53,7 +53,7 @@ def row_blocks(
     Args:
         sources: Files, folders and tables.
         report: Takes the counts of values and files that could not be read.
-        format: Name in :data:`~descentflow.surveillance.formats.known_formats.FORMATS` of what all the files are;
+        format: Name in ``FORMATS`` of what all the files are;
             recognised for each from its content if None.
         block_rows: About the most rows in a block; memory is bounded by a few times this number.
         columns: Name in a row -> column of the tables, where it has another name there.

@@ -42,7 +42,7 @@ from descentflow.representation.representation import Representation, Split
 from descentflow.representation.seen_flights import SeenFlights
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.open_descents import FlightSource
-from descentflow.training.chosen_descents import aircraft_of, at_mass, bottom_of, known_cleaning, name_of, of_typecodes
+from descentflow.training._chosen_descents import aircraft_of, at_mass, bottom_of, known_cleaning, name_of, of_typecodes
 from descentflow.training.data_settings import BatchSettings, ContextSettings
 from descentflow.training.splitting import SplitSettings, flight_batches, split_flights
 

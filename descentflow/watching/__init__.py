@@ -2,5 +2,5 @@
 
 Read :mod:`~descentflow.watching.watch` first. The evidence is in
 :mod:`~descentflow.watching.change_evidence`, the record of a day in :mod:`~descentflow.watching.day_record`, and the
-folder between runs in :mod:`~descentflow.watching.state`.
+folder between runs in ``_state``.
 """

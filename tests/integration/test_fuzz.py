@@ -13,7 +13,7 @@ import torch
 from descentflow.core.errors import CheckpointError, ConfigError, DataError, SamplingError
 from descentflow.densities.checkpoint import load_model
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.generation.conditional.latent_density import Prior, posterior_of
+from descentflow.generation.conditional._latent_density import Prior, posterior_of
 from descentflow.generation.sample import sample
 from descentflow.representation.linear_curves import LinearCurves
 from descentflow.surveillance.descents.prepared_descents import read_descents

@@ -17,7 +17,7 @@ from descentflow.diagnosis.diagnose import diagnose
 from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.diagnosis.sides.diagnosis_inputs import Inputs
 from descentflow.effects import EFFECTS
-from descentflow.effects.example_flights import example_flights
+from descentflow.effects._example_flights import example_flights
 from descentflow.effects.vertical_rate_lag import _late
 from descentflow.simulation.world import simulate
 from descentflow.surveillance.cleaning.thresholds import Cleaning

@@ -19,8 +19,8 @@ from descentflow.diagnosis.sides.measured_sides import both_sides
 from descentflow.diagnosis.sides.two_sides import Compared, compare
 from descentflow.effects import EFFECTS
 from descentflow.measurements.quantity_registry import CHANNELS
+from descentflow.qualification._predicted_times import flown_as_predicted
 from descentflow.qualification.deviations import BAND_FL, Numbers, by_level, of_predictions, own_predictions
-from descentflow.qualification.predicted_times import flown_as_predicted
 from descentflow.qualification.qualification_report import Qualification
 from descentflow.qualification.qualify import qualify
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents

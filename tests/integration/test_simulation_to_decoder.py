@@ -8,7 +8,7 @@ from toys import AIRCRAFT
 
 from descentflow.core.units import FL_M
 from descentflow.representation.decoder.trajectories import integrate
-from descentflow.simulation.flight import Flown, fly
+from descentflow.simulation._flight import Flown, fly
 from descentflow.simulation.parameters import FlightParameters, draw_parameters
 from descentflow.simulation.world_config import WorldConfig
 

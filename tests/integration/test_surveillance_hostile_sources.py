@@ -43,8 +43,8 @@ def test_a_bomb_of_gzip_is_refused_by_the_limits_of_what_is_held(
     """A good file of every source that ends in a bomb: zeros after binary content, blanks after text."""
     monkeypatch.setattr("descentflow.surveillance.unpacking.MAX_LINE_BYTES", 1 << 20)
     monkeypatch.setattr("descentflow.surveillance.unpacking.MAX_DOCUMENT_BYTES", 2 << 20)
-    monkeypatch.setattr("descentflow.surveillance.formats.tables.MAX_LINE_BYTES", 1 << 20)
-    monkeypatch.setattr("descentflow.surveillance.formats.tables.CSV_BYTES", 1 << 20)
+    monkeypatch.setattr("descentflow.surveillance.formats._tables.MAX_LINE_BYTES", 1 << 20)
+    monkeypatch.setattr("descentflow.surveillance.formats._tables.CSV_BYTES", 1 << 20)
     binary = kind in ("parquet", "feather") or kind.startswith("asterix")
     packer = io.BytesIO()
     with gzip.GzipFile(fileobj=packer, mode="wb", compresslevel=9) as out:
@@ -81,8 +81,8 @@ def test_a_long_text_in_a_column_that_is_needed_is_refused_and_not_printed_whole
 def test_lines_and_documents_that_are_too_long_to_be_held(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("descentflow.surveillance.unpacking.MAX_LINE_BYTES", 20_000)
     monkeypatch.setattr("descentflow.surveillance.unpacking.MAX_DOCUMENT_BYTES", 30_000)
-    monkeypatch.setattr("descentflow.surveillance.formats.tables.MAX_LINE_BYTES", 20_000)
-    monkeypatch.setattr("descentflow.surveillance.formats.tables.CSV_BYTES", 10_000)
+    monkeypatch.setattr("descentflow.surveillance.formats._tables.MAX_LINE_BYTES", 20_000)
+    monkeypatch.setattr("descentflow.surveillance.formats._tables.CSV_BYTES", 10_000)
     snapshot = '{"now": 1, "aircraft": []}\n'
     refused(written_to(tmp_path / "a.json", snapshot + " " * 20_001), "line 2: longer than")
     trace = json.dumps(trace_of(flight()), indent=0)

@@ -13,7 +13,7 @@ from descentflow.core.errors import ConfigError, DataError
 from descentflow.surveillance.cleaning import chain
 from descentflow.surveillance.descents import store
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
-from descentflow.surveillance.out_of_core import groups
+from descentflow.surveillance.out_of_core import _groups
 from descentflow.surveillance.prepare import Cleaning, prepare
 
 
@@ -65,7 +65,7 @@ def test_descents_do_not_depend_on_memory_or_form(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(groups, "GROUP_BYTES", 1)
+    monkeypatch.setattr(_groups, "GROUP_BYTES", 1)
     monkeypatch.setattr(chain, "BATCH_ROWS", 300)
     monkeypatch.setattr(store, "CHUNK_ROWS", 300)
     monkeypatch.setattr(store, "FILE_ROWS", 600)

@@ -19,8 +19,8 @@ from surveillance_toys import fleet, written
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.workers import Engine
 from descentflow.surveillance.descents.prepared_descents import read_descents
-from descentflow.surveillance.out_of_core import groups, job
-from descentflow.surveillance.out_of_core import partitions as engines
+from descentflow.surveillance.out_of_core import _groups, _job
+from descentflow.surveillance.out_of_core import _partitions as engines
 from descentflow.surveillance.prepare import Cleaning, prepare
 
 MEMORY = 800_000
@@ -28,7 +28,7 @@ MEMORY = 800_000
 SLOW_RUN = """
 import sys, time
 from pathlib import Path
-from descentflow.surveillance.out_of_core import partitions as engine
+from descentflow.surveillance.out_of_core import _partitions as engine
 from descentflow.surveillance import prepare
 clean = engine.clean
 engine.clean = lambda *args: (time.sleep(0.15), clean(*args))[1]
@@ -37,7 +37,7 @@ prepare.prepare([Path(sys.argv[1])], out=Path(sys.argv[2]), memory_bytes={memory
 
 SLOW_WORKER = """
 import time
-from descentflow.surveillance.out_of_core import partitions as engine
+from descentflow.surveillance.out_of_core import _partitions as engine
 engine.clean = lambda *args, clean=engine.clean: (time.sleep(0.15), clean(*args))[1]
 """
 
@@ -102,9 +102,9 @@ def test_groups_that_were_read_are_not_read_again(rows: Path, tmp_path: Path, mo
     folder.mkdir()
     for number, part in enumerate(frame.iter_slices(len(frame) // 5 + 1)):
         part.write_parquet(folder / f"{number}.parquet")
-    monkeypatch.setattr(groups, "GROUP_BYTES", 1)
+    monkeypatch.setattr(_groups, "GROUP_BYTES", 1)
     read: list[str] = []
-    take_in = groups.take_in
+    take_in = _groups.take_in
 
     def interrupted(files, *args):  # type: ignore[no-untyped-def]
         if len(read) == 2:
@@ -112,7 +112,7 @@ def test_groups_that_were_read_are_not_read_again(rows: Path, tmp_path: Path, mo
         read.append(files[0].name)
         return take_in(files, *args)
 
-    monkeypatch.setattr(groups, "take_in", interrupted)
+    monkeypatch.setattr(_groups, "take_in", interrupted)
     with pytest.raises(KeyboardInterrupt):
         prepare([folder], out=tmp_path / "s", memory_bytes=MEMORY)
     read.append("interrupted")
@@ -124,7 +124,7 @@ def test_groups_that_were_read_are_not_read_again(rows: Path, tmp_path: Path, mo
 def test_a_group_without_a_row_is_counted_unless_all_are_so(
     rows: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(groups, "GROUP_BYTES", 1)
+    monkeypatch.setattr(_groups, "GROUP_BYTES", 1)
     empty = written(pl.read_parquet(rows).clear(), tmp_path / "empty.parquet")
     prepared = prepare([empty, rows], out=tmp_path / "d.parquet")
     assert prepared.report.notes["groups of files without a row"] == 1
@@ -165,7 +165,7 @@ def test_a_run_that_is_killed_while_it_removes_its_work_leaves_none_of_it_to_the
     place = tmp_path / "out"
     place.mkdir()
     with monkeypatch.context() as patched:
-        patched.setattr(*((job, "_remove") if instant == "before" else (shutil, "rmtree")), kill)
+        patched.setattr(*((_job, "_remove") if instant == "before" else (shutil, "rmtree")), kill)
         with pytest.raises(Killed):
             prepare(rows, out=place / out, memory_bytes=MEMORY)
     assert len(list(place.iterdir())) == 2

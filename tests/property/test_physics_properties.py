@@ -5,7 +5,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from descentflow.aircraft_types.bada3.fixed_columns import e10
+from descentflow.aircraft_types.bada3._fixed_columns import e10
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.units import FL_M
 from descentflow.physics.airspeed import (

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from surveillance_toys import START, rows_at
 
-from descentflow.surveillance.cleaning.level_grid import to_levels
+from descentflow.surveillance.cleaning._level_grid import to_levels
 from descentflow.surveillance.cleaning.rates import ConstantRate
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.rows.drop_report import DropReport

@@ -8,7 +8,7 @@ import pytest
 import torch
 from bada4_dummies import dummies
 
-from descentflow.aircraft_types.bada3.bada_directory import load_aircraft
+from descentflow.aircraft_types.bada3._bada_directory import load_aircraft
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.physics.atmosphere import density_kg_m3, pressure_pa, speed_of_sound_mps, temperature_k
 from descentflow.physics.nominal_descent import nominal_descent

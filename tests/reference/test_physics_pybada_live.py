@@ -8,7 +8,7 @@ import pytest
 import torch
 from bada4_dummies import dummies
 
-from descentflow.aircraft_types.bada3.bada_directory import load_aircraft
+from descentflow.aircraft_types.bada3._bada_directory import load_aircraft
 from descentflow.core.units import FT_M
 from descentflow.physics.airspeed import cas_to_tas_mps, crossover_altitude_m
 from descentflow.physics.energy import descent_rate_mps, energy_share_factor

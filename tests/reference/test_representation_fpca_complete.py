@@ -7,8 +7,8 @@ from torch import Tensor
 from toys import normal
 
 from descentflow.representation.fpca import ppca
-from descentflow.representation.fpca.complete import leading, mean_and_covariance
-from descentflow.representation.fpca.mask_groups import MaskGroups, group_masks
+from descentflow.representation.fpca._complete import leading, mean_and_covariance
+from descentflow.representation.fpca._mask_groups import MaskGroups, group_masks
 
 
 def curves(n: int, n_levels: int = 30, noise: float = 0.3) -> Tensor:

@@ -6,7 +6,7 @@ from surveillance_toys import flight
 
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.surveillance.prepare import prepare
-from descentflow.surveillance.rows.addresses import KEPT_ADDRESSES, SPELT_ANEW, six_digits
+from descentflow.surveillance.rows._addresses import KEPT_ADDRESSES, SPELT_ANEW, six_digits
 from descentflow.surveillance.rows.drop_report import DropReport
 
 

@@ -16,7 +16,7 @@ import descentflow as df
 from descentflow.air.level_air import LevelAir
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.core.units import KT_MPS
-from descentflow.generation.air_along_path import TURNS, AirAlongPath
+from descentflow.generation._air_along_path import TURNS, AirAlongPath
 from descentflow.positions.ground_plan import ground_plan
 from descentflow.positions.placing import place
 from descentflow.positions.wind import read_wind_field

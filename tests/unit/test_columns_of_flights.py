@@ -7,8 +7,8 @@ import polars as pl
 import pytest
 
 from descentflow.core.errors import DataError, DescentflowWarning
+from descentflow.surveillance.rows._units_check import check_units
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt, isa_tas_of_mach_kt, mach_of_cas
-from descentflow.surveillance.rows.units_check import check_units
 
 
 def rows_of_flights(number: int = 6) -> pl.DataFrame:

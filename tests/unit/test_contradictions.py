@@ -8,7 +8,7 @@ import pytest
 from surveillance_toys import fleet
 
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
-from descentflow.surveillance.cleaning.flights import OTHER_VALUES
+from descentflow.surveillance.cleaning._flights import OTHER_VALUES
 from descentflow.surveillance.prepare import prepare
 
 

@@ -17,7 +17,7 @@ from descentflow.densities.checkpoint import content_of, load_model
 from descentflow.densities.em import fit_mixture
 from descentflow.densities.em_steps import Steps
 from descentflow.densities.mixture_parameters import Mixture, log_observed, n_parameters
-from descentflow.generation.conditional.latent_density import posterior_of, prior_of
+from descentflow.generation.conditional._latent_density import posterior_of, prior_of
 from descentflow.generation.rejection import sample_descents
 from descentflow.representation.context import ContextEncoder
 from descentflow.representation.evidence import WeightEvidence

@@ -6,8 +6,8 @@ import pytest
 import torch
 from matplotlib.figure import Figure
 
+from descentflow.evaluation.figures._score_figures import acceptance_figure, level_scores_figure
 from descentflow.evaluation.figures.level_cuts import cuts_figure
-from descentflow.evaluation.figures.score_figures import acceptance_figure, level_scores_figure
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.scores import score
 from descentflow.generation.samples import RejectionReport

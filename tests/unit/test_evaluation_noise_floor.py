@@ -5,8 +5,8 @@ from math import comb
 import pytest
 import torch
 
+from descentflow.evaluation.metrics._distances import Values
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.evaluation.metrics.distances import Values
 from descentflow.evaluation.metrics.noise_floor import split_distances
 from descentflow.evaluation.metrics.scores import score
 

@@ -7,9 +7,9 @@ import torch
 import toys
 from torch import Tensor
 
-from descentflow.evaluation.figures.score_figures import level_scores_figure
+from descentflow.evaluation.figures._score_figures import level_scores_figure
+from descentflow.evaluation.metrics._distances import Pooled, Values
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.evaluation.metrics.distances import Pooled, Values
 from descentflow.evaluation.metrics.score_registry import STATISTICS, LevelStatistic, ProfileStatistic
 from descentflow.evaluation.metrics.scores import score
 

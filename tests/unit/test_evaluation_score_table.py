@@ -9,9 +9,9 @@ import torch
 
 from descentflow.core.units import KT_MPS
 from descentflow.evaluation.evaluation_report import verdict
+from descentflow.evaluation.metrics._distances import MIN_VALUES
 from descentflow.evaluation.metrics.classifier import Detection
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.evaluation.metrics.distances import MIN_VALUES
 from descentflow.evaluation.metrics.score_table import Score, ScoreTable
 from descentflow.evaluation.metrics.scores import score
 

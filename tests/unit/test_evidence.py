@@ -13,8 +13,10 @@ from descentflow.aircraft_types.registry import aircraft
 from descentflow.core.linear_gaussian import Precisions, posterior, shrunk
 from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, corrected_entries
 from descentflow.diagnosis.diagnosis_steps import diagnose_compared
-from descentflow.diagnosis.gap.what_is_left import curves, remaining_of, standard_errors
-from descentflow.diagnosis.inference.candidates import FlightsEffect, MeanEffect
+from descentflow.diagnosis.gap._what_is_left import curves, remaining_of, standard_errors
+from descentflow.diagnosis.inference._candidates import FlightsEffect, MeanEffect
+from descentflow.diagnosis.inference._naming import Named, name_effects, nuisances
+from descentflow.diagnosis.inference._sets import Search, SetFit, SetFits
 from descentflow.diagnosis.inference.explain import changed_surely, detection_limits, explain
 from descentflow.diagnosis.inference.flight_mixture import (
     FlightWindows,
@@ -29,17 +31,15 @@ from descentflow.diagnosis.inference.moments import (
     sums_by_aircraft_and_day,
     sums_over,
 )
-from descentflow.diagnosis.inference.naming import Named, name_effects, nuisances
-from descentflow.diagnosis.inference.sets import Search, SetFit, SetFits
 from descentflow.diagnosis.inference.signatures import Signatures, linearised
 from descentflow.diagnosis.inference.verdict import verdict_of
+from descentflow.diagnosis.sides._vectors import Entry
 from descentflow.diagnosis.sides.assumptions import Assumptions
 from descentflow.diagnosis.sides.diagnosis_settings import Settings
 from descentflow.diagnosis.sides.simulator import Simulator
 from descentflow.diagnosis.sides.two_sides import Compared
-from descentflow.diagnosis.sides.vectors import Entry
 from descentflow.effects import EFFECTS, Effect
-from descentflow.effects.example_flights import example_flights
+from descentflow.effects._example_flights import example_flights
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 
 NONE = np.zeros(0)

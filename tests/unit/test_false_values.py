@@ -7,9 +7,9 @@ from surveillance_toys import fleet, flight
 
 from descentflow.core.errors import DataError
 from descentflow.surveillance.read_rows import read_rows
+from descentflow.surveillance.rows._false_values import TAKEN_FOR_MISSING, without_false_values
 from descentflow.surveillance.rows.air_data import isa_tas_of_mach_kt
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.rows.false_values import TAKEN_FOR_MISSING, without_false_values
 
 MEASURED = ("IAS", "Mach", "TAS", "groundspeed", "vertical_rate")
 

@@ -7,7 +7,7 @@ import polars as pl
 from source_toys import packed, trace_of
 from surveillance_toys import START, flight, rows_at
 
-from descentflow.surveillance.cleaning.flights import (
+from descentflow.surveillance.cleaning._flights import (
     OVER_MIDNIGHT,
     PART_OF,
     SEPARATED_FLIGHTS,

@@ -14,8 +14,8 @@ from scipy.stats import wasserstein_distance
 from descentflow.aircraft_types.registry import aircraft
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import FL_M, FT_M, KT_MPS
+from descentflow.diagnosis.correction._corrected_simulator import sampled_descents
 from descentflow.diagnosis.correction.corrected_descents import corrected_descents
-from descentflow.diagnosis.correction.corrected_simulator import sampled_descents
 from descentflow.diagnosis.correction.effects_in_flights import AddedEffects
 from descentflow.diagnosis.gap.costs import costs_of
 from descentflow.effects import EFFECTS

@@ -10,7 +10,7 @@ import torch
 
 from descentflow.measurements.level_channels import LevelGrid, short_scale_noise
 from descentflow.measurements.quantities import Quantities, of_some_aircraft, quantities_of, reference_state
-from descentflow.surveillance.cleaning.level_grid import to_levels
+from descentflow.surveillance.cleaning._level_grid import to_levels
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import read_descents
 from descentflow.surveillance.rows.drop_report import DropReport

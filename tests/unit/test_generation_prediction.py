@@ -14,9 +14,9 @@ from toys import Opaque, normal
 from descentflow.core.errors import ConfigError, DataError, SamplingError
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.generation.conditional.latent_density import Prior, posterior_of, prior_of
-from descentflow.generation.prediction.predictor import DescentPredictor, observed_at
-from descentflow.generation.prediction.summary import (
+from descentflow.generation.conditional._latent_density import Prior, posterior_of, prior_of
+from descentflow.generation.prediction._predictor import DescentPredictor, observed_at
+from descentflow.generation.prediction._summary import (
     actual_times,
     coverage,
     time_intervals,

@@ -8,7 +8,7 @@ import torch
 
 from descentflow.diagnosis.diagnose import diagnose
 from descentflow.effects import EFFECTS
-from descentflow.effects.example_flights import example_flights
+from descentflow.effects._example_flights import example_flights
 from descentflow.simulation.world import simulate
 from descentflow.surveillance.descents.prepared_descents import write_descents
 from descentflow.surveillance.prepare import prepare

@@ -6,10 +6,10 @@ import pytest
 import torch
 from example_sides import example_sides
 
-from descentflow.diagnosis.findings.gap_found import MeasuredEntry
-from descentflow.diagnosis.gap.labellings import mean_over_quantities
-from descentflow.diagnosis.gap.measured_gap import MeasuredGap, measured_again
-from descentflow.diagnosis.gap.previous_round import achieved_share
+from descentflow.diagnosis.findings._gap_found import MeasuredEntry
+from descentflow.diagnosis.gap._labellings import mean_over_quantities
+from descentflow.diagnosis.gap._measured_gap import MeasuredGap, measured_again
+from descentflow.diagnosis.gap._previous_round import achieved_share
 from descentflow.effects import EFFECTS
 
 

@@ -149,7 +149,7 @@ def test_rows_in_the_folder_of_no_type_have_none_and_a_column_counts_before_a_fo
 
 def test_types_are_read_from_the_list_of_opensky(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its quotes are single, around some values only, doubled within, and lines go on inside of them."""
-    monkeypatch.setattr("descentflow.surveillance.formats.tables.CSV_BYTES", 120)
+    monkeypatch.setattr("descentflow.surveillance.formats._tables.CSV_BYTES", 120)
     rows = fleet()
     listed = [f"'{one}','2017-09-16 01:00:00',0,'O''Brien, \"Air\"\nLtd','A320'" for one in rows["icao24"].unique()]
     path = tmp_path / "aircraft-database-complete.csv"

@@ -11,7 +11,7 @@ from surveillance_toys import written
 from descentflow.core.constants import KAPPA, R_AIR
 from descentflow.core.errors import DataError
 from descentflow.core.units import KT_MPS
-from descentflow.surveillance.cleaning.neighbour_air import NeighbourAir, observations
+from descentflow.surveillance.cleaning._neighbour_air import NeighbourAir, observations
 from descentflow.surveillance.out_of_core.spill import Memory
 from descentflow.surveillance.prepare import prepare
 

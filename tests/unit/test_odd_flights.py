@@ -9,7 +9,7 @@ import torch
 from example_sides import example_sides
 
 from descentflow.diagnosis.findings.costs_found import LevelMeans
-from descentflow.diagnosis.gap.what_is_left import flights_worth_a_look
+from descentflow.diagnosis.gap._what_is_left import flights_worth_a_look
 from descentflow.diagnosis.sides.two_sides import Compared
 from descentflow.measurements.quantities import CHANNELS, quantities_of
 

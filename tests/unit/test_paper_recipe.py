@@ -13,8 +13,8 @@ from descentflow.core.errors import DescentflowWarning
 from descentflow.densities.checkpoint import load_model
 from descentflow.densities.flow import MaskedAffineFlowDensity
 from descentflow.representation.fit_representation import RepresentationSettings
+from descentflow.representation.fpca._iterative import MAX_ITERATIONS, iterate
 from descentflow.representation.fpca.gappy import fit_components
-from descentflow.representation.fpca.iterative import MAX_ITERATIONS, iterate
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.fit import fit
 from descentflow.training.splitting import SplitSettings

@@ -8,8 +8,8 @@ import re
 import pytest
 
 from descentflow import physics
+from descentflow.aircraft_types.bada3._coefficients import Coefficients
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
-from descentflow.aircraft_types.bada3.coefficients import Coefficients
 from descentflow.physics import airspeed, atmosphere, energy, idle_state, level_table, nominal_descent
 
 EQUATIONS = (airspeed, atmosphere, energy, idle_state, level_table, nominal_descent)

@@ -14,7 +14,7 @@ from toys import AIRCRAFT
 from descentflow.cli.entry import main
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.units import KT_MPS
-from descentflow.simulation.plain_adsb import plain_adsb
+from descentflow.simulation._plain_adsb import plain_adsb
 from descentflow.simulation.world import World, simulate
 from descentflow.simulation.world_config import WorldConfig
 from descentflow.surveillance.prepare import prepare

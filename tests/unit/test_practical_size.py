@@ -10,9 +10,9 @@ from example_sides import example_sides
 from descentflow.aircraft_types.registry import aircraft
 from descentflow.core.mode_s_steps import STEPS
 from descentflow.diagnosis.diagnosis_steps import diagnose_compared
+from descentflow.diagnosis.gap._where import where
 from descentflow.diagnosis.gap.costs import costs_of, profile_of
 from descentflow.diagnosis.gap.practical_size import below_rounding, rounding_of
-from descentflow.diagnosis.gap.where import where
 from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.diagnosis.report.page import page
 from descentflow.diagnosis.sides.diagnosis_settings import Settings

@@ -3,9 +3,9 @@
 import pytest
 import torch
 
-from descentflow.diagnosis.findings.cause_found import Cause, ClosedShare, Closure
-from descentflow.diagnosis.findings.sizes import sizes_of
-from descentflow.diagnosis.inference.described import recipe_of
+from descentflow.diagnosis.findings._cause_found import Cause, ClosedShare, Closure
+from descentflow.diagnosis.findings._sizes import sizes_of
+from descentflow.diagnosis.inference._described import recipe_of
 from descentflow.effects import EFFECTS
 
 NOTHING = ClosedShare(None, None, None)

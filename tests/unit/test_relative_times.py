@@ -7,7 +7,7 @@ import pytest
 from surveillance_toys import flight, written
 
 from descentflow.core.errors import DataError
-from descentflow.surveillance.cleaning.flights import BEFORE_1990
+from descentflow.surveillance.cleaning._flights import BEFORE_1990
 from descentflow.surveillance.prepare import prepare
 
 SECONDS = (pl.col("timestamp") - pl.col("timestamp").min()).dt.total_microseconds() / 1e6

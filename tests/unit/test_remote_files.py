@@ -11,7 +11,7 @@ from surveillance_toys import fleet, written
 
 import descentflow as df
 from descentflow.cli.entry import main
-from descentflow.core import remote_files
+from descentflow.core import _remote_files
 from descentflow.core.errors import ConfigError, DataError
 
 
@@ -59,7 +59,7 @@ def test_what_could_not_be_sent_stays_for_the_same_call(
         patched.setattr(type(place), "put_file", lambda *_: (_ for _ in ()).throw(PermissionError("denied")))
         with pytest.raises(DataError, match="memory://bucket: PermissionError: denied"):
             df.prepare("memory://bucket/rows", out="memory://bucket/store")
-    assert len(list((tmp_path / remote_files.COPIES_FOLDER).glob("*/store/_descentflow.json"))) == 1
+    assert len(list((tmp_path / _remote_files.COPIES_FOLDER).glob("*/store/_descentflow.json"))) == 1
     said: list[str] = []
     df.prepare("memory://bucket/rows", out="memory://bucket/store", progress=said.append)
     assert said[-1] == "found finished"

@@ -5,7 +5,7 @@ import math
 import pytest
 import torch
 
-from descentflow.diagnosis.findings.sizes import NINETY, share_of, sizes_of
+from descentflow.diagnosis.findings._sizes import NINETY, share_of, sizes_of
 from descentflow.effects import EFFECTS
 
 

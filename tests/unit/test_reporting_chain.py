@@ -8,7 +8,7 @@ import torch
 from descentflow.core.units import FL_M, FPM_MPS
 from descentflow.diagnosis.sides.compared_state import report_delay_s
 from descentflow.effects import EFFECTS
-from descentflow.effects.example_flights import example_flights
+from descentflow.effects._example_flights import example_flights
 from descentflow.measurements.level_channels import LevelGrid
 
 BRAKES = EFFECTS["speed_brake"]

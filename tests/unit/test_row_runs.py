@@ -4,7 +4,7 @@ import polars as pl
 import pytest
 
 from descentflow.core.errors import DataError
-from descentflow.surveillance.descents.check_descents import checked_descents
+from descentflow.surveillance.descents._check_descents import checked_descents
 
 
 def test_a_level_twice_is_found_where_the_rows_of_a_flight_stand_apart() -> None:

@@ -175,7 +175,7 @@ def test_settings_that_make_no_world_are_refused(settings: dict[str, object], wo
 def test_bottom_above_the_top_and_aircraft_that_never_descends_are_refused(monkeypatch) -> None:
     with pytest.raises(ConfigError, match="above the bottom"):
         simulate(AIRCRAFT, 5, 0, WorldConfig(bottom_fl=390))
-    monkeypatch.setattr("descentflow.simulation.flight.LONGEST_S", 300.0)
+    monkeypatch.setattr("descentflow.simulation._flight.LONGEST_S", 300.0)
     with pytest.raises(ConfigError, match="idle thrust"):
         simulate(replace(AIRCRAFT, ct_des_high=0.9), 2, 0)
     with pytest.raises(ConfigError, match="three different names"):

@@ -6,14 +6,14 @@ import pytest
 import torch
 from scipy.optimize import minimize
 
-from descentflow.diagnosis.sides.assumptions import ASSUMED
-from descentflow.diagnosis.sides.simulator_coefficients import (
+from descentflow.diagnosis.sides._simulator_coefficients import (
     SimulatorCoefficients,
     _spread,
     scaled,
     simulator_coefficients,
 )
-from descentflow.effects.example_flights import example_flights
+from descentflow.diagnosis.sides.assumptions import ASSUMED
+from descentflow.effects._example_flights import example_flights
 from descentflow.effects.flight_state import FlightState, log_rate
 
 TRUE = torch.tensor([0.05, 0.2, -0.05, 0.5], dtype=torch.float64)

@@ -17,7 +17,7 @@ from descentflow.diagnosis.sides.diagnosis_settings import Settings
 from descentflow.diagnosis.sides.simulator import Simulator
 from descentflow.diagnosis.sides.two_sides import compare
 from descentflow.effects import EFFECTS
-from descentflow.effects.example_flights import example_flights
+from descentflow.effects._example_flights import example_flights
 from descentflow.effects.flight_state import log_rate
 from descentflow.measurements.along_track import speed_by_air_kt
 from descentflow.measurements.quantities import Quantities

@@ -8,9 +8,9 @@ import pytest
 from numpy.typing import NDArray
 from surveillance_toys import rows_at
 
-from descentflow.surveillance.cleaning.descent_filters import Descending, Falling, LargestDescent, SteadyDescent
-from descentflow.surveillance.cleaning.faulty_values import AirspeedsAgree, Despike
-from descentflow.surveillance.cleaning.filters import SEGMENT, filtered
+from descentflow.surveillance.cleaning._descent_filters import Descending, Falling, LargestDescent, SteadyDescent
+from descentflow.surveillance.cleaning._faulty_values import AirspeedsAgree, Despike
+from descentflow.surveillance.cleaning._filters import SEGMENT, filtered
 from descentflow.surveillance.cleaning.rates import ConstantRate
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt
 from descentflow.surveillance.rows.drop_report import DropReport

@@ -6,7 +6,7 @@ import pytest
 from surveillance_toys import flight, rows_at
 
 from descentflow.core.errors import DataError
-from descentflow.surveillance.cleaning.flights import (
+from descentflow.surveillance.cleaning._flights import (
     in_order,
     name_flights,
     names_given,
@@ -16,7 +16,7 @@ from descentflow.surveillance.cleaning.flights import (
     with_types,
 )
 from descentflow.surveillance.cleaning.rates import local_slope, with_rate
-from descentflow.surveillance.rows.addresses import types_held
+from descentflow.surveillance.rows._addresses import types_held
 from descentflow.surveillance.rows.drop_report import DropReport
 
 

@@ -20,7 +20,7 @@ from source_toys import (
 )
 
 from descentflow.core.errors import DataError
-from descentflow.surveillance.formats.json_rows import numbers, table, texts
+from descentflow.surveillance.formats._json_rows import numbers, table, texts
 
 
 @pytest.mark.parametrize("packing", ["plain", "gzip", "tar", "tar.gz"])
@@ -93,7 +93,7 @@ def test_snapshots_of_a_program_without_airspeeds_are_refused_by_their_names(tmp
 
 
 def test_csv_is_cut_between_rows_and_never_inside_quotes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("descentflow.surveillance.formats.tables.CSV_BYTES", 1000)
+    monkeypatch.setattr("descentflow.surveillance.formats._tables.CSV_BYTES", 1000)
     quoted = FLIGHT.with_columns(callsign=pl.lit('TST "1"\n,\n'))
     quoted.write_csv(tmp_path / "rows.csv")
     found, _ = rows_of(tmp_path / "rows.csv")

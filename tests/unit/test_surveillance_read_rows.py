@@ -16,8 +16,8 @@ from descentflow.surveillance.descents.prepared_descents import read_descents
 from descentflow.surveillance.formats import aircraft_json
 from descentflow.surveillance.prepare import prepare
 from descentflow.surveillance.read_rows import read_rows
+from descentflow.surveillance.rows._normalise import normalise
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.rows.normalise import normalise
 from descentflow.surveillance.rows.schema import TIMESTAMP
 from descentflow.surveillance.unpacking import files_of
 

@@ -5,10 +5,10 @@ import polars as pl
 import pytest
 from surveillance_toys import fleet, flight, rows_at
 
+from descentflow.surveillance.cleaning._descent_filters import ClearedSpeed, Descending
+from descentflow.surveillance.cleaning._faulty_values import Stale
+from descentflow.surveillance.cleaning._filters import SEGMENT, filtered
 from descentflow.surveillance.cleaning.chain import before_rates
-from descentflow.surveillance.cleaning.descent_filters import ClearedSpeed, Descending
-from descentflow.surveillance.cleaning.faulty_values import Stale
-from descentflow.surveillance.cleaning.filters import SEGMENT, filtered
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.rows.air_data import mach_of_cas
 from descentflow.surveillance.rows.drop_report import DropReport

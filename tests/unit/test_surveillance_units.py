@@ -12,9 +12,9 @@ from descentflow.core.errors import DataError, DescentflowWarning
 from descentflow.simulation.world import simulate
 from descentflow.surveillance.prepare import prepare
 from descentflow.surveillance.read_rows import read_rows
+from descentflow.surveillance.rows._units_check import check_units
 from descentflow.surveillance.rows.air_data import isa_tas_of_mach_kt
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.rows.units_check import check_units
 
 Change = Callable[[pl.DataFrame], pl.DataFrame]
 KT_MPS, KT_KMH, KT_MPH, FPM_MPS = 0.514444, 1.852, 1.15078, 0.00508

@@ -6,8 +6,8 @@ from surveillance_toys import fleet
 
 from descentflow.core.errors import DataError
 from descentflow.surveillance.read_rows import read_rows
+from descentflow.surveillance.rows._times import timestamps
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.rows.times import timestamps
 
 DATES = [f"2024-03-01T10:00:{second:02d}Z" for second in range(10)]
 FIRST_S = 1_709_287_200

@@ -12,7 +12,7 @@ from descentflow.cli.entry import main
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.surveillance.prepare import prepare
 from descentflow.surveillance.read_rows import read_rows
-from descentflow.surveillance.rows.column_names import LEVEL_NAMES, row_names
+from descentflow.surveillance.rows._column_names import LEVEL_NAMES, row_names
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import ALIASES, COLUMNS, TRADE
 

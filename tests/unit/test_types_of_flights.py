@@ -5,7 +5,7 @@ import pytest
 from surveillance_toys import flight
 
 from descentflow.core.errors import DescentflowWarning
-from descentflow.surveillance.cleaning.flights import FILLED_TYPES, FLIGHTS_OF_SEVERAL_TYPES, one_type_each
+from descentflow.surveillance.cleaning._flights import FILLED_TYPES, FLIGHTS_OF_SEVERAL_TYPES, one_type_each
 from descentflow.surveillance.prepare import prepare
 from descentflow.surveillance.rows.drop_report import DropReport
 

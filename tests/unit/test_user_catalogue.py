@@ -8,7 +8,7 @@ import torch
 from descentflow.core.errors import ConfigError
 from descentflow.core.user_files import lines_named
 from descentflow.effects import EFFECTS, checked_catalogue
-from descentflow.effects.example_flights import example_flights
+from descentflow.effects._example_flights import example_flights
 from descentflow.effects.user_catalogue import effects_of_file
 
 GUSTS = '''

@@ -6,8 +6,8 @@ from surveillance_toys import flight
 
 from descentflow.core.errors import DataError, DescentflowWarning
 from descentflow.surveillance.prepare import prepare
+from descentflow.surveillance.rows._values_beside import JOINED_VALUES, VALUES_APART, with_values_beside
 from descentflow.surveillance.rows.drop_report import DropReport
-from descentflow.surveillance.rows.values_beside import JOINED_VALUES, VALUES_APART, with_values_beside
 
 WHOLE = flight(every_s=2.0).with_columns(TAS=430.0 - 0.2 * pl.int_range(pl.len()), groundspeed=pl.lit(400.0))
 EVEN = pl.int_range(pl.len()) % 2 == 0

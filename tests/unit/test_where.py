@@ -9,8 +9,8 @@ from scipy.stats import binom, ttest_ind
 from torch import Tensor
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-from descentflow.diagnosis.gap.labellings import AT_ONCE, labellings, labellings_of, noise_floor, step_down
-from descentflow.diagnosis.gap.where import cell_scores, cells, squared_t, where
+from descentflow.diagnosis.gap._labellings import AT_ONCE, labellings, labellings_of, noise_floor, step_down
+from descentflow.diagnosis.gap._where import cell_scores, cells, squared_t, where
 from descentflow.diagnosis.sides.assumptions import ASSUMED
 from descentflow.diagnosis.sides.two_sides import Compared, compare
 from descentflow.measurements.quantities import Quantities

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from descentflow.aircraft_types.bada3._fixed_columns import Line, data_lines, read_lines, write_lines
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
-from descentflow.aircraft_types.bada3.fixed_columns import Line, data_lines, read_lines, write_lines
 from descentflow.core.errors import AircraftError
 
 DEFAULT_COMPANY = "***"

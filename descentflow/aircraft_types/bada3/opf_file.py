@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from descentflow.aircraft_types._standard_descent import EngineKind
+from descentflow.aircraft_types.bada3._fixed_columns import Line, data_lines, header, read_lines, write_lines
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
-from descentflow.aircraft_types.bada3.fixed_columns import Line, data_lines, header, read_lines, write_lines
-from descentflow.aircraft_types.standard_descent import EngineKind
 
 PHASES = ("CR", "IC", "TO", "AP", "LD")
 ENGINES: dict[str, EngineKind] = {"JET": "jet", "TURBOPROP": "turboprop", "PISTON": "piston"}
@@ -55,7 +55,7 @@ EMPTY = Path(__file__).with_name("empty_opf.txt")
 
 @dataclass(frozen=True)
 class Opf:
-    """The content of an OPF file, in the units of :class:`~descentflow.aircraft_types.bada3.coefficients.Coefficients`.
+    """The content of an OPF file, in the units of ``Coefficients``.
 
     ``numbers`` is keyed by the names of the coefficients, and by names of their own for what a descent does not use
     (ground dimensions, the unused fields).

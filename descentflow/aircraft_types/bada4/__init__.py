@@ -2,8 +2,8 @@
 
 Reading order: :mod:`~descentflow.aircraft_types.bada4.bada4_directory` (a folder of files),
 :mod:`~descentflow.aircraft_types.bada4.acm_file` (one file), and the model itself,
-:mod:`~descentflow.aircraft_types.bada4.bada4_aircraft`, made of :mod:`~descentflow.aircraft_types.bada4.wing` and
-:mod:`~descentflow.aircraft_types.bada4.engines`.
+``_bada4_aircraft``, made of ``_wing`` and
+``_engines``.
 
 Ratings and speeds of climb and cruise are read and kept. They are not flown: only a simulated flight that levels off
 asks for climb thrust.

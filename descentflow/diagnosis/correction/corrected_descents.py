@@ -129,7 +129,7 @@ def correction_made(simulator: Simulator, frame: pl.DataFrame, added: AddedEffec
     if flights is not None:
         return {FLIGHTS: lambda path: write_descents(corrected_descents(flights, simulator.aircraft, added), path)}
     # Here and not above: a comparison of flights with flights must not pay for models.
-    from descentflow.diagnosis.correction.corrected_simulator import corrected, samples_with
+    from descentflow.diagnosis.correction._corrected_simulator import corrected, samples_with
 
     checkpoint = corrected(simulator, added)
     samples: Corrections = {FLIGHTS: lambda path: write_descents(samples_with(simulator, frame, added), path)}

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from descentflow.core.counter_random import DrawNumbers
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
-from descentflow.diagnosis.correction.flight_gaps import with_gaps
+from descentflow.diagnosis.correction._flight_gaps import with_gaps
 from descentflow.diagnosis.sides.two_sides import Compared
 from descentflow.effects import Effect
 from descentflow.effects.effects_together import changes_together, slope_over_levels

@@ -45,7 +45,7 @@ class FlightWindows:
 
     Example:
         >>> from descentflow.effects import EFFECTS
-        >>> from descentflow.effects.example_flights import example_flights
+        >>> from descentflow.effects._example_flights import example_flights
         >>> state = example_flights()
         >>> windows = flight_windows(EFFECTS["speed_brake"], state, np.arange(11), np.ones((6, 11), dtype=bool))
         >>> windows.shape.shape, windows.weights.shape[1], windows.open.shape == (6, len(windows.weights))
@@ -109,7 +109,7 @@ class LearntLaw:
 
     Example:
         >>> from descentflow.effects import EFFECTS
-        >>> from descentflow.effects.example_flights import example_flights
+        >>> from descentflow.effects._example_flights import example_flights
         >>> sums = Learnt(torch.ones(1), torch.tensor([0.1]), torch.tensor([0.01]), flights=2)
         >>> law = LearntLaw(EFFECTS["geometric_path"], example_flights(), torch.zeros(3).double(), sums)
         >>> law.at(2.0)[1]  # twice as much shallower in the mean

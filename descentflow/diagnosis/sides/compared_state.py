@@ -122,7 +122,7 @@ def by_own_air(state: FlightState, slope_per_s: Tensor, warmth: Tensor) -> Tenso
         warmth: (n, K) logarithm of the true airspeed over that of the Mach number in standard air; NaN where unknown.
 
     Example:
-        >>> from descentflow.effects.example_flights import example_flights
+        >>> from descentflow.effects._example_flights import example_flights
         >>> state = example_flights()
         >>> none, more = torch.zeros(6, 11).double(), torch.full((6, 11), 0.001).double()
         >>> changed = by_own_air(state, more, none)  # 0.6 kt more tailwind for each 1,000 ft
@@ -168,7 +168,7 @@ def by_own_turns(state: FlightState, turning: Tensor, real: Tensor) -> Tensor:
         real: (n,) which flights are real.
 
     Example:
-        >>> from descentflow.effects.example_flights import example_flights
+        >>> from descentflow.effects._example_flights import example_flights
         >>> turning = torch.zeros(6, 11).double()
         >>> turning[3, 5] = 0.3  # one of three real flights turns in one band
         >>> changed = by_own_turns(example_flights(), turning, torch.arange(6) > 2)

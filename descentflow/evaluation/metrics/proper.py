@@ -10,8 +10,8 @@ Both take the samples as one forecast of all flights.
 import torch
 from torch import Tensor
 
+from descentflow.evaluation.metrics._distances import Pooled, Values, level_spreads, observed_mean
 from descentflow.evaluation.metrics.descent_set import DescentSet
-from descentflow.evaluation.metrics.distances import Pooled, Values, level_spreads, observed_mean
 
 _PAIRS = 1 << 22
 """Distances held at once: 32 MB in float64."""
@@ -36,7 +36,7 @@ def crps_of(pooled: Pooled) -> Tensor:
 
     Example:
         >>> samples, real = torch.tensor([[0.0], [2.0]]), torch.tensor([[3.0]])
-        >>> from descentflow.evaluation.metrics.distances import pool
+        >>> from descentflow.evaluation.metrics._distances import pool
         >>> crps_of(pool(samples, samples > -1, real, real > -1))  # 2 - 2 / 2
         tensor([1.], dtype=torch.float64)
     """

@@ -15,8 +15,9 @@ from descentflow.core.errors import ConfigError
 from descentflow.core.threads import one_thread_where_they_spin
 from descentflow.densities.checkpoint import as_density
 from descentflow.densities.density import Density
-from descentflow.generation.conditional.conditioned_density import FreeTarget, conditioned_target
-from descentflow.generation.conditional.constraints import (
+from descentflow.generation._given_temperature import given_deviation_k, in_given_air
+from descentflow.generation.conditional._conditioned_density import FreeTarget, conditioned_target
+from descentflow.generation.conditional._constraints import (
     Band,
     BySpeed,
     Constraint,
@@ -24,7 +25,7 @@ from descentflow.generation.conditional.constraints import (
     points_asked,
     speeds_asked,
 )
-from descentflow.generation.conditional.draws import (
+from descentflow.generation.conditional._draws import (
     Accepted,
     LatentTarget,
     NothingPlausible,
@@ -32,10 +33,9 @@ from descentflow.generation.conditional.draws import (
     corrected,
     judge_of,
 )
-from descentflow.generation.conditional.flown_so_far import FlownSoFar, flown_so_far
-from descentflow.generation.conditional.latent_density import LatentDensities
-from descentflow.generation.conditional.nearest_plausible import implausible
-from descentflow.generation.given_temperature import given_deviation_k, in_given_air
+from descentflow.generation.conditional._flown_so_far import FlownSoFar, flown_so_far
+from descentflow.generation.conditional._latent_density import LatentDensities
+from descentflow.generation.conditional._nearest_plausible import implausible
 from descentflow.generation.sample_contexts import context_rows, entry_levels
 from descentflow.generation.samples import GeneratedSamples, origin_of
 from descentflow.representation.own_air import check_standard_air

@@ -3,6 +3,6 @@
 Reading order: :mod:`~descentflow.representation.fpca.gappy` (fit),
 :mod:`~descentflow.representation.fpca.basis` (what a checkpoint keeps, and how many components),
 :mod:`~descentflow.representation.fpca.ppca` (probabilistic PCA),
-:mod:`~descentflow.representation.fpca.iterative` (the paper's own algorithm),
+``_iterative`` (the paper's own algorithm),
 :mod:`~descentflow.representation.fpca.roughness` (smoothness, and how far extrapolated levels are trusted).
 """

@@ -11,9 +11,9 @@ from torch import Tensor
 from descentflow.core.errors import DataError, warn
 from descentflow.core.threads import one_thread
 from descentflow.representation.fpca import ppca
+from descentflow.representation.fpca._complete import complete_profiles
+from descentflow.representation.fpca._iterative import MAX_GROWTH, iterate
 from descentflow.representation.fpca.basis import FunctionalBasis, explained_share, number_of_components
-from descentflow.representation.fpca.complete import complete_profiles
-from descentflow.representation.fpca.iterative import MAX_GROWTH, iterate
 from descentflow.representation.fpca.roughness import Centred, roughness_and_length, smoothed
 
 Method = Literal["ppca", "iterative"]

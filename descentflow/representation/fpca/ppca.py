@@ -12,7 +12,7 @@ from math import log, pi
 import torch
 from torch import Tensor
 
-from descentflow.representation.fpca.mask_groups import MaskGroups, group_masks
+from descentflow.representation.fpca._mask_groups import MaskGroups, group_masks
 
 FIRST_FLIGHTS = 4096
 """Of more than twice as many flights, so many say where EM starts: it climbs slowly, and most of the way is theirs."""

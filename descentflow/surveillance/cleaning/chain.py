@@ -9,11 +9,11 @@ import polars as pl
 from joblib import Parallel, delayed
 
 from descentflow.core.workers import results_of
-from descentflow.surveillance.cleaning import descent_filters, faulty_values, filters
-from descentflow.surveillance.cleaning.derived_airspeeds import with_airspeeds
-from descentflow.surveillance.cleaning.descent_filters import ClearedSpeed
-from descentflow.surveillance.cleaning.faulty_values import Stale
-from descentflow.surveillance.cleaning.flights import (
+from descentflow.surveillance.cleaning import _descent_filters, _faulty_values, _filters
+from descentflow.surveillance.cleaning._derived_airspeeds import with_airspeeds
+from descentflow.surveillance.cleaning._descent_filters import ClearedSpeed
+from descentflow.surveillance.cleaning._faulty_values import Stale
+from descentflow.surveillance.cleaning._flights import (
     PART_OF,
     in_order,
     name_flights,
@@ -23,13 +23,13 @@ from descentflow.surveillance.cleaning.flights import (
     typed_by_flight,
     with_types,
 )
+from descentflow.surveillance.cleaning._level_grid import to_levels
+from descentflow.surveillance.cleaning._sparse_reports import with_values_between
+from descentflow.surveillance.cleaning._two_clocks import check_one_clock, without_other_clocks
 from descentflow.surveillance.cleaning.idle import IdleOnly, with_power
 from descentflow.surveillance.cleaning.level_flight import SPEEDS, note_level_flight, stretches
-from descentflow.surveillance.cleaning.level_grid import to_levels
 from descentflow.surveillance.cleaning.rates import ConstantRate, with_rate
-from descentflow.surveillance.cleaning.sparse_reports import with_values_between
 from descentflow.surveillance.cleaning.thresholds import Cleaning
-from descentflow.surveillance.cleaning.two_clocks import check_one_clock, without_other_clocks
 from descentflow.surveillance.rows.airspeed_source import AirspeedSource
 from descentflow.surveillance.rows.drop_report import ROW_NUMBER, DropReport, TracedReport, some_flights
 from descentflow.surveillance.rows.schema import COLUMNS
@@ -91,7 +91,7 @@ def clean(
     """Clean all rows of some aircraft (paper, section 3).
 
     Args:
-        rows: Usable rows (:func:`~descentflow.surveillance.cleaning.flights.usable`) in any order.
+        rows: Usable rows (``usable``) in any order.
         work: What is done with them.
         threads: Number of batches of flights cleaned at the same time (Polars and NumPy release the interpreter).
         progress: Progress callback, called after every batch.
@@ -145,34 +145,34 @@ def clean(
     return Outcome(found, report, present, untyped, shown, level)
 
 
-def before_rates(rules: Cleaning) -> tuple[filters.Filter, ...]:
+def before_rates(rules: Cleaning) -> tuple[_filters.Filter, ...]:
     """Filters of altitude, IAS, Mach and reported rate, applied before missing rates are computed from altitude."""
     stale = {"seconds": rules.stale_s, "longest_gap_s": rules.longest_gap_s}
     agreeing = {"agreeing_kt": rules.spike_agreeing_kt}
     return (
-        faulty_values.Despike("altitude", rules.spike_altitude_ft, fastest=rules.fastest_altitude_ftps),
-        faulty_values.Despike("IAS", rules.spike_ias_kt, fastest=rules.fastest_ias_ktps, **agreeing),
-        faulty_values.Despike("Mach", rules.spike_mach, fastest=rules.fastest_mach_ps, **agreeing),
+        _faulty_values.Despike("altitude", rules.spike_altitude_ft, fastest=rules.fastest_altitude_ftps),
+        _faulty_values.Despike("IAS", rules.spike_ias_kt, fastest=rules.fastest_ias_ktps, **agreeing),
+        _faulty_values.Despike("Mach", rules.spike_mach, fastest=rules.fastest_mach_ps, **agreeing),
         Stale("altitude", rules.stale_altitude_ft, **stale),
         Stale("IAS", rules.stale_ias_kt, **stale),
         Stale("Mach", rules.stale_mach, **stale),
         Stale("vertical_rate", rules.stale_altitude_ft, **stale),
-        faulty_values.AirspeedsAgree(rules.airspeeds_differ_kt),
+        _faulty_values.AirspeedsAgree(rules.airspeeds_differ_kt),
     )
 
 
-def after_rates(rules: Cleaning) -> tuple[filters.Filter, ...]:
+def after_rates(rules: Cleaning) -> tuple[_filters.Filter, ...]:
     """Filters that keep free descent, in their order."""
     after_s, within_kt = rules.cleared_speed_after_s, rules.cleared_speed_within_kt
     return (
-        faulty_values.Despike("vertical_rate", rules.spike_rate_fpm, fastest=rules.fastest_rate_fpmps),
-        descent_filters.Descending(rules.slowest_fpm),
-        descent_filters.SteadyDescent(rules.transient_s),
+        _faulty_values.Despike("vertical_rate", rules.spike_rate_fpm, fastest=rules.fastest_rate_fpmps),
+        _descent_filters.Descending(rules.slowest_fpm),
+        _descent_filters.SteadyDescent(rules.transient_s),
         *([] if after_s is None else [ClearedSpeed(after_s, within_kt)]),
         ConstantRate(rules),
         *([] if rules.idle_only is None else [IdleOnly(rules.idle_only)]),
-        descent_filters.LargestDescent(rules.climb_back_ft),
-        descent_filters.Falling(),
+        _descent_filters.LargestDescent(rules.climb_back_ft),
+        _descent_filters.Falling(),
     )
 
 
@@ -211,7 +211,7 @@ def _free(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> tuple[pl.D
     needed = [name for name in used if name in rows.columns]
     # Numbers compare faster than names.
     narrow = rows.select(needed).with_columns(pl.col("flight_id").rle_id()).with_row_index(ROW_NUMBER)
-    narrow = filters.filtered(narrow, before, report)
+    narrow = _filters.filtered(narrow, before, report)
     absent = narrow["vertical_rate"].null_count() if "vertical_rate" in narrow.columns else len(narrow)
     report.note(DIFFERENCED, absent)
     rated = narrow = with_rate(narrow)

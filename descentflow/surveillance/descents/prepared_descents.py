@@ -15,7 +15,7 @@ from descentflow.core.tabular import to_dataset
 from descentflow.core.threads import check_not_forked
 from descentflow.reporting.in_notebook import WithTable
 from descentflow.surveillance.cleaning.thresholds import Cleaning, differences_in_words, kept_cleaning
-from descentflow.surveillance.descents.check_descents import checked_descents
+from descentflow.surveillance.descents._check_descents import checked_descents
 from descentflow.surveillance.descents.store import KEY, MEND, SCHEMA_VERSION, described, read_store
 from descentflow.surveillance.rows.air_data import IAS_COMPUTED, MACH_COMPUTED
 from descentflow.surveillance.rows.airspeed_source import REPORTED

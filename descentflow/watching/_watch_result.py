@@ -1,0 +1,73 @@
+"""Result of a watch: new days, the alarm that stands, and both in words."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import polars as pl
+
+from descentflow.diagnosis.report.page import listed
+from descentflow.watching._state import WatchSettings
+
+
+@dataclass(frozen=True)
+class Watch:
+    """New days and the alarm after a run of a watch.
+
+    Attributes:
+        new_days: One dictionary for each day that is new: day, flights, e-value, alarm.
+        left_out: File or day -> why it was not taken.
+        alarm: The alarm that stands: when it was raised, the day of change with its interval, shape, size, cause.
+        is_new: Whether this run raised it.
+        settings: Of the watch.
+        days: A line for each day, see ``days``.
+
+    Example:
+        >>> from descentflow.watching.watch import watch
+        >>> watched = watch("A320", "descents.parquet", state="watched-once")
+        >>> watched.alarm is None, len(watched.new_days)
+        (True, 5)
+        >>> print(watched)
+        5 days against nominal A320, 5 of them new: no alarm; 25 more days until the reference is whole.
+    """
+
+    new_days: list[dict[str, Any]]
+    left_out: dict[str, str]
+    alarm: dict[str, Any] | None
+    is_new: bool
+    settings: WatchSettings
+    days: pl.DataFrame = field(repr=False)
+
+    def __str__(self) -> str:
+        """The answer in a line or two."""
+        days, new = len(self.days), len(self.new_days)
+        head = f"{days} days against {self.settings.simulator}, {new} of them new: {standing(self)}"
+        return "\n".join([head, *(f"left out: {name}: {why}" for name, why in self.left_out.items())])
+
+
+def standing(watched: Watch) -> str:
+    """The alarm that stands in words, or that there is none."""
+    alarm, settings = watched.alarm, watched.settings
+    if alarm is None:
+        counted = watched.days.filter(pl.col("day") >= (settings.since or ""))
+        short = settings.reference_days - len(counted)
+        return f"no alarm; {short} more days until the reference is whole." if short > 0 else "no alarm."
+    change = alarm["change"]
+    sizes = listed([f"{size:+.3g} {name.partition('(')[2].rstrip(')')}" for name, size in alarm["size"].items()])
+    said = (
+        f"an alarm since {alarm['raised']}. A {alarm['shape']} from {change['day']} on "
+        f"({change['earliest']} to {change['latest']}), {sizes} a descent."
+    )
+    return f"{said} {cause_in_words(alarm.get('cause', {}))}"
+
+
+def cause_in_words(cause: dict[str, Any]) -> str:
+    """The cause of a change.
+
+    Example:
+        >>> cause_in_words({"verdict": "unknown"})
+        'Its cause is unknown.'
+    """
+    if not cause.get("in_words"):
+        return f"Its cause is unknown{': ' + cause['why'] if cause.get('why') else ''}."
+    whose = "Only the weather differs" if cause.get("only_the_weather") else "Its cause"
+    return f"{whose}: {listed(cause['in_words'])}."

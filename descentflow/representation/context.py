@@ -214,8 +214,9 @@ class ContextEncoder:
         for column in state:
             texts, numbers = [column["name"], column["kind"]], [column[n] for n in ("mean", "scale")]
             numbers += [column[name] for name in ("low", "high") if column.get(name) is not None]
-            plain = all(isinstance(number, int | float) and not isinstance(number, bool) for number in numbers)
-            if not plain or not all(isinstance(one, str) for one in texts) or not isinstance(column["indicator"], bool):
+            plain = [isinstance(number, int | float) and not isinstance(number, bool) for number in numbers]
+            plain += [*(isinstance(text, str) for text in texts), isinstance(column["indicator"], bool)]
+            if not all(plain) or len(numbers) % 2:  # a range has both of its ends, or none
                 raise TypeError(f"the context column {column}")
         return cls([ContextColumn(**{**column, "values": tuple(column["values"])}) for column in state])
 

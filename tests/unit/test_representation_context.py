@@ -96,6 +96,9 @@ def test_a_context_that_no_training_flight_was_near_is_refused_at_once() -> None
     assert ContextEncoder.from_state(encoder.to_state()).columns == encoder.columns
     old = [{k: v for k, v in column.items() if k not in ("low", "high")} for column in encoder.to_state()]
     assert context_rows({**near, "deviation_k": "99"}, ContextEncoder.from_state(old)) is not None
+    half = [{**column, "low": None} for column in encoder.to_state()]
+    with pytest.raises(TypeError, match="the context column"):
+        ContextEncoder.from_state(half)
 
 
 @pytest.mark.parametrize("word", ["N/A", "NA", "-", "", " ", "null", "nan"])

@@ -105,7 +105,8 @@ def _axes(watch: Watch, title: str, up: str) -> tuple["Figure", Any]:
     ax = figure.subplots()
     ax.axvspan(-0.5, watch.settings.reference_days - 0.5, color="#eeeeee")
     ax.set_title(title, fontsize=9, wrap=True)
-    ax.set_xlabel("day", fontsize=9)
+    first = watch.days.filter(pl.col("day") >= (watch.settings.since or ""))["day"][0]
+    ax.set_xlabel(f"day, counted from {first}", fontsize=9)
     ax.set_ylabel(up, fontsize=9)
     tidy([ax])
     return figure, ax

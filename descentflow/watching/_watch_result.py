@@ -27,7 +27,7 @@ class Watch:
         >>> watched.alarm is None, len(watched.new_days)
         (True, 5)
         >>> print(watched)
-        5 days against nominal A320, 5 of them new: no alarm; 25 more days until the reference is whole.
+        5 days against nominal A320, 5 of them new: no alarm; the reference lacks 25 of its 30 days.
     """
 
     new_days: list[dict[str, Any]]
@@ -49,8 +49,8 @@ def standing(watched: Watch) -> str:
     alarm, settings = watched.alarm, watched.settings
     if alarm is None:
         counted = watched.days.filter(pl.col("day") >= (settings.since or ""))
-        short = settings.reference_days - len(counted)
-        return f"no alarm; {short} more days until the reference is whole." if short > 0 else "no alarm."
+        short = max(settings.reference_days - len(counted), 0)
+        return "no alarm" + (f"; the reference lacks {short} of its {settings.reference_days} days." if short else ".")
     change = alarm["change"]
     sizes = listed([f"{size:+.3g} {name.partition('(')[2].rstrip(')')}" for name, size in alarm["size"].items()])
     said = (

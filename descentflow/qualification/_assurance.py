@@ -127,7 +127,7 @@ def factors_of(gap: GapReport, source: str) -> dict[str, str]:
     return {
         "verification": "Not of the simulator. Of these numbers: the tests of descentflow "
         + ", ".join(f"{name} {version}" for name, version in made.versions.items())
-        + ".",
+        + ", and its record of verdicts on known differences.",
         "validation": f"This record, against {source}.{left}",
         "input pedigree": "Under “Where the flights come from”: files, versions, rows left out, fingerprints.",
         "results uncertainty": "Under “What is unsure”: what is quantified, and what is not.",

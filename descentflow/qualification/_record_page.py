@@ -1,5 +1,6 @@
 """Page and terminal text of a qualification."""
 
+import re
 from collections.abc import Sequence
 from math import inf
 from typing import TYPE_CHECKING
@@ -131,6 +132,8 @@ def _tables(rows: Sequence[Row]) -> list[tuple[str, list[str], list[list[str]]]]
         own = [row for row in rows if row.quantity == quantity]
         by_level = len(own) > 1 and own[-1].minutes is None
         lines = [_cells(row, whole="all levels" if by_level and row is own[-1] else None)[1:] for row in own]
+        # The caption has the unit.
+        lines = [[re.sub(rf" {own[0].unit}(?= \(|$)", "", cell) for cell in line] for line in lines]
         head, *shown = _without_empty_columns([HEAD.split("|")[1:], *lines])
         label, unit = UNITS[quantity]
         tables.append((f"{label[:1].upper()}{label[1:]} ({unit})", head, shown))

@@ -23,6 +23,7 @@ from descentflow.diagnosis.findings.costs_found import Measured
 
 FALSE = 0.05
 """Rate at which a mean at the limit is called inside, or outside."""
+DECIDING = ("{0:,} more flights", "{1:,} more simulated flights", "{0:,} more flights and {1:,} simulated ones")
 MOST_FLIGHTS = 100
 """Times the flights beyond which more are no answer: the mean is at the limit."""
 UNDECIDED: Literal["not enough flights"] = "not enough flights"
@@ -137,14 +138,17 @@ def judge(real: MeanOfFlights, simulator: MeanOfFlights, width: float | None, te
 
 
 def _deciding(real: MeanOfFlights, simulator: MeanOfFlights, room: float) -> tuple[int | None, str]:
-    """Real flights to be added until the interval is as wide as the room, aircraft and days in proportion; in words."""
+    """Flights to be added until the interval is as wide as the room, aircraft and days in proportion; in words.
+
+    Real ones, or simulated ones, or as many times more of both: the first of these that is enough.
+    """
     times = np.geomspace(1.0, MOST_FLIGHTS, 500)
-    freedom = np.minimum(real.freedom * times, simulator.freedom if simulator.flights else inf)
-    quantile = student.ppf(1 - FALSE, freedom)
-    enough = np.flatnonzero(quantile * np.sqrt(real.variance / times + simulator.variance) <= room)
-    if len(enough):
-        count = max(ceil(real.flights * (times[enough[0]] - 1)), 1)
-        return count, f"{count:,} more flights"
-    if quantile[-1] * simulator.variance**0.5 > room:
-        return None, "more simulated flights"
+    once = np.ones_like(times)
+    for words, of_real, of_simulator in zip(DECIDING, (times, once, times), (once, times, times), strict=True):
+        freedom = np.minimum(real.freedom * of_real, simulator.freedom * of_simulator if simulator.flights else inf)
+        half = student.ppf(1 - FALSE, freedom) * np.sqrt(real.variance / of_real + simulator.variance / of_simulator)
+        enough = np.flatnonzero(half <= room)
+        if len(enough):
+            counts = [max(ceil(side.flights * (times[enough[0]] - 1)), 1) for side in (real, simulator)]
+            return counts[0] if words == DECIDING[0] else None, words.format(*counts)
     return None, "no number, the mean is at its limit"

@@ -104,7 +104,7 @@ def qualify(
     times, name, unused = table_of_times(simulator), simulator_name, dict[str, int]()
     if times is not None:
         real, columns = FlightSource(real, columns, say).descents(), None
-        name = name or next((path.name for path in paths_of(simulator)), None)
+        name = name or next((f"the predictor of {path.name}" for path in paths_of(simulator)), None)
         simulator, unused = flown_as_predicted(real, times)
     opened = Inputs(
         real, simulator, typecode, bada_dir, nearest_type, any_type, None, columns, simulator_columns, say

@@ -75,7 +75,11 @@ def test_a_mean_at_its_limit_and_few_simulated_flights_are_said() -> None:
     at_limit = judge(MeanOfFlights(1.0, 0.01, 30, 31), NO_FLIGHTS, 1.0)
     few = judge(MeanOfFlights(0.5, 0.01, 30, 31), MeanOfFlights(0.0, 1.0, 5, 6), 1.0)
     assert (at_limit.more_flights, at_limit.decides) == (None, "no number, the mean is at its limit")
-    assert few.decides == "more simulated flights"
+    assert (few.more_flights, few.decides) == (None, "73 more simulated flights")
+    # By hand: a half-width of 0.5, 30 degrees of freedom, the fewer.
+    assert [student.ppf(0.95, 30) * (0.01 + 6 / n) ** 0.5 <= 0.5 for n in (78, 79)] == [False, True]
+    both = judge(MeanOfFlights(0.5, 0.1, 30, 31), MeanOfFlights(0.0, 0.1, 30, 31), 1.0)
+    assert (both.more_flights, both.decides) == (None, "39 more flights and 39 simulated ones")
 
 
 def test_one_aircraft_decides_nothing() -> None:

@@ -3,8 +3,8 @@ Watch a simulator day by day
 ============================
 
 A simulator that was right in spring may be wrong in autumn: a new version of its code, a fleet with other engines,
-another radar. `watch` measures each day of flights, and says on which day the difference changed, how large the change
-is, and why. Here a simulated fleet stands for the real one, so that the day is known.
+another radar. `watch` measures each day of flights, and names the day on which the difference changed, how large the
+change is, and why. Here a simulated fleet stands for the real one, so that the day is known.
 """
 
 # %%
@@ -23,8 +23,8 @@ files = simulate_days("A320", 300, 18, "all_days", seed=3, changes={"2024-03-17"
 
 # %%
 # In a folder of a radar they come one after the other. The first eight that can be used are the reference: there the
-# scatter between days is learnt, and no change is sought. A day of four flights says too little, and is left out by
-# name.
+# scatter between days is learnt, and no change is sought. A day of four flights is not enough, and is left out
+# by name.
 
 days = Path("days")
 days.mkdir()

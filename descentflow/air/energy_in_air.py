@@ -54,12 +54,12 @@ def in_air(aircraft: PerformanceModel, cas_mps: Tensor, altitude_m: Tensor, air:
         >>> float(in_air(aircraft("A320"), cas_mps, levels_fl * 30.48, still).more_share[0, 0])
         0.0
     """
-    deviation, slopes = air.deviation_k.to(cas_mps), air.slopes(altitude_m)
+    deviation, (warming, blowing) = air.deviation_k.to(cas_mps), air.slopes(altitude_m)
     mach = cas_to_mach(cas_mps, altitude_m)
     standard, tas = mach_to_tas_mps(mach, altitude_m), mach_to_tas_mps(mach, altitude_m, deviation)
     # A temperature that changes with height changes the speed at a Mach number: V / (2 T) for each K.
-    by_temperature = tas / (2 * temperature_k(altitude_m, deviation)) * slopes.deviation_k_per_m.to(cas_mps)
-    growth = slopes.tailwind_per_s.to(cas_mps) + by_temperature
+    by_temperature = tas / (2 * temperature_k(altitude_m, deviation)) * warming.to(cas_mps)
+    growth = blowing.to(cas_mps) + by_temperature
     more = lapse_share(mach, altitude_m, deviation) - lapse_share(mach, altitude_m, 0.0 * deviation)
     return InAir(
         standard,

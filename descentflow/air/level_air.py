@@ -46,19 +46,6 @@ class LevelAir:
         """The same airs on the levels from position ``low`` up to and without ``high``."""
         return LevelAir(self.deviation_k[:, low:high], self.tailwind_mps[:, low:high])
 
-    def slopes(self, altitude_m: Tensor) -> "AirSlopes":
-        """Derivatives of both by pressure altitude (L,)."""
-        return AirSlopes(slope_per_m(self.deviation_k, altitude_m), slope_per_m(self.tailwind_mps, altitude_m))
-
-
-@dataclass(frozen=True)
-class AirSlopes:
-    """Change of a :class:`LevelAir` with pressure altitude, (n, L) each.
-
-    Attributes:
-        deviation_k_per_m: Of the temperature deviation.
-        tailwind_per_s: Of the wind along the track, m/s per m.
-    """
-
-    deviation_k_per_m: Tensor
-    tailwind_per_s: Tensor
+    def slopes(self, altitude_m: Tensor) -> tuple[Tensor, Tensor]:
+        """Derivatives (n, L) of both by pressure altitude (L,): K per m, and m/s per m."""
+        return slope_per_m(self.deviation_k, altitude_m), slope_per_m(self.tailwind_mps, altitude_m)

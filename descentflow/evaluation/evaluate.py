@@ -87,6 +87,8 @@ def evaluate(
     notes: list[str] = []
     if density is not sampled:
         notes.append(f"scored: the fit to {density.representation.split.describe()}")
+    if made := representation.provenance.get("airspeeds"):
+        notes.append(f"the model: {made}")
     lowest_fl = float(representation.decoder.levels_fl[0])
     flights = FlightSource(real).for_model(representation.cleaning, lowest_fl)
     frame = flights.frame

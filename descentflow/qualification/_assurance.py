@@ -74,7 +74,7 @@ def independence_of(gap: GapReport) -> str:
     seen, kind = gap.dropped.get(SEEN, 0), gap.provenance.simulator.kind
     if seen:
         return f"{seen:,} of these flights were used to fit the simulator. They are no independent judgement of it."
-    if kind == "checkpoint":
+    if kind.startswith("checkpoint"):
         return "The checkpoint names the flights that it was fitted to; none of these is among them."
     if gap.provenance.real.fingerprint and gap.provenance.real.fingerprint == gap.provenance.simulator.fingerprint:
         return "Both sides are the same flights. This judges nothing."

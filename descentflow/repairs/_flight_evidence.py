@@ -175,7 +175,7 @@ def _own_air(frame: pl.DataFrame, quantities: Quantities) -> tuple[Tensor, Tenso
     middle = quantities.altitude_m / FL_M
     inside = ((levels[:, None] - middle).abs() <= quantities.band_fl / 2).double()
     inside = inside / inside.sum(0)
-    slopes = airs.air.slopes(levels * FL_M).tailwind_per_s * airs.known
+    slopes = airs.air.slopes(levels * FL_M)[1] * airs.known
     by_name = {name: i for i, name in enumerate(airs.flight_ids)}
     at = [by_name.get(name, -1) for name in quantities.names]
     both = []

@@ -1,7 +1,8 @@
 r"""Airspeeds that were derived from groundspeed, less the spread that the error of the weather field adds to them.
 
-A field's wind errs by a few metres per second, alike over some 8,000 ft of a flight, and its temperature by a kelvin.
-The errors do not depend on how an aircraft flies, and reported rates do not have them. So what they add is known: given
+A field's wind errs by a few metres per second and its temperature by a kelvin: one part is common to the hours and the
+region, one is alike over some 8,000 ft of a flight, a small one is white. The errors do not depend on how an aircraft
+flies, and reported rates do not have them. So what they add is known: given
 its rates a flight's CAS spreads with the covariance $\Sigma + G$ where aircraft spread with $\Sigma$, and $G$ follows
 from the sizes. The flights' departures from what their rates lead to expect are mapped to $\Sigma$ by the linear map
 that moves them least, :math:`B = \Sigma^{1/2} (\Sigma^{1/2} (\Sigma + G) \Sigma^{1/2})^{-1/2} \Sigma^{1/2}`, and drag
@@ -31,6 +32,8 @@ from descentflow.surveillance.rows.airspeed_source import REPORTED, derived_flig
 
 WIND_MPS, TEMPERATURE_K = 2.5, 1.0
 """Standard errors of a field's wind along the track and of its temperature: ERA5's vectors err by 2 to 4.5 m/s."""
+COMMON, OF_FLIGHT, WHITE = 0.25, 0.7, 0.05
+"""Shares of their variance that are common to hours and region, alike over 8,000 ft of a flight, and white."""
 FEWEST_DERIVED = 50
 """Derived flights below which nothing can be taken off: their spread is not known well enough."""
 AT_LEVEL = 20
@@ -65,7 +68,8 @@ class AirspeedErrors:
     def covariance(self, cas_mps: Tensor, altitude_m: Tensor) -> Tensor:
         """Covariance (L, L) of CAS, (m/s)^2, about a profile of CAS (L,)."""
         parts = self.parts(cas_mps, altitude_m)
-        return sum((torch.outer(part, part) for part in parts), torch.zeros(())) * matern(altitude_m, altitude_m)
+        alike = COMMON + OF_FLIGHT * matern(altitude_m, altitude_m) + WHITE * torch.eye(len(altitude_m))
+        return sum((torch.outer(part, part) for part in parts), torch.zeros(())) * alike
 
     def parts(self, cas_mps: Tensor, altitude_m: Tensor) -> tuple[Tensor, Tensor]:
         """Errors of CAS by that of the wind and by that of the temperature, of the shape of both arguments."""

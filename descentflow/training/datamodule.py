@@ -234,7 +234,7 @@ class DescentDataModule(LightningDataModule):
         table = context_of(frame, asked.context or [], asked.context_table)
         frame = without_missing(frame, table, asked.missing_context, rank_zero_info)
         own_type = aircraft_of(frame, self.aircraft, self.bada_dir)
-        provenance = {
+        provenance: dict[str, Any] = {
             "descents": name_of(self.descents),
             "typecodes": sorted(frame["typecode"].unique()),
             "period": Descents(frame, source.metadata).period,
@@ -247,8 +247,11 @@ class DescentDataModule(LightningDataModule):
         sizes = self.components.wind_error_mps, self.components.temperature_error_k
         if errors := AirspeedErrors.of(frame, *sizes):
             judges = places(profiles, split, "train")
-            profiles = without_airspeed_error(profiles, own_type, errors, judges, rank_zero_info, self.mass_kg)
-        shown, air = frame.drop(source.computed, strict=False), None
+            lines: list[str] = []
+            profiles = without_airspeed_error(profiles, own_type, errors, judges, lines.append, self.mass_kg)
+            provenance |= {"derived": len(errors.flight_ids & set(split.train)), "airspeeds": lines[0]}
+            rank_zero_info(lines[0])
+        shown, air = source.reported, None
         if self.air == STANDARD:
             profiles = self._on_the_grid(profiles, split)
         else:

@@ -8,7 +8,10 @@ from torch import Tensor
 
 import descentflow as df
 from descentflow.air.air_smoother import matern
+from descentflow.core.errors import DescentflowWarning
 from descentflow.core.units import FT_M, KT_MPS
+from descentflow.diagnosis.sides.input_descriptions import input_of_model
+from descentflow.diagnosis.sides.simulator import Simulator
 from descentflow.physics.atmosphere import isa_temperature_k
 from descentflow.representation.airspeed_error import AirspeedErrors, _to_less, without_airspeed_error
 from descentflow.representation.encode_flights import encode_flights
@@ -125,3 +128,17 @@ def test_a_fit_and_flights_to_compare_have_it_off(rows: pl.DataFrame) -> None:
     lines: list[str] = []
     encode_flights(descents.frame, module.representation, say=lines.append)
     assert any("a wind error of 2.5 m/s" in line for line in lines)
+
+
+def test_a_model_of_derived_flights_keeps_that_they_are(rows: pl.DataFrame) -> None:
+    some = rows.filter(pl.col("flight_id").is_in(rows["flight_id"].unique().sort()[:90].implode()))
+    model = df.fit(df.prepare(some.drop("IAS", "Mach"), airspeeds_from="columns"), model="gaussian").density
+    made = model.representation.provenance
+    assert made["derived"] == len(model.representation.split.train) > 50
+    assert made["airspeeds"].startswith("airspeeds of 90 flights are derived: the spread of CAS")
+    # The field's temperature is in TAS and in Mach, so that a diagnosis must compare neither.
+    assert not {"mismatch", "tas"} & set(model.representation.reference["values"])
+    assert f"the model: {made['airspeeds']}" in df.evaluate(model, df.prepare(some), n=200, n_splits=2).notes
+    simulator = Simulator(df.aircraft("A320"), "a.ckpt", model=model)
+    with pytest.warns(DescentflowWarning, match="of its flights with derived airspeeds"):
+        assert input_of_model(simulator, model.representation).derived == made["derived"]

@@ -228,6 +228,8 @@ BAD: dict[str, tuple[Change, str]] = {
     "another day": (lambda f: f.with_columns(pl.col("timestamp").dt.offset_by("40d")),
                     r"times that the weather field does not have"),
     "another region": (lambda f: f.with_columns(pl.col("longitude") - 90), r"places or levels that the weather field"),
+    "places that are swapped": (lambda f: f.rename({"latitude": "longitude", "longitude": "latitude"}),
+                                r"latitude and longitude seem to be swapped"),
     "tracks that are NaN": (lambda f: f.with_columns(track=pl.lit(float("nan"))), r"fill the column track"),
     "days as times": (lambda f: f.with_columns(
         timestamp=pl.col("timestamp").dt.epoch("us") / 86_400e6 + 25_569), r"days since 1899"),
@@ -307,7 +309,9 @@ def test_a_diagnosis_leaves_out_what_the_field_made_and_names_its_error(flown: p
     assert not {"TAS", "Mach"} & set(bare.reported.columns)
     own = mixed.reported.filter(pl.col("Mach").is_not_null())["icao24"].unique().to_list()
     assert own == ["4ca001"]
-    with pytest.warns(DescentflowWarning, match=r"a.parquet: flights, 3 of them with derived airspeeds: .* field"):
+    with pytest.warns(
+        DescentflowWarning, match=r"a.parquet: flights, 3 of its flights with derived airspeeds: .* field"
+    ):
         found = input_of_flights("a.parquet", mixed)
     assert "is the error of the weather field that made them, or the simulator's" in found.kind
     assert found.derived == 3

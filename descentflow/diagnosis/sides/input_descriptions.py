@@ -41,13 +41,10 @@ def input_of_flights(name: str, descents: Descents) -> InputUsed:
     frame, metadata = descents.frame, descents.metadata
     first, last = frame.select(first=pl.min("timestamp"), last=pl.max("timestamp")).row(0)
     version = metadata.get("descentflow")
-    kind, derived = "flights", len(derived_flights(frame))
-    if derived:
-        kind = f"flights, {derived:,} of them with {DERIVED}"
-        warn(f"{name}: {kind}")
+    derived = len(derived_flights(frame))
     return InputUsed(
         name=name,
-        kind=kind,
+        kind=_kind(name, "flights", derived),
         typecodes=types_of(frame),
         flights=frame["flight_id"].n_unique(),
         aircraft=frame["icao24"].n_unique(),
@@ -103,6 +100,7 @@ def input_of_model(simulator: Simulator, parts: "Representation") -> InputUsed:
     from descentflow.representation.read_checkpoint import SECTION
 
     provenance, seen, content = parts.provenance, parts.seen, simulator.content()
+    derived = int(provenance.get("derived", 0))
     first, last = seen.training_days()
     version = content.get(SECTION, {}).get("version")
     tensors = {name: value for name, value in content.get("state_dict", {}).items() if isinstance(value, Tensor)}
@@ -112,7 +110,7 @@ def input_of_model(simulator: Simulator, parts: "Representation") -> InputUsed:
         digest.update(tensors[name].detach().cpu().contiguous().numpy().tobytes())
     return InputUsed(
         name=simulator.name,
-        kind="checkpoint",
+        kind=_kind(simulator.name, "checkpoint", derived),
         typecodes=[str(name) for name in provenance.get("typecodes") or [simulator.aircraft.typecode]],
         flights=len(parts.split.train),
         aircraft=seen.training_aircraft(),
@@ -122,4 +120,13 @@ def input_of_model(simulator: Simulator, parts: "Representation") -> InputUsed:
         settings=settings_in_text(parts.cleaning),
         files=[str(provenance["descents"])] if provenance.get("descents") else [],
         fingerprint=digest.hexdigest() if tensors else None,
+        derived=derived,
     )
+
+
+def _kind(name: str, kind: str, derived: int) -> str:
+    """The kind of an input; of one with derived airspeeds with a warning of it."""
+    if not derived:
+        return kind
+    warn(f"{name}: {kind}, {derived:,} of its flights with {DERIVED}")
+    return f"{kind}, {derived:,} of its flights with {DERIVED}"

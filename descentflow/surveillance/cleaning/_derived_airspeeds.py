@@ -53,10 +53,6 @@ STEP_FT = 5000.0
 """Bands of altitude over which flights are averaged for it."""
 
 
-ERROR_NOTE = "reported airspeeds, from which those derived at the same rows differ by"
-"""Note in the report; of neighbours each aircraft's own reports are left out."""
-
-
 class RowAir(NamedTuple):
     """Wind (m/s) and temperature (K) of n rows, NaN where unknown, and the causes (3, n) for which they are."""
 
@@ -135,21 +131,23 @@ def _mach(rows: pl.DataFrame, air: RowAir) -> Array:
 
 
 def _air_of(rows: pl.DataFrame, source: AirspeedSource) -> RowAir:
-    if source.kind == COLUMNS_OF_ROWS:
-        east, north, temperature = (rows[name].to_numpy() for name in WEATHER_COLUMNS)
-        absent = np.isnan(east + north + temperature)
-        none = np.zeros(len(rows), dtype=bool)
-        return RowAir(east, north, temperature, [none, none, none, absent])
-    return _air_of_field(rows, source)
+    if source.kind != COLUMNS_OF_ROWS:
+        return _air_of_field(rows, source)
+    east, north, temperature = (rows[name].to_numpy() for name in WEATHER_COLUMNS)
+    none = np.zeros(len(rows), dtype=bool)
+    return RowAir(east, north, temperature, [none, none, none, np.isnan(east + north + temperature)])
 
 
 def _note_error(rows: pl.DataFrame, report: DropReport) -> None:
-    """Note how far derived airspeeds are from those of aircraft that report their own."""
+    """Note how far derived airspeeds are from those of aircraft that report their own; neighbours leave these out."""
     off = (rows["derived_IAS"] - rows["IAS"]).drop_nulls()
     if len(off) >= MIN_CHECKED_VALUES:
         middle, low, high = (float(off.quantile(share) or 0.0) for share in (0.5, 0.159, 0.841))
-        said = f"{ERROR_NOTE} {middle:+.1f} kt in the median, within {(high - low) / 2:.1f} kt of it in two thirds"
-        report.note(said, len(off))
+        report.note(
+            f"reported airspeeds, from which those derived at the same rows differ by {middle:+.1f} kt in the median, "
+            f"within {(high - low) / 2:.1f} kt of it in two thirds",
+            len(off),
+        )
 
 
 def _air_of_neighbours(rows: pl.DataFrame, seen: pl.DataFrame) -> RowAir:
@@ -163,13 +161,8 @@ def _air_of_neighbours(rows: pl.DataFrame, seen: pl.DataFrame) -> RowAir:
     bounds = rows.select("flight_id").join(ends, on="flight_id", maintain_order="left")
     inside = clock.clip(bounds["first"].to_numpy(), bounds["last"].to_numpy())
     east, north, deviation = (np.interp(inside, at, values) for values in NeighbourAir(seen).at(places))
-    none = np.zeros(len(rows), dtype=bool)
-    return RowAir(
-        east,
-        north,
-        standard_k(rows["altitude"].to_numpy() * FT_M) + deviation,
-        [none, none, np.isnan(east + deviation), none],
-    )
+    none, warm = np.zeros(len(rows), dtype=bool), standard_k(rows["altitude"].to_numpy() * FT_M) + deviation
+    return RowAir(east, north, warm, [none, none, np.isnan(east + warm), none])
 
 
 def _air_of_field(rows: pl.DataFrame, source: AirspeedSource) -> RowAir:
@@ -199,12 +192,8 @@ def _air_of_field(rows: pl.DataFrame, source: AirspeedSource) -> RowAir:
         inside = np.ones(len(rows), dtype=bool)
         if missing.any():
             inside[missing] = np.isfinite(field.read(TEMPERATURE, points.rows(missing), blank=True))
-    return RowAir(
-        east,
-        north,
-        standard_k(rows["altitude"].to_numpy() * FT_M) + deviation,
-        [early, coarse, missing & ~inside, missing & inside],
-    )
+    warm = standard_k(rows["altitude"].to_numpy() * FT_M) + deviation
+    return RowAir(east, north, warm, [early, coarse, missing & ~inside, missing & inside])
 
 
 def _check_wind(rows: pl.DataFrame, air: RowAir, straight: Mask) -> None:

@@ -92,7 +92,7 @@ def stuck(rows: pl.DataFrame) -> Mask:
 
 
 def check_course(rows: pl.DataFrame, straight: Mask) -> None:
-    """Refuse a groundspeed or a track that positions contradict: another unit, or a heading in place of a track.
+    """Refuse a groundspeed or a track that positions contradict: another unit, a heading for a track, swapped places.
 
     Args:
         rows: Sorted by flight and time.
@@ -103,17 +103,17 @@ def check_course(rows: pl.DataFrame, straight: Mask) -> None:
     """
     if not set(PLACED) <= set(rows.columns):
         return
-    speed, track = (rows[name].to_numpy() for name in GROUND_VECTOR)
-    latitude, longitude = (rows[name].to_numpy() for name in PLACED)
-    seconds = np.diff(clock_of(flights_of(rows), rows.select(SECONDS).to_series().to_numpy()))
-    north = EARTH_NM * np.diff(latitude)
-    east = EARTH_NM * ((np.diff(longitude) + 180) % 360 - 180) * np.cos(np.radians(latitude[1:]))
-    moving = straight[1:] & straight[:-1] & (seconds >= SHORTEST_S) & (seconds <= MAX_STEP_S)
-    moved = np.hypot(north, east) * 3600 / np.maximum(seconds, SHORTEST_S)
-    moving &= np.isfinite(moved) & np.isfinite(track[1:]) & (np.fmax(moved, 0) > LEAST_KT)
-    if moving.sum() < MIN_CHECKED_VALUES:
+    ratio, off = _moved(rows, straight, PLACED)
+    if np.isnan(ratio) or (SPEED_RATIO[0] < ratio < SPEED_RATIO[1] and off <= MAX_COURSE_DEG):
         return
-    ratio = float(np.nanmedian(moved[moving] / np.maximum((speed[1:] + speed[:-1]) / 2, 1.0)[moving]))
+    other_ratio, other_off = _moved(rows, straight, PLACED[::-1])
+    if SPEED_RATIO[0] < other_ratio < SPEED_RATIO[1] and other_off <= MAX_COURSE_DEG:
+        raise CleaningError(
+            f"latitude and longitude seem to be swapped: positions move {ratio:.3g} times as fast as groundspeed, and "
+            f"{other_ratio:.3g} times once they are exchanged",
+            expected="latitude and longitude in their own columns",
+            mend="exchange them, for instance by --column latitude=longitude --column longitude=latitude",
+        )
     if not SPEED_RATIO[0] < ratio < SPEED_RATIO[1]:
         unit = next((name for name, factor in UNITS.items() if abs(ratio / factor - 1) < 0.05), "no unit known")
         raise CleaningError(
@@ -121,11 +121,25 @@ def check_course(rows: pl.DataFrame, straight: Mask) -> None:
             expected="groundspeed in kt",
             mend=f"multiply the column, for instance by --column 'groundspeed=groundspeed*{ratio:.4g}'",
         )
+    raise CleaningError(
+        f"track contradicts the positions: their course differs from it by {off:.1f} degrees in the median",
+        expected="the true track over the ground, in degrees",
+        mend="a heading is no track, and a magnetic track is no true one: name the column of the true track",
+    )
+
+
+def _moved(rows: pl.DataFrame, straight: Mask, placed: tuple[str, ...]) -> tuple[float, float]:
+    """Medians of the speed of positions over groundspeed, and of course less track; NaN where too few rows move."""
+    speed, track = (rows[name].to_numpy() for name in GROUND_VECTOR)
+    latitude, longitude = (rows[name].to_numpy() for name in placed)
+    seconds = np.diff(clock_of(flights_of(rows), rows.select(SECONDS).to_series().to_numpy()))
+    north = EARTH_NM * np.diff(latitude)
+    east = EARTH_NM * ((np.diff(longitude) + 180) % 360 - 180) * np.cos(np.radians(latitude[1:]))
+    moving = straight[1:] & straight[:-1] & (seconds >= SHORTEST_S) & (seconds <= MAX_STEP_S)
+    moved = np.hypot(north, east) * 3600 / np.maximum(seconds, SHORTEST_S)
+    moving &= np.isfinite(moved) & np.isfinite(track[1:]) & (np.fmax(moved, 0) > LEAST_KT)
+    if moving.sum() < MIN_CHECKED_VALUES:
+        return np.nan, np.nan
+    ratio = float(np.nanmedian(moved[moving] / np.maximum((speed[1:] + speed[:-1]) / 2, 1.0)[moving]))
     course = np.degrees(np.arctan2(east, north))[moving]
-    off = float(np.median(np.abs((course - track[1:][moving] + 180) % 360 - 180)))
-    if off > MAX_COURSE_DEG:
-        raise CleaningError(
-            f"track contradicts the positions: their course differs from it by {off:.1f} degrees in the median",
-            expected="the true track over the ground, in degrees",
-            mend="a heading is no track, and a magnetic track is no true one: name the column of the true track",
-        )
+    return ratio, float(np.median(np.abs((course - track[1:][moving] + 180) % 360 - 180)))

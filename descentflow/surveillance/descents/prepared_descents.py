@@ -134,7 +134,7 @@ class Descents(WithTable):
             >>> "Mach" in read_descents("descents.parquet").reported.columns
             True
         """
-        frame = self.frame.drop(self.computed)
+        frame = self.frame.drop(self.computed, strict=False)
         if "airspeed_source" not in frame.columns:
             return frame
         # Of derived airspeeds both hold the field's temperature, and no measured one.

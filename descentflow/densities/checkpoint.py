@@ -221,11 +221,11 @@ class CheckpointSummary:
 
     def __str__(self) -> str:
         """One line for each thing that a user of the model asks first."""
-        parts = self.density.representation
-        decoder, split = parts.decoder, parts.split
-        levels, made = decoder.levels_fl, parts.provenance
+        representation = self.density.representation
+        decoder, split = representation.decoder, representation.split
+        levels, made = decoder.levels_fl, representation.provenance
         types = ", ".join(made.get("typecodes", [])) or "types unknown"
-        added = parts.correction
+        added = representation.correction
         before = self.density.held_out_fit
         scored = {} if before is self.density else {"scored": f"the fit to {before.representation.split.describe()}"}
         lines = {
@@ -233,10 +233,10 @@ class CheckpointSummary:
             "levels": f"FL{levels[0]:.0f} to FL{levels[-1]:.0f}, {len(levels)} of them",
             "flights": f"fitted to {split.describe()}",
             "descents": f"{made.get('descents', 'unknown')} ({types})",
-            "context": parts.context.describe(),
-            "air": "standard" if parts.air is None else parts.air.describe(),
+            "context": representation.context.describe(),
+            "air": "standard" if representation.air is None else representation.air.describe(),
             "effects added": ", ".join(added.effects) if added is not None else "none",
-            "cleaning": _cleaning(parts.cleaning),
+            "cleaning": _cleaning(representation.cleaning),
             **scored,
             "score": self._score(),
             "written by": f"descentflow {self.version}",

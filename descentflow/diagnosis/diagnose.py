@@ -58,7 +58,8 @@ def diagnose(
             :func:`descentflow.surveillance.prepare.prepare` returns them, or a table (Polars or pandas) of them.
         simulator: Path of a checkpoint, a density, or a fitted model; flights of any simulator, in every form of
             ``real``; the designator of a type (``"A320"``), the name of a model of BADA 4, or coefficients, for
-            nominal BADA at each flight's own speed. Files are recognised by their content.
+            nominal BADA at each flight's own speed. Files are recognised by their content. A checkpoint's flights are
+            those that trained it, as measured at the fit: no sample is drawn.
         typecode: Designator of a type: in place of ``simulator``, its nominal descent; next to a simulator's flights,
             whose coefficients give the signatures of effects (the flights' own type if absent).
         nearest_type: Whether the nearest type may stand for flights whose type has no coefficients, see

@@ -1,7 +1,7 @@
 """Steps of a diagnosis of measured flights: explain the difference, put the causes in, measure what is left.
 
-Each step is decided elsewhere: which effects are named in :mod:`~descentflow.diagnosis.inference.explain`, whether and
-where there is a gap in ``_where``, the verdict in
+Each step is decided elsewhere: which effects are named in :mod:`~descentflow.diagnosis.inference.explain`, where the
+flights differ in ``_where``, by how much matters in :mod:`~descentflow.diagnosis.gap.practical_size`, the verdict in
 :mod:`~descentflow.diagnosis.inference.verdict`.
 """
 

@@ -58,14 +58,14 @@ def describe(density: Density, sampler: SamplerGraph, precision: Precision) -> d
         >>> made["inputs"]["sampler"]["noise"]["shape"], made["outputs"]["CAS"]["unit"], made["redraw"]
         (['n', 4], 'knot', 'noise, with the same entry_fl')
     """
-    parts = density.representation
-    levels_fl = parts.decoder.levels_fl
-    counts = parts.plausibility.entry_counts.cpu().double()
+    representation = density.representation
+    levels_fl = representation.decoder.levels_fl
+    counts = representation.plausibility.entry_counts.cpu().double()
     described: dict[str, Any] = {
         "format": FORMAT,
         "version": VERSION,
         "made_by": f"descentflow {__version__}",
-        "typecode": parts.decoder.aircraft.typecode,
+        "typecode": representation.decoder.aircraft.typecode,
         "density": type(density).__name__,
         "precision": precision,
         "levels_fl": _numbers(levels_fl),
@@ -76,14 +76,17 @@ def describe(density: Density, sampler: SamplerGraph, precision: Precision) -> d
         "outputs": _outputs(sampler, precision),
         "rules": list(ALL_RULES),
         "bounds": {
-            **{name: [_numbers(getattr(parts.plausibility, end)) for end in ends] for name, ends in BOUNDS.items()},
-            **{name: _numbers(getattr(parts.plausibility, name)) for name in LIMITS},
+            **{
+                name: [_numbers(getattr(representation.plausibility, end)) for end in ends]
+                for name, ends in BOUNDS.items()
+            },
+            **{name: _numbers(getattr(representation.plausibility, name)) for name in LIMITS},
         },
         "entry_share": _numbers(counts / counts.sum()),
         "redraw": sampler.draw.redraw,
     }
-    if parts.n_context:
-        described["context"] = [_context(column) for column in parts.context.columns]
+    if representation.n_context:
+        described["context"] = [_context(column) for column in representation.context.columns]
     return described
 
 

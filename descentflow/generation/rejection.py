@@ -35,7 +35,7 @@ FlyWhere = Callable[[PerformanceModel, Trajectories], Trajectories]
 @torch.no_grad()
 def sample_descents(
     model: Density,
-    parts: Representation,
+    representation: Representation,
     n: int,
     seed: int,
     *,
@@ -51,7 +51,7 @@ def sample_descents(
 
     Args:
         model: Density of the standardised weights.
-        parts: Its representation.
+        representation: Its representation.
         n: Number of descents wanted.
         seed: Makes the whole result repeatable on one machine.
         context: (m, c) encoded contexts, for a conditional density: sample i has context i modulo m. For
@@ -78,33 +78,28 @@ def sample_descents(
         (100, 100)
     """
     budget = draw_budget or max(100 * n, 10_000)
-    wanted = _Wanted(model, parts, n, seed, context, entry, air)
+    wanted = _Wanted(model, representation, n, seed, context, entry, air)
     drawn, plausible, n_kept, broken = 0, 0, 0, torch.zeros(len(RULES), dtype=torch.long)
     batches: list[tuple[Tensor, Trajectories]] = []
     for start in range(0, n, DRAWS_AT_ONCE):
         pending, tries = torch.arange(start, min(start + DRAWS_AT_ONCE, n)), 0
         while len(pending) and drawn < budget:
-            now, left = pending[: budget - drawn], budget - drawn
-            times = max(min(tries, DRAWS_AT_ONCE // len(now), left // len(now)), 1)
-            of_draws, flown = wanted.fly(now, times, drawn)
-            rules = parts.plausibility.broken_rules(flown).cpu()
-            good = ~rules.any(1).reshape(times, -1)
-            drawn, plausible, broken = drawn + good.numel(), plausible + int(good.sum()), broken + rules.sum(0)
-            done = good.any(0)
-            # The first plausible draw of each sample.
-            first = (good.int().argmax(0) * len(now) + torch.arange(len(now)))[done].to(of_draws.device)
+            asked, left = pending[: budget - drawn], budget - drawn
+            times = max(min(tries, DRAWS_AT_ONCE // len(asked), left // len(asked)), 1)
+            weights, flown = wanted.fly(asked, times, drawn)
+            rules = representation.plausibility.broken_rules(flown).cpu()
+            passes = ~rules.any(1).reshape(times, -1)
+            drawn, plausible, broken = drawn + passes.numel(), plausible + int(passes.sum()), broken + rules.sum(0)
             if tries == 0:
-                # One of each: those that are not plausible are overwritten by later draws.
-                batches.append((of_draws, flown))
+                # One draw of each sample: those that are not plausible are overwritten by later draws.
+                batches.append((weights, flown))
             else:
-                weights, kept = batches[-1]
-                places = (now[done] - start).to(of_draws.device)
-                weights[places] = of_draws[first]
-                kept.put(places, flown.subset(first))
-            n_kept += len(first)
-            pending, tries = torch.cat([now[~done], pending[len(now) :]]), tries + times
+                _put_first_plausible(batches[-1], asked - start, passes, weights, flown)
+            served = passes.any(0)
+            n_kept += int(served.sum())
+            pending, tries = torch.cat([asked[~served], pending[len(asked) :]]), tries + times
             if progress is not None:
-                progress(len(first))
+                progress(int(served.sum()))
     counts = dict(zip(RULES, broken.tolist(), strict=True))
     report = RejectionReport(drawn, n_kept, drawn - plausible, plausible - n_kept, counts)
     if n_kept < n:
@@ -119,13 +114,34 @@ def sample_descents(
     return Samples(torch.cat(of_batches), concatenate(parts_flown), report, air=wanted.airs(torch.arange(n)))
 
 
+def _put_first_plausible(
+    batch: tuple[Tensor, Trajectories], places: Tensor, passes: Tensor, weights: Tensor, flown: Trajectories
+) -> None:
+    """Put the first plausible draw of each sample in its place of a batch.
+
+    Args:
+        batch: Weights and descents of the samples so far; changed in place.
+        places: (m,) places of the samples that were drawn.
+        passes: (times, m) whether each draw is plausible.
+        weights: Those of the draws, one of each sample, then one of each again.
+        flown: Descents of the draws.
+    """
+    served = passes.any(0)
+    draws = torch.arange(passes.numel()).reshape(passes.shape)
+    first = draws[passes.int().argmax(0)[served], served.nonzero()[:, 0]].to(weights.device)
+    places = places[served].to(weights.device)
+    kept_weights, kept = batch
+    kept_weights[places] = weights[first]
+    kept.put(places, flown.subset(first))
+
+
 class _Wanted:
     """n samples: what each keeps until a draw of it is plausible, and the draws."""
 
     def __init__(
         self,
         model: Density,
-        parts: Representation,
+        representation: Representation,
         n: int,
         seed: int,
         context: Tensor,
@@ -133,7 +149,7 @@ class _Wanted:
         air: LevelAir | FlyWhere | None,
     ) -> None:
         """Choose entry levels and airs."""
-        self.model, self.parts, self.seed, self.context, self.air = model, parts, seed, context, air
+        self.model, self.representation, self.seed, self.context, self.air = model, representation, seed, context, air
         self.generator = torch.Generator().manual_seed(seed)
         everyone = torch.arange(n)
         # By a generator of its own, so that weights and entries are those of the seed in any air.
@@ -142,7 +158,7 @@ class _Wanted:
         if context.shape[1] and n_airs == len(context):
             self.air_row = everyone % n_airs
         if not len(entry):
-            self.entry = parts.plausibility.draw_entry(n, self.generator)
+            self.entry = representation.plausibility.draw_entry(n, self.generator)
         elif context.shape[1]:
             self.entry = entry[everyone % len(context)]
         elif isinstance(air, LevelAir) and n_airs == len(entry):
@@ -154,21 +170,21 @@ class _Wanted:
         """Airs of samples; None in standard air, or where it depends on the place."""
         return self.air.rows(self.air_row[samples]) if isinstance(self.air, LevelAir) else None
 
-    def fly(self, now: Tensor, times: int, drawn: int) -> tuple[Tensor, Trajectories]:
+    def fly(self, asked: Tensor, times: int, drawn: int) -> tuple[Tensor, Trajectories]:
         """Weights and descents of so many draws for each of these samples (m,): one of each, then one of each again.
 
         Args:
-            now: Whose draws they are.
+            asked: Whose draws they are.
             times: Draws for each.
             drawn: Draws that all had.
         """
-        samples, decoder = now.repeat(times), self.parts.decoder
+        samples, decoder = asked.repeat(times), self.representation.decoder
         own_seed = int(torch.randint(2**31, (), generator=self.generator))
         weights = self.model.sample(len(samples), own_seed, self.context[samples % len(self.context)])
         entry = self.entry[samples].to(weights.device)
         uniform = torch.rand(len(samples), generator=self.generator, dtype=torch.float64)
         residual = decoder.residuals.draw(weights, entry, uniform)
-        flown = self.parts.fly(weights, entry, residual=residual, draws=DrawNumbers(self.seed, drawn))
+        flown = self.representation.fly(weights, entry, residual=residual, draws=DrawNumbers(self.seed, drawn))
         if isinstance(self.air, LevelAir):
             flown = flown_in(decoder.aircraft, flown, self.air.rows(self.air_row[samples]))
         elif self.air is not None:

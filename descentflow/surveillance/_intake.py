@@ -11,7 +11,7 @@ from descentflow.core.errors import NoRowsError
 from descentflow.surveillance._request import PreparationRequest
 from descentflow.surveillance.cleaning._flights import names_given, usable
 from descentflow.surveillance.cleaning.chain import Outcome, clean
-from descentflow.surveillance.cleaning.report_checks import nothing_left
+from descentflow.surveillance.cleaning.drop_report_checks import nothing_left
 from descentflow.surveillance.read_rows import Source, row_blocks
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import COLUMNS, REQUIRED

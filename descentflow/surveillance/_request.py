@@ -14,8 +14,8 @@ from descentflow.core.workers import version
 from descentflow.surveillance.cleaning._flights import names_shared
 from descentflow.surveillance.cleaning._neighbour_air import observed
 from descentflow.surveillance.cleaning.chain import Work
+from descentflow.surveillance.cleaning.drop_report_checks import NONE_OF, asked_in_vain, check_left, check_report
 from descentflow.surveillance.cleaning.idle import check_power
-from descentflow.surveillance.cleaning.report_checks import NONE_OF, asked_in_vain, check_left, check_report
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import top_levels
 from descentflow.surveillance.descents.store import SCHEMA_VERSION

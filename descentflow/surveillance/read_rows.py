@@ -19,10 +19,10 @@ from descentflow.surveillance.formats._known_formats import (
     recognised,
 )
 from descentflow.surveillance.rows._column_names import note_unused, row_names, with_folders, with_named
-from descentflow.surveillance.rows._false_values import without_false_values
 from descentflow.surveillance.rows._normalise import is_list_of_types, normalise, wanted
+from descentflow.surveillance.rows._placeholder_values import without_placeholder_values
 from descentflow.surveillance.rows._units_check import check_ground_vector, check_units
-from descentflow.surveillance.rows._values_beside import with_values_beside
+from descentflow.surveillance.rows._values_of_other_rows import with_values_of_other_rows
 from descentflow.surveillance.rows.air_data import MACH_MISSING, mach_reported, reports_airspeeds, with_ias, with_mach
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import AIRSPEEDS
@@ -194,8 +194,8 @@ def _normalised(
         used = wanted(given.columns, AIRSPEEDS if derived else ())
         note_unused([name for name in given.columns if name not in used], len(given), report)
         report.note(WITHOUT_ROWS, int(table.first and given.is_empty() and table.label != TABLE_IN_MEMORY))
-        own = with_values_beside(normalise(given, table.label, report, derived), report)
-        own = without_false_values(own, table.label, report)
+        own = with_values_of_other_rows(normalise(given, table.label, report, derived), report)
+        own = without_placeholder_values(own, table.label, report)
         if derived and not reports_airspeeds(own):
             if table.first or len(own) >= MIN_IN_LATER_PARTS:
                 check_ground_vector(own, table.label)

@@ -8,7 +8,7 @@ import polars as pl
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.surveillance.cleaning.report_checks import tell_absent_types
+from descentflow.surveillance.cleaning.drop_report_checks import tell_absent_types
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents
 

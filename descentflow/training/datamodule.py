@@ -240,7 +240,7 @@ class DescentDataModule(LightningDataModule):
             "period": Descents(frame, source.metadata).period,
         }
         cleaning = known_cleaning(source)
-        # Nothing asks any more for these texts of every row, which are a quarter of what is held.
+        # Not needed from here on: these texts are a quarter of the memory.
         frame = frame.drop("typecode", "callsign", strict=False)
         source = Descents(frame, source.metadata)
         profiles, split = self._fresh(frame, source, own_type)

@@ -112,7 +112,7 @@ def fit(
     for path in outputs:
         check_output(path) if path in files else check_new_run(path)
     quiet()
-    # Of the three that are chosen from, batches are the flow's alone.
+    # Where the kind is chosen, only the flow is trained in batches: its settings hold.
     settings = _settings("flow" if model is None else model, max_epochs)
     columns = None if context is None else list(context)
     data = _data_module(descents, settings.data, _given(aircraft=aircraft, context=columns, **data_options))

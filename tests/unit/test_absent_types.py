@@ -6,7 +6,7 @@ import pytest
 from surveillance_toys import fleet, written
 
 from descentflow.core.errors import DataError
-from descentflow.surveillance.cleaning.report_checks import NONE_OF
+from descentflow.surveillance.cleaning.drop_report_checks import NONE_OF
 from descentflow.surveillance.prepare import prepare
 
 

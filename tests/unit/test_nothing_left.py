@@ -6,7 +6,7 @@ from surveillance_toys import flight
 
 from descentflow.core.errors import DataError
 from descentflow.surveillance.cleaning.chain import after_rates, before_rates
-from descentflow.surveillance.cleaning.report_checks import REASONS, nothing_left
+from descentflow.surveillance.cleaning.drop_report_checks import REASONS, nothing_left
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.prepare import prepare
 from descentflow.surveillance.rows.drop_report import DropReport, Step

@@ -75,20 +75,20 @@ def both_sides(
     grid = grid_of(frame, low, high, channels)
     real = measured(grid, band_fl)
     check_count(real, frame["flight_id"].n_unique(), low, high)
-    parts = simulator.representation
-    if parts is None:
+    representation = simulator.representation
+    if representation is None:
         return MeasuredSides(None, real, "physics")
-    if parts.air is not None:
+    if representation.air is not None:
         # Reports are rounded in the air as it was: what it does to them does not go with the wind.
         real = replace(real, values={name: value for name, value in real.values.items() if name not in AIR_NOISE})
-    if parts.reference is None:
+    if representation.reference is None:
         raise DataError(
             "a model that keeps no flights",
             expected="one that keeps its training flights, as `fit` writes it",
             mend="fit it again, or sample it (descentflow sample) and pass the samples as --simulator",
         )
     try:
-        own = Quantities.from_state(parts.reference)
+        own = Quantities.from_state(representation.reference)
     except KeyError as error:
         raise DataError(
             f"a checkpoint with {error.args[0]}", expected="one of this version of descentflow", mend="fit it again"

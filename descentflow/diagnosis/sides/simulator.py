@@ -122,8 +122,11 @@ class Simulator:
         """
         if "typecode" not in frame.columns:
             return frame, {}
-        parts = self.representation
-        known = {self.aircraft.typecode, *([] if parts is None else parts.provenance.get("typecodes", []))}
+        representation = self.representation
+        known = {
+            self.aircraft.typecode,
+            *([] if representation is None else representation.provenance.get("typecodes", [])),
+        }
         flights = frame.group_by("typecode").agg(pl.col("flight_id").n_unique()).drop_nulls().sort("typecode")
         given = {str(name): int(number) for name, number in flights.iter_rows()}
         if given and not given.keys() & known:

@@ -32,8 +32,9 @@ half, and five."""
 FEWEST_FOR_CAUSES = 20
 """Flights of a side from which all effects are sought: hundreds tell them apart."""
 MIN_AIRCRAFT_APART = 7
-"""Aircraft that differ from what most flights show, for a quantity that most show alike (time level, least noise) to be
-compared. All of m are on one side by chance in one of 2^(m - 1), and 2 % is asked."""
+"""Fewest aircraft that differ from the usual value of a quantity which most flights show alike (time level, noise).
+With fewer, such a quantity is not compared: m aircraft are all of one side by chance in 1 of 2^(m - 1) cases, and at
+most 2 % is allowed."""
 
 
 @dataclass(frozen=True)
@@ -184,7 +185,7 @@ def _compared(name: str, column: Tensor, real: Tensor, assumed: Assumptions) -> 
     """Values (n,) of both sides without extremes; None where too few flights show any."""
     shown, simulated = column[real], column[~real]
     anchored = _enough(simulated)
-    # What a few of the simulator's flights show is not enough to compare, and no claim of physics either.
+    # Physics claims zero only where no flight of the simulator shows a value; a few are too few to compare.
     claimed = name in CLAIMED_ZERO and not bool(simulated.isfinite().any())
     if not _enough(shown) or not (anchored or claimed):
         return None

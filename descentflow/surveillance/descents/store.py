@@ -1,8 +1,8 @@
 """Prepared descents on disk: one file or a store by type, written from parts that are sorted by flight, and described.
 
 A store is a folder: ``typecode=A320/part-00000.parquet`` and so on, as Hive, Spark, DuckDB, Polars and Arrow read it,
-and ``_descentflow.json``, which describes it (schema version, inputs with hashes, settings, report) and lists
-its files.
+and ``_descentflow.json``, which describes it (schema version, inputs with hashes, settings, report) and lists its
+files.
 """
 
 import itertools

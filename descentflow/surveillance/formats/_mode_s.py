@@ -16,7 +16,7 @@ from descentflow.core.errors import DataError
 from descentflow.core.tabular import optional_library
 from descentflow.surveillance.formats._json_rows import Kinds, is_number, table
 from descentflow.surveillance.rows._times import in_seconds, timestamps
-from descentflow.surveillance.rows._values_beside import NEAR_S, between, near
+from descentflow.surveillance.rows._values_of_other_rows import NEAR_S, between, near
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import POSSIBLE

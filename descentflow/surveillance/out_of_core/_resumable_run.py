@@ -12,7 +12,7 @@ from descentflow.core.files import OF_THE_DISK, check_output, check_separate, sy
 from descentflow.core.workers import Engine
 from descentflow.surveillance._intake import clean_held, take_in
 from descentflow.surveillance._request import PreparationRequest, description
-from descentflow.surveillance.cleaning.report_checks import nothing_left
+from descentflow.surveillance.cleaning.drop_report_checks import nothing_left
 from descentflow.surveillance.descents import store
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
 from descentflow.surveillance.out_of_core._groups import read_groups

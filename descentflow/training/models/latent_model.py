@@ -202,17 +202,18 @@ class LatentModel(LightningModule, InNotebook, ABC, Generic[D]):
         """Model and data in two lines; not the tree of modules."""
         if self._density is None or self._density._representation is None:
             return f"{type(self).__name__}, not fitted yet"
-        parts, decoder = self.representation, self.representation.decoder
+        representation = self.representation
+        decoder = representation.decoder
         lines = [
             f"{type(self).__name__} of {decoder.dimension} weights ({decoder.sizes}) on "
             f"FL{decoder.levels_fl[0]:.0f}-{decoder.levels_fl[-1]:.0f}, {decoder.aircraft.typecode}",
-            f"{len(parts.split.train)} flights trained it, {len(parts.split.validation)} validated it"
+            f"{len(representation.split.train)} flights trained it, {len(representation.split.validation)} validated it"
             + (f": {self.outcome}" if self.outcome else ""),
         ]
         if self.final is not None:
             lines.append(f"sampled: the final fit, to {self.final.representation.split.describe()}")
-        if parts.n_context:
-            lines.append(f"conditioned on {parts.context.describe()}")
+        if representation.n_context:
+            lines.append(f"conditioned on {representation.context.describe()}")
         if self.chosen:
             lines.append(self.chosen)
         return "\n".join(lines)

@@ -10,8 +10,8 @@ from descentflow.core.files import table_beside
 from descentflow.surveillance.cleaning._flights import FLIGHTS_OF_SEVERAL_TYPES, NO_TYPES, OTHER_VALUES
 from descentflow.surveillance.cleaning._two_clocks import ROWS_OF_OTHER_CLOCK
 from descentflow.surveillance.cleaning.thresholds import Cleaning
-from descentflow.surveillance.rows._false_values import TAKEN_FOR_MISSING
-from descentflow.surveillance.rows._values_beside import JOIN_MEND, OF_OTHER_ROWS, VALUES_APART
+from descentflow.surveillance.rows._placeholder_values import TAKEN_FOR_MISSING
+from descentflow.surveillance.rows._values_of_other_rows import JOIN_MEND, OF_OTHER_ROWS, VALUES_APART
 from descentflow.surveillance.rows.drop_report import DropReport, Step
 from descentflow.surveillance.rows.schema import AIRSPEEDS, COLUMNS, POSSIBLE, ROWS_WITHOUT
 

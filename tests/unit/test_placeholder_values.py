@@ -7,7 +7,7 @@ from surveillance_toys import fleet, flight
 
 from descentflow.core.errors import DataError
 from descentflow.surveillance.read_rows import read_rows
-from descentflow.surveillance.rows._false_values import TAKEN_FOR_MISSING, without_false_values
+from descentflow.surveillance.rows._placeholder_values import TAKEN_FOR_MISSING, without_placeholder_values
 from descentflow.surveillance.rows.air_data import isa_tas_of_mach_kt
 from descentflow.surveillance.rows.drop_report import DropReport
 
@@ -36,7 +36,7 @@ def some(rows: pl.DataFrame, share: float = 0.3) -> pl.Expr:
 
 def notes_of(rows: pl.DataFrame) -> tuple[pl.DataFrame, dict[str, int]]:
     report = DropReport()
-    return without_false_values(rows, "rows.parquet", report), report.notes
+    return without_placeholder_values(rows, "rows.parquet", report), report.notes
 
 
 @pytest.mark.parametrize("every_s", [1.0, 4.0, 12.0, 30.0])

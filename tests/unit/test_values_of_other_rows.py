@@ -6,7 +6,7 @@ from surveillance_toys import flight
 
 from descentflow.core.errors import DataError, DescentflowWarning
 from descentflow.surveillance.prepare import prepare
-from descentflow.surveillance.rows._values_beside import JOINED_VALUES, VALUES_APART, with_values_beside
+from descentflow.surveillance.rows._values_of_other_rows import JOINED_VALUES, VALUES_APART, with_values_of_other_rows
 from descentflow.surveillance.rows.drop_report import DropReport
 
 WHOLE = flight(every_s=2.0).with_columns(TAS=430.0 - 0.2 * pl.int_range(pl.len()), groundspeed=pl.lit(400.0))
@@ -28,9 +28,9 @@ def test_values_of_rows_in_between_are_joined_as_those_of_raw_mode_s() -> None:
         assert (found.frame[name] - expected.frame[name]).abs().max() < 0.05, name
         assert found.report.notes[JOINED_VALUES.format(name=name)] > 100
     assert (
-        with_values_beside(rows, DropReport())
+        with_values_of_other_rows(rows, DropReport())
         .drop("TAS", "groundspeed", "track")
-        .equals(rows.select(with_values_beside(rows, DropReport()).columns).drop("TAS", "groundspeed", "track"))
+        .equals(rows.select(with_values_of_other_rows(rows, DropReport()).columns).drop("TAS", "groundspeed", "track"))
     ), "rows and their order stay"
 
 
@@ -43,7 +43,7 @@ def test_tables_whose_rows_have_both_stay_as_they_are() -> None:
     some = pl.int_range(pl.len()) % 10 == 0
     rows = WHOLE.with_columns(TAS=pl.when(some).then("TAS"), IAS=pl.when(EVEN | some).then("IAS"))
     report = DropReport()
-    assert with_values_beside(rows, report) is rows
+    assert with_values_of_other_rows(rows, report) is rows
     assert report.notes == {}
 
 

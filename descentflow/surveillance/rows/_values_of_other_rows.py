@@ -27,7 +27,7 @@ JOIN_MEND = (
 """Advice on these in messages."""
 
 
-def with_values_beside(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
+def with_values_of_other_rows(rows: pl.DataFrame, report: DropReport) -> pl.DataFrame:
     """Rows in which IAS has with it what the table holds in rows of its own, where these are near in time.
 
     Nothing is done with a column that has a value in more than :data:`MAX_SHARE_TOGETHER` of the rows with IAS.

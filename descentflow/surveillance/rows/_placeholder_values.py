@@ -32,7 +32,7 @@ MAX_OFF_CHANGE, WITHIN_FT = 0.3, 100.0
 does not, and distance of its altitude from those around it."""
 
 
-def without_false_values(rows: pl.DataFrame, source: str, report: DropReport) -> pl.DataFrame:
+def without_placeholder_values(rows: pl.DataFrame, source: str, report: DropReport) -> pl.DataFrame:
     """Rows in which such values are missing.
 
     Args:
@@ -46,7 +46,7 @@ def without_false_values(rows: pl.DataFrame, source: str, report: DropReport) ->
     Example:
         >>> rows, report = pl.read_parquet("rows.parquet"), DropReport()
         >>> often = rows.with_columns(pl.when(pl.int_range(pl.len()) % 4 > 0).then("IAS").otherwise(333.0))
-        >>> _ = without_false_values(often, "rows.parquet", report)
+        >>> _ = without_placeholder_values(often, "rows.parquet", report)
         >>> list(report.notes)
         ['values of IAS that are 333 among others, taken for missing']
     """

@@ -22,7 +22,7 @@ from descentflow.representation.evidence import WeightEvidence
 from descentflow.representation.fit_representation import fit_representation
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.plausibility import Plausibility
-from descentflow.representation.profiles import Profiles, infer_drag_n
+from descentflow.representation.profiles import Profiles, drag_at_idle_n
 from descentflow.representation.representation import Representation, Split
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents, write_descents
@@ -66,7 +66,7 @@ def flights(n: int, seed: int = 0, *, bottom_fl: int = 150, top_fl: int = 370, g
     mask = torch.arange(len(levels)) <= (top if gappy else torch.full_like(top, len(levels) - 1))[:, None]
     legs = -(altitude_m.diff() * 0.5 * (1 / rate[:, 1:] + 1 / rate[:, :-1]))
     time = torch.nn.functional.pad(legs.flip(1).cumsum(1).flip(1), (0, 1))
-    drag = infer_drag_n(AIRCRAFT, cas, rate, altitude_m)
+    drag = drag_at_idle_n(AIRCRAFT, cas, rate, altitude_m)
     return Profiles(tuple(f"toy-{seed}-{i:05d}" for i in range(n)), levels, time, cas, rate, drag, mask)
 
 

@@ -93,15 +93,15 @@ def drag_in_air(
 
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
-        >>> from descentflow.representation.profiles import infer_drag_n
+        >>> from descentflow.representation.profiles import drag_at_idle_n
         >>> import torch
         >>> levels_fl = torch.arange(150.0, 161.0).double()
         >>> cas, rate = torch.full((1, 11), 140.0).double(), torch.full((1, 11), -10.0).double()
         >>> a320, altitude_m = aircraft("A320"), levels_fl * 30.48
-        >>> standard = infer_drag_n(a320, cas, rate, altitude_m)
+        >>> standard = drag_at_idle_n(a320, cas, rate, altitude_m)
         >>> warm = LevelAir.uniform(levels_fl, deviation_k=10.0)
         >>> drag = drag_in_air(a320, cas, rate, standard, altitude_m, warm)
-        >>> bool(torch.isclose(drag, infer_drag_n(a320, cas, rate, altitude_m, deviation_k=10.0)).all())
+        >>> bool(torch.isclose(drag, drag_at_idle_n(a320, cas, rate, altitude_m, deviation_k=10.0)).all())
         True
     """
     terms = in_air(aircraft, cas_mps, altitude_m, air)

@@ -27,7 +27,7 @@ from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.fpca._mask_groups import group_masks
 from descentflow.representation.fpca.gappy import gappy_profiles
 from descentflow.representation.fpca.ppca import posterior
-from descentflow.representation.profiles import Profiles, infer_drag_n
+from descentflow.representation.profiles import Profiles, drag_at_idle_n
 from descentflow.surveillance.rows.airspeed_source import REPORTED, derived_flights
 
 WIND_MPS, TEMPERATURE_K = 2.5, 1.0
@@ -176,7 +176,7 @@ def without_airspeed_error(
     part[usable] = left @ (_to_less(spread, added) - torch.eye(len(added))) @ modes.T
     moved[:, shown] = torch.where(mask, part, 0.0).to(moved)
     cas_mps = profiles.cas_mps + moved
-    drag_n = infer_drag_n(aircraft, cas_mps, profiles.rate_mps, profiles.altitude_m, mass_kg)
+    drag_n = drag_at_idle_n(aircraft, cas_mps, profiles.rate_mps, profiles.altitude_m, mass_kg)
     return replace(profiles, cas_mps=cas_mps, drag_n=torch.where(profiles.mask, drag_n, 0.0))
 
 

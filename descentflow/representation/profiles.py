@@ -92,7 +92,7 @@ class Profiles:
         )
 
 
-def infer_drag_n(
+def drag_at_idle_n(
     aircraft: PerformanceModel,
     cas_mps: Tensor,
     rate_mps: Tensor,
@@ -100,7 +100,7 @@ def infer_drag_n(
     mass_kg: Number | None = None,
     deviation_k: Number = 0.0,
 ) -> Tensor:
-    """Drag that makes BADA's rate equation give the observed rate (paper, equation 3).
+    """Drag that makes BADA's rate equation give the observed rate at idle thrust (paper, equation 3).
 
     Args:
         aircraft: Coefficients.
@@ -116,7 +116,7 @@ def infer_drag_n(
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
         >>> cas_mps, rate_mps = torch.full((1, 2), 150.0), torch.full((1, 2), -10.0)
-        >>> infer_drag_n(aircraft("A320"), cas_mps, rate_mps, torch.tensor([6000.0, 6100.0])).round(decimals=-2)
+        >>> drag_at_idle_n(aircraft("A320"), cas_mps, rate_mps, torch.tensor([6000.0, 6100.0])).round(decimals=-2)
         tensor([[37600., 37500.]])
     """
     state = idle_state(aircraft, cas_mps, altitude_m, deviation_k)
@@ -175,14 +175,14 @@ def profiles_from_frame(
     # A plausible speed keeps the arithmetic finite at missing levels; the mask hides the result.
     cas_mps = cas_kt.masked_fill_(~mask, 250.0).mul_(KT_MPS)
     rate_mps = rate_fpm.mul_(FPM_MPS)
-    profiles = observed_profiles(aircraft, tuple(flight_ids), levels, time_s, cas_mps, rate_mps, mask, mass_kg)
+    profiles = profiles_with_drag(aircraft, tuple(flight_ids), levels, time_s, cas_mps, rate_mps, mask, mass_kg)
     if not burns:
         return profiles
     flow = frame["fuel_flow"].cast(pl.Float64).fill_null(float("nan")).to_numpy()
     return replace(profiles, fuel_flow_kg_s=_scatter(flow, index, len(flight_ids), len(levels)))
 
 
-def observed_profiles(
+def profiles_with_drag(
     aircraft: PerformanceModel,
     flight_ids: tuple[str, ...],
     levels_fl: Tensor,
@@ -209,7 +209,7 @@ def observed_profiles(
         >>> levels_fl = torch.arange(250.0, 351.0).double()
         >>> cas, rate = torch.full((1, 101), 140.0).double(), torch.full((1, 101), -10.0).double()
         >>> seen = torch.ones_like(cas, dtype=torch.bool)
-        >>> one = observed_profiles(aircraft("A320"), ("a",), levels_fl, 0 * cas, cas, rate, seen)
+        >>> one = profiles_with_drag(aircraft("A320"), ("a",), levels_fl, 0 * cas, cas, rate, seen)
         >>> one.drag_n.shape
         torch.Size([1, 101])
     """
@@ -218,7 +218,7 @@ def observed_profiles(
     drag = []
     for start in range(0, len(mask), FLIGHTS_AT_ONCE):
         part = slice(start, start + FLIGHTS_AT_ONCE)
-        found_n = infer_drag_n(aircraft, cas_mps[part], rate_mps[part], altitude_m, mass_kg)
+        found_n = drag_at_idle_n(aircraft, cas_mps[part], rate_mps[part], altitude_m, mass_kg)
         drag.append(torch.where(mask[part], found_n, 0.0))
     return Profiles(flight_ids, levels_fl, time_s, cas_mps, rate_mps, torch.cat(drag), mask)
 

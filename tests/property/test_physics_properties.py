@@ -26,7 +26,7 @@ from descentflow.physics.energy import (
 )
 from descentflow.physics.nominal_descent import nominal_descent
 from descentflow.representation.decoder.trajectories import integrate
-from descentflow.representation.profiles import infer_drag_n
+from descentflow.representation.profiles import drag_at_idle_n
 
 QUICK = settings(max_examples=60, deadline=None)
 altitudes = st.floats(-300.0, 15000.0)
@@ -126,7 +126,7 @@ def test_gauge_leaves_decoded_trajectories_and_the_inference_unchanged(scale, ma
     torch.testing.assert_close(other.time_s, one.time_s, rtol=1e-11, atol=1e-9)
     torch.testing.assert_close(other.rate_mps, one.rate_mps, rtol=1e-11, atol=0)
     inferred, scaled = (
-        infer_drag_n(a, cas, one.rate_mps, altitude, m, deviation)
+        drag_at_idle_n(a, cas, one.rate_mps, altitude, m, deviation)
         for a, m in ((JET, mass), (_gauged(JET, scale), scale * mass))
     )
     torch.testing.assert_close(scaled, scale * inferred, rtol=1e-11, atol=0)

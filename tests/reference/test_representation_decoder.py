@@ -15,7 +15,7 @@ from descentflow.physics.energy import descent_rate_mps
 from descentflow.physics.idle_state import idle_state
 from descentflow.representation.decoder.trajectories import Trajectories, integrate
 from descentflow.representation.fit_representation import RepresentationSettings
-from descentflow.representation.profiles import infer_drag_n
+from descentflow.representation.profiles import drag_at_idle_n
 
 LEVELS = torch.arange(150, 371, dtype=torch.float64)
 ALTITUDE_M = LEVELS * FL_M
@@ -29,7 +29,7 @@ def fly(drag_n: Tensor, cas_mps: Tensor, entry: int = 220, **settings: object) -
 def test_drag_inferred_from_decoded_trajectories_returns_the_drag_that_made_them() -> None:
     real = toys.flights(50)
     flown = fly(real.drag_n, real.cas_mps)
-    inferred = infer_drag_n(toys.AIRCRAFT, flown.cas_mps, flown.rate_mps, ALTITUDE_M)
+    inferred = drag_at_idle_n(toys.AIRCRAFT, flown.cas_mps, flown.rate_mps, ALTITUDE_M)
     # Two inverse formulae in float64; the issue asks for 1e-6.
     torch.testing.assert_close(inferred, real.drag_n, rtol=1e-11, atol=0)
     torch.testing.assert_close(flown.rate_mps, real.rate_mps, rtol=1e-11, atol=0)
@@ -39,7 +39,7 @@ def test_rate_linear_in_altitude_takes_a_logarithm() -> None:
     """dh/dt = -(a + b h) gives t = ln((a + b h0) / (a + b h)) / b."""
     a, b = 4.0, 8e-4
     cas = torch.full((1, len(LEVELS)), 280 * KT_MPS, dtype=torch.float64)
-    drag = infer_drag_n(toys.AIRCRAFT, cas, -(a + b * ALTITUDE_M)[None], ALTITUDE_M)
+    drag = drag_at_idle_n(toys.AIRCRAFT, cas, -(a + b * ALTITUDE_M)[None], ALTITUDE_M)
     exact = torch.log((a + b * ALTITUDE_M[-1]) / (a + b * ALTITUDE_M)) / b
     error = (fly(drag, cas).time_s[0] - exact).abs().max() / exact[0]
     # Trapezoid: h^2/12 f'' summed over the grid, about 1e-6 here; 5e-4 is the project's bound.

@@ -19,7 +19,7 @@ from descentflow.representation.decoder.trajectories import integrate
 from descentflow.representation.drag_scale import LEAST_FORCE, DragScale, fit_drag_scale
 from descentflow.representation.fit_representation import RepresentationSettings, fit_representation
 from descentflow.representation.own_air import flown_in
-from descentflow.representation.profiles import Profiles, observed_profiles
+from descentflow.representation.profiles import Profiles, profiles_with_drag
 from descentflow.representation.representation import Representation, Split
 from descentflow.training.fit import fit
 from descentflow.training.models import Gaussian
@@ -59,7 +59,7 @@ def one_angle(speeds: list[float], mach: float) -> Profiles:
     cas = torch.minimum(torch.tensor(speeds).double()[:, None], mach_to_cas_mps(mach, levels * FL_M))
     rate = -0.075 * cas_to_tas_mps(cas, levels * FL_M)
     flights = tuple(map(str, range(len(speeds))))
-    return observed_profiles(toys.AIRCRAFT, flights, levels, 0 * cas, cas, rate, torch.ones_like(cas) > 0)
+    return profiles_with_drag(toys.AIRCRAFT, flights, levels, 0 * cas, cas, rate, torch.ones_like(cas) > 0)
 
 
 def test_the_typical_force_is_that_of_one_angle_and_steps_as_the_manuals_factor() -> None:

@@ -19,7 +19,7 @@ from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 from descentflow.physics.atmosphere import geometric_altitude_m, isa_temperature_k
 from descentflow.physics.energy import descent_rate_mps, slope_per_m
 from descentflow.representation.own_air import with_own_air
-from descentflow.representation.profiles import infer_drag_n, profiles_from_frame
+from descentflow.representation.profiles import drag_at_idle_n, profiles_from_frame
 from descentflow.simulation.world import World
 from descentflow.simulation.world_config import WorldConfig
 
@@ -80,9 +80,9 @@ def test_a_rate_in_an_air_is_that_of_the_energy_balance_itself() -> None:
 def test_drag_comes_back_from_the_rate_flown_in_its_air() -> None:
     air, altitude_m = profile_of_air(), LEVELS * FL_M
     cas, rate = torch.full((1, len(LEVELS)), 150.0).double(), torch.full((1, len(LEVELS)), -11.0).double()
-    drag = infer_drag_n(toys.AIRCRAFT, cas, rate, altitude_m)
+    drag = drag_at_idle_n(toys.AIRCRAFT, cas, rate, altitude_m)
     flown = rate_in_air(toys.AIRCRAFT, rate, drag, in_air(toys.AIRCRAFT, cas, altitude_m, air))
-    standard = infer_drag_n(toys.AIRCRAFT, cas, flown, altitude_m)
+    standard = drag_at_idle_n(toys.AIRCRAFT, cas, flown, altitude_m)
     again = drag_in_air(toys.AIRCRAFT, cas, flown, standard, altitude_m, air)
     torch.testing.assert_close(again, drag, rtol=1e-12, atol=0)
     still = LevelAir.uniform(LEVELS)

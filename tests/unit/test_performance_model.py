@@ -23,7 +23,7 @@ from descentflow.physics.nominal_descent import nominal_descent
 from descentflow.physics.performance_model import NAMES, PerformanceModel
 from descentflow.representation.decoder.trajectories import integrate
 from descentflow.representation.drag_scale import DragScaleName, fit_drag_scale
-from descentflow.representation.profiles import infer_drag_n, observed_profiles
+from descentflow.representation.profiles import drag_at_idle_n, profiles_with_drag
 
 PACKAGE = Path(descentflow.__file__).parent
 PARTS = (Coefficients, Bada4Aircraft, Wing, Turboprop, Piston)
@@ -75,7 +75,7 @@ def test_idle_thrust_by_powers_of_mach_is_inferred_and_flown(braking: Performanc
             torch.testing.assert_close(getattr(flown, name), values, rtol=1e-12, atol=1e-10)
         thrust = braking.idle_thrust_n(LEVELS_FL * FL_M, flown.tas_mps, deviation)
         assert braking.engine == "piston" or float(thrust.max()) < -1e3
-        inferred = infer_drag_n(braking, flown.cas_mps, flown.rate_mps, LEVELS_FL * FL_M, deviation_k=deviation)
+        inferred = drag_at_idle_n(braking, flown.cas_mps, flown.rate_mps, LEVELS_FL * FL_M, deviation_k=deviation)
         torch.testing.assert_close(inferred, flown_in[0], rtol=1e-12, atol=0)
 
 
@@ -131,7 +131,7 @@ def test_idle_thrust_below_zero_works_in_every_scale_of_drag(
     entry = torch.full((2,), len(levels_fl) - 1)
     flown = integrate(braking, levels_fl, levels_fl * FL_M, drag_n * torch.tensor([[0.8], [1.2]]), cas_mps, entry)
     args = ("a", "b"), levels_fl, flown.time_s, flown.cas_mps, flown.rate_mps, flown.mask
-    seen = observed_profiles(braking, *args)
+    seen = profiles_with_drag(braking, *args)
     scale = fit_drag_scale(seen, braking, logarithm)
     back = scale.drag_n(scale.scaled(seen.drag_n, seen.cas_mps), seen.cas_mps)
     torch.testing.assert_close(back, seen.drag_n, rtol=1e-12, atol=0)

@@ -11,7 +11,7 @@ from descentflow.core.errors import DataError
 from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.plausibility import Plausibility
-from descentflow.representation.profiles import Profiles, observed_profiles
+from descentflow.representation.profiles import Profiles, profiles_with_drag
 
 FlownSoFar = Annotated[pl.DataFrame | Mapping[str, Any], "a table of levels, or its columns by name"]
 """Columns ``level_fl``, ``CAS`` (kt; or ``IAS``) and ``vertical_rate`` (ft/min, negative), a row for each level."""
@@ -65,7 +65,7 @@ def flown_so_far(decoder: DescentDecoder, flown: FlownSoFar, bounds: Plausibilit
     cas[0, index], rate[0, index] = cas_kt[on], rate_fpm[on]
     cas_mps, rate_mps = torch.from_numpy(cas * KT_MPS), torch.from_numpy(rate * FPM_MPS)
     seen, levels, time_s = torch.from_numpy(mask), decoder.levels_fl.cpu(), torch.zeros_like(cas_mps)
-    so_far = observed_profiles(decoder.aircraft, ("flown",), levels, time_s, cas_mps, rate_mps, seen)
+    so_far = profiles_with_drag(decoder.aircraft, ("flown",), levels, time_s, cas_mps, rate_mps, seen)
     if bounds is not None:
         _check_units(so_far, bounds)
     return so_far

@@ -10,15 +10,19 @@ import gap_toys
 import polars as pl
 import pytest
 import torch
+import toys
+from bada4_dummies import dummies
 
+from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.cli.entry import main
-from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
+from descentflow.core.errors import AircraftError, ConfigError, DataError, DescentflowWarning
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.densities.checkpoint import load_model
 from descentflow.diagnosis.diagnose import diagnose
 from descentflow.diagnosis.findings.read_gap import read_gap
 from descentflow.diagnosis.report.gap_report import KEYS, GapReport
 from descentflow.diagnosis.report.page import page
+from descentflow.diagnosis.sides.diagnosis_inputs import Inputs
 from descentflow.effects import EFFECTS
 from descentflow.generation.rejection import sample_descents
 from descentflow.measurements.level_channels import LevelGrid
@@ -26,10 +30,14 @@ from descentflow.physics.airspeed import mach_to_tas_mps
 from descentflow.physics.atmosphere import isa_temperature_k
 from descentflow.representation.context import ContextEncoder
 from descentflow.simulation.world_config import WorldConfig
-from descentflow.surveillance.descents.prepared_descents import read_descents
+from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
+from descentflow.training.datamodule import DescentDataModule
+from descentflow.training.models import Gaussian
 
 SMALL = {name: EFFECTS[name] for name in ("temperature", "mass", "wind_gradient", "speed_schedule")}
 """A catalogue that is fitted quickly, where which effect is found is not what is asked."""
+FEW = {name: SMALL[name] for name in ("temperature", "mass")}
+"""Where only answers by one way and by another are compared."""
 BASIC = ("IAS", "Mach", "vertical_rate")
 
 
@@ -228,6 +236,47 @@ def test_real_flights_in_other_air_than_the_training_flights(plain: Path, folder
     time = float(after.time_s.mean() / before.time_s.mean())
     assert rate == pytest.approx(1.023, abs=0.008)
     assert time == pytest.approx(1 / rate, abs=0.01)
+
+
+def test_a_simulator_may_be_a_path_a_density_or_a_fitted_model(plain: Path, folder: Path, checkpoint: Path) -> None:
+    model = toys.fit(Gaussian(), DescentDataModule(folder / "descents0.parquet", aircraft="A320"), 1)
+    simulators = (checkpoint, str(checkpoint), load_model(checkpoint), model)
+    reports = [diagnose(read_descents(plain), simulator, catalogue=FEW) for simulator in simulators]
+    assert len({(report.verdict, report.p_value, report.gap_before) for report in reports}) == 1
+
+
+def test_nominal_bada_may_be_a_designator_or_coefficients(plain: Path, checkpoint: Path) -> None:
+    ways = ({"simulator": "A320"}, {"typecode": "A320"}, {"simulator": open_aircraft("A320")})
+    reports = [diagnose(plain, **way, catalogue=FEW).as_dict() | {"provenance": None} for way in ways]
+    assert reports[0] == reports[1] == reports[2]
+    with pytest.raises(AircraftError):
+        diagnose(plain, "ZZZ9")
+    model = Inputs(plain, "Dummy-TWIN", bada_dir=dummies(), any_type=True).open().simulator.aircraft
+    assert model.source == "BADA 4.3 file Dummy-TWIN"
+    with pytest.raises(DataError, match=r"no file Dummy-TWIN; .* ask for nominal BADA with typecode"):
+        diagnose(plain, Path("Dummy-TWIN"), bada_dir=dummies())
+    with pytest.raises(ConfigError, match="a model of type int"):
+        diagnose(plain, 3)
+    with pytest.raises(ConfigError, match="BADA files for a simulator"):
+        diagnose(plain, checkpoint, bada_dir=dummies())
+
+
+def test_flights_of_other_types_are_left_out_counted_and_named(plain: Path, checkpoint: Path) -> None:
+    given = read_descents(plain)
+    others = given.frame["flight_id"].unique().sort().head(30)
+    typecode = pl.when(pl.col("flight_id").is_in(others.implode())).then(pl.lit("B738")).otherwise(pl.lit("A320"))
+    mixed = Descents(given.frame.with_columns(typecode=typecode), given.metadata)
+    for simulator in (checkpoint, "A320"):
+        with pytest.warns(DescentflowWarning, match="flights of other types are left out: 30 of B738; --any-type"):
+            opened = Inputs(mixed, simulator).open()
+        assert opened.frame["typecode"].unique().to_list() == ["A320"]
+        assert opened.dropped["flights_of_B738"] == 30
+        everyone = Inputs(mixed, simulator, any_type=True).open()
+        assert len(everyone.frame) == len(given.frame)
+        assert "flights_of_B738" not in everyone.dropped
+        assert opened.simulator.coefficients is None
+        used = everyone.simulator.coefficients
+        assert str(used) == "Signatures are those of the A320's coefficients, which stand for the A320, B738."
 
 
 def test_torch_is_left_as_it_was(plain: Path, checkpoint: Path) -> None:

@@ -12,6 +12,7 @@ from blind_toys import perfect_report
 from descentflow.core.errors import DataError
 from descentflow.densities.checkpoint import load_model
 from descentflow.surveillance.descents.prepared_descents import read_descents
+from studies.blind_diagnosis import processes
 from studies.blind_diagnosis.blind_flights import simulator_path, write_set, write_simulator
 from studies.blind_diagnosis.blind_plan import FORMS, Plan, SetPlan, SimulatorPlan
 from studies.blind_diagnosis.blind_run import OF_CLOSURE, _of_key, diagnose_all, generate, how_long
@@ -182,3 +183,12 @@ def test_foreign_sets_are_flown_and_trained_with_another_types_coefficients(tmp_
     assert flown["flight_id"].n_unique() == 4
     # Of one planned speed, but for the autopilot's own error and the entry into each phase.
     assert flown.filter(pl.col("level_fl") == 200)["IAS"].std() < 1.0
+
+
+def test_more_work_than_processes_are_kept_for_is_all_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All processes of a share end at the same time; the study of 980 files stood still after the first fifty."""
+    monkeypatch.setattr(processes, "TASKS_PER_PROCESS", 2)
+    files, counted = [tmp_path / str(k) for k in range(9)], []
+    processes.spread([(Path.touch, file) for file in files], 2, counted.append)
+    assert all(file.exists() for file in files)
+    assert counted == list(range(1, 10))

@@ -1,4 +1,4 @@
-"""The paper's study in little: three types, two models, hundreds of flights; it resumes, and its tables add up."""
+"""The paper's study in little: it resumes, its tables add up, its figures and intervals show what they are said to."""
 
 import shutil
 from pathlib import Path
@@ -6,17 +6,28 @@ from pathlib import Path
 import polars as pl
 import pytest
 import torch
+import toys
+from jinja2 import UndefinedError
 
 from descentflow.core.errors import ConfigError
+from descentflow.core.units import FL_M, KT_MPS
 from descentflow.core.workers import engine_of
 from descentflow.densities.checkpoint import load_model
+from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.scores import score
+from descentflow.physics.nominal_descent import nominal_descent
+from descentflow.reporting.pages import rendered
+from descentflow.representation.fpca.gappy import fit_components
 from descentflow.training.datamodule import DescentDataModule
+from studies.paper.figures.mass_range import N_MASSES, mass_range
+from studies.paper.score_intervals import score_intervals
 from studies.paper.study_plan import PAPER_FLIGHTS, StudyPlan, begin, paper_plan
 from studies.paper.study_report import write_report
 from studies.paper.study_run import run_study
 from studies.paper.study_tables import all_scores
 from studies.paper.sweep_report import sweep_sections
 from studies.paper.sweeps import NAMES, SweepPlan, run_sweeps
+from studies.paper.variance import truncated
 from studies.process_engine import processes
 
 PLAN = StudyPlan({"A320": 160, "DH8D": 160, "BE20": 160}, models=("gaussian", "gmm"), n_samples=300, max_epochs=2)
@@ -108,3 +119,56 @@ def test_the_papers_counts_and_impossible_plans() -> None:
         StudyPlan({"A320": 100}, models=("diffusion",))
     with pytest.raises(ConfigError, match="50 flights"):
         StudyPlan({"A320": 10})
+
+
+AIRCRAFT = toys.AIRCRAFT
+
+
+def test_flights_that_are_badas_own_are_explained_by_mass_and_slower_ones_are_not() -> None:
+    levels = torch.arange(150.0, 361.0, dtype=torch.float64)
+    masses = torch.linspace(float(AIRCRAFT.mass_minimum_kg), float(AIRCRAFT.mass_maximum_kg), 12).double()
+    sets = [DescentSet.of_nominal(nominal_descent(AIRCRAFT, levels, float(mass))) for mass in masses[1:-1]]
+    columns = {
+        name: torch.cat([getattr(one, name) for one in sets])
+        for name in ("time_s", "cas_mps", "rate_mps", "drag_n", "mask")
+    }
+    own = DescentSet(levels, **columns)
+    slower = DescentSet(levels, **{**columns, "time_s": 2 * columns["time_s"]})
+    assert mass_range(own, AIRCRAFT).explained == 1
+    found = mass_range(slower, AIRCRAFT)
+    assert found.explained == 0
+    assert found.nominal_time_s.shape == (N_MASSES, len(levels))
+    assert found.range_s[0] < float(found.reference_time_s[0]) < found.range_s[1]
+
+
+def sets(n: int, seed: int) -> DescentSet:
+    return DescentSet.of_profiles(toys.flights(n, seed, top_fl=190))
+
+
+def test_the_width_is_that_of_a_mean_over_flights() -> None:
+    """Error of the mean CAS with samples 20 kt away: its deviation is that of the flights' mean, in closed form."""
+    samples, real = sets(3000, 1), sets(200, 2)
+    samples.cas_mps.add_(20 * KT_MPS)
+    table = score(samples, real, 170.0, n_splits=1)
+    found = {(i.quantity, i.statistic): i for i in score_intervals(table, samples, real, 170.0, n_resamples=200)}
+    one = found["cas_below_transition", "mae"]
+    below = real.levels_fl <= 170
+    mean_by_flight = (real.cas_mps[:, below] / KT_MPS).mean(1)
+    expected = 2 * 1.645 * float(mean_by_flight.std()) / 200**0.5
+    # 200 resamples tell a standard deviation to 5 %; few flights of these lack a level.
+    assert one.high - one.low == pytest.approx(expected, rel=0.2)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.8, 0.9])
+def test_a_truncated_basis_is_the_one_that_a_fit_of_its_own_finds(share: float) -> None:
+    real = toys.flights(120)
+    whole, own = (fit_components(real.cas_mps, real.mask, FL_M, s) for s in (0.95, share))
+    short = truncated(whole, share)
+    assert short.n_components == own.n_components <= whole.n_components
+    for name, buffer in own.named_buffers():
+        torch.testing.assert_close(getattr(short, name), buffer, rtol=0, atol=0)
+
+
+def test_a_name_that_a_template_does_not_get_is_an_error() -> None:
+    with pytest.raises(UndefinedError, match="report"):
+        rendered("surveillance/cleaning_page.html.j2", flights=[])

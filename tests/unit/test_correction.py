@@ -1,7 +1,7 @@
 """Flights of corrected simulators: effects that take a share of the flights, and reports that lag."""
 
 import math
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import gap_toys
 import pytest
@@ -10,13 +10,14 @@ import toys
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.counter_random import DrawNumbers
-from descentflow.core.units import FL_M
+from descentflow.core.units import FL_M, FPM_MPS
 from descentflow.effects import EFFECTS
 from descentflow.effects.vertical_rate_lag import _late
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 from descentflow.representation.correction import Correction
 from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.representation.representation import Representation
+from descentflow.surveillance.cleaning.thresholds import Cleaning
 
 N = 4000
 
@@ -149,11 +150,15 @@ def test_the_decoder_knows_no_correction() -> None:
     assert again.correction == parts.correction
 
 
-def test_a_late_rate_follows_the_closed_form_of_a_first_order_lag() -> None:
-    state = gap_toys.state()
+@pytest.mark.parametrize(("slowest_fpm", "transient_s"), [(500.0, 20.0), (1200.0, 60.0)])
+def test_a_late_rate_follows_the_closed_form_of_a_first_order_lag(slowest_fpm: float, transient_s: float) -> None:
+    cleaning = Cleaning(slowest_fpm=slowest_fpm, transient_s=transient_s)
+    state = replace(gap_toys.state(), cleaning=cleaning)
     rate = torch.full_like(state.cas_mps, 10.0)
     late = _late(rate, state, 12.0).exp()
-    # From 2.54 m/s, 20 s before the first level, the report comes up to 10 m/s with a time constant of 12 s.
-    time = 20.0 + (state.altitude_m[-1] - state.altitude_m) / 10.0
-    torch.testing.assert_close(late[0], 10.0 - (10.0 - 2.54) * torch.exp(-time / 12.0), rtol=1e-9, atol=0)
+    # From the slowest rate, at the transient's begin, the report comes up to 10 m/s with a time constant of 12 s.
+    time = transient_s + (state.altitude_m[-1] - state.altitude_m) / 10.0
+    torch.testing.assert_close(
+        late[0], 10.0 - (10.0 - slowest_fpm * FPM_MPS) * torch.exp(-time / 12.0), rtol=1e-9, atol=0
+    )
     assert torch.equal(_late(rate, state, 0.0), rate.log())

@@ -1,5 +1,6 @@
-"""Figures of samples and flights show the numbers that they are said to show."""
+"""Figures of samples and flights show the numbers that they are said to show, or a reason for none."""
 
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -86,3 +87,40 @@ def test_acceptance_accounts_for_every_draw() -> None:
     assert sum(patch.get_width() for patch in figure.axes[0].patches) == pytest.approx(100)
     assert [patch.get_width() for patch in figure.axes[1].patches] == [0, 25, 15]
     assert "70.0% plausible" in figure.get_suptitle()
+
+
+def few_descents(n: int) -> DescentSet:
+    levels, shape = torch.arange(150.0, 156.0), (n, 6)
+    return DescentSet(
+        levels,
+        torch.arange(6.0).flip(0).expand(shape).double() * 4,
+        torch.full(shape, 150.0).double(),
+        torch.full(shape, -9.0).double(),
+        torch.full(shape, 4e4).double(),
+        torch.ones(shape, dtype=torch.bool),
+    )
+
+
+NOTHING: dict[str, Callable[[], Figure]] = {
+    "distances by level of two flights": lambda: level_scores_figure(
+        score(few_descents(2), few_descents(2), 290.0), 290.0
+    ),
+    "cuts of two flights": lambda: cuts_figure(
+        few_descents(2), {"flow": few_descents(2)}, few_descents(2).subset(torch.arange(0)), 152.0
+    ),
+    "no rule broken": lambda: acceptance_figure(RejectionReport(drawn=5, accepted=5, rejected=0, surplus=0, broken={})),
+    "nothing drawn": lambda: acceptance_figure(RejectionReport(drawn=0, accepted=0, rejected=0, surplus=0, broken={})),
+}
+
+
+@pytest.mark.parametrize("name", NOTHING)
+def test_every_panel_says_why_it_is_empty(name: str) -> None:
+    figure = NOTHING[name]()
+    figure.draw_without_rendering()
+    panels = [ax for ax in figure.axes if ax.get_visible()]
+    # Acceptance has a bar of what became of the draws above its rules.
+    said = [ax for ax in panels if any(len(text.get_text()) > 12 for text in ax.texts)]
+    drawn = [ax for ax in panels if ax.patches]
+    assert panels
+    assert {id(ax) for ax in panels} == {id(ax) for ax in (*said, *drawn)}
+    assert said

@@ -1,11 +1,13 @@
-"""End of the training of a flow: by steps of the optimiser, or at once where flights are too few."""
+"""Training of a flow: where it ends, what too few flights leave of it, and loaded parameters that are used."""
 
 import pytest
 import torch
 import toys
 from lightning.pytorch import Callback, LightningModule, Trainer
+from torch import Tensor
 
 from descentflow.core.errors import DescentflowWarning
+from descentflow.densities.flow import MaskedAffineFlowDensity
 from descentflow.representation.evidence import WeightEvidence
 from descentflow.training.models import MaskedAffineFlow
 from descentflow.training.models.flow_model import FEWEST_FLIGHTS
@@ -63,3 +65,29 @@ def test_one_flight_more_is_trained() -> None:
     flow, few = MaskedAffineFlow(n_flows=2, steps=FlowSteps(caution=0.0)), weights(FEWEST_FLIGHTS * D)
     model = toys.fit(flow, toys.WeightsModule(few, held_out), 3)
     assert model.trainer.current_epoch == 3
+
+
+def flow() -> MaskedAffineFlowDensity:
+    """With parameters far from where they start."""
+    torch.manual_seed(0)
+    found = MaskedAffineFlowDensity(4, n_flows=3)
+    for parameter in found.parameters():
+        parameter.data += 0.3 * torch.randn_like(parameter)
+    return found.double()
+
+
+def score(density: MaskedAffineFlowDensity) -> Tensor:
+    """Log-densities, also far from the training flights."""
+    weights = 3 * torch.randn(200, 4, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
+    return density.log_prob(weights).detach()
+
+
+def test_parameters_and_permutations_that_are_loaded_are_the_ones_used() -> None:
+    """Checkpoints may hold another order of the weights than a new flow has."""
+    one, other = flow(), flow()
+    for mix in one.flow.flows[1::2]:
+        mix.permutation._permutation.copy_(torch.tensor([2, 0, 3, 1]))
+    expected = score(one)
+    assert not torch.allclose(score(other), expected)
+    other.load_state_dict(one.state_dict())
+    assert torch.equal(score(other), expected)

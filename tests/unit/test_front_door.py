@@ -1,4 +1,4 @@
-"""`import descentflow` offers a dozen names, costs nothing, and type checkers see what is behind them."""
+"""`import descentflow` offers a dozen names and costs nothing; its threads and set-up script."""
 
 import ast
 import inspect
@@ -83,3 +83,14 @@ def test_type_checkers_see_the_same_objects() -> None:
     }
     assert seen == descentflow._PLACES
     assert {*seen, "DescentflowError", "__version__"} == set(descentflow.__all__)
+
+
+SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "setup_environment.sh"
+
+
+def test_traffic_is_sent_to_an_environment_of_its_own() -> None:
+    for extras in ("traffic,pandas", "traffic"):
+        told = subprocess.run(["bash", str(SCRIPT), extras], capture_output=True, text=True, check=False)
+        assert told.returncode == 1
+        assert "the extra traffic wants pandas below 3" in told.stderr
+        assert "docs/how-to/export_traffic.md" in told.stderr

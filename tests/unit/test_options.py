@@ -1,9 +1,17 @@
-"""Options are the parameters of a command's function; a mistyped one ends in a line, not behind forty others."""
+"""Words of a command line: mistyped options, names of settings, and bytes that are no letters."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
 from descentflow.cli import trainer_commands
 from descentflow.cli.entry import COMMANDS, QUIET, main
+from descentflow.configs.packaged_config import config_file
+from descentflow.core.errors import ConfigError
+from descentflow.surveillance.prepare import prepare
 
 
 @pytest.mark.parametrize("command", sorted(set(COMMANDS) - set(trainer_commands.COMMANDS)))
@@ -69,3 +77,40 @@ def test_southern_and_western_points_are_no_options(words: list[str], capsys: py
 def test_the_nearest_command_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["prepar", "x"]) == 2
     assert "no command 'prepar'; did you mean prepare? there are simulate, prepare," in capsys.readouterr().err
+
+
+def test_letters_that_the_locale_lacks_ask_for_another_locale() -> None:
+    """A process in the plain C locale: the file has its right name, so renaming it would be no help."""
+    bare = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    words = [sys.executable, "-W", "ignore", "-m", "descentflow", "info", "é.ckpt".encode()]
+    done = subprocess.run(words, capture_output=True, check=False, env={**os.environ, **bare})
+    assert done.returncode == 2
+    assert b"PYTHONUTF8=1 if the locale lacks such letters" in done.stderr
+
+
+def test_bytes_that_are_no_letters_ask_for_another_name(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["info", os.fsdecode(b"\xff.ckpt")]) == 2
+    assert "rename the file" in capsys.readouterr().err
+
+
+def test_a_folder_with_such_a_name_is_refused(tmp_path: Path) -> None:
+    try:
+        (tmp_path / os.fsdecode(b"h\xf6he.csv")).write_text("timestamp,icao24,altitude,IAS,Mach\n")
+    except OSError:
+        pytest.skip("this file system takes names in UTF-8 only")
+    with pytest.raises(ConfigError, match=r"h\\udcf6he.csv'; expected words and names of files in UTF-8"):
+        prepare(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["floe", "experiment/flow", "elsewhere/configs/model/flow.yaml", "."])
+def test_an_unknown_name_is_refused_with_those_that_there_are(name: str) -> None:
+    with pytest.raises(ConfigError, match="quickstart"):
+        config_file(name)
+
+
+def test_prepare_finds_its_thresholds_from_anywhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["prepare", "nothing.parquet", "--config", "configs/prepare/default.yaml", "--out", "a.parquet"]) == 2
+    assert "nothing.parquet" in capsys.readouterr().err

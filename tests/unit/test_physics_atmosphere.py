@@ -1,9 +1,19 @@
+"""The atmosphere against ICAO's table and closed forms, and edges of the conversions of speed."""
+
 import numpy as np
 import pytest
 import torch
 
 from descentflow.core.constants import P0_PA
 from descentflow.core.isa import pressure_ratio, standard_altitude_m, standard_k
+from descentflow.physics.airspeed import (
+    cas_to_mach,
+    cas_to_tas_mps,
+    crossover_altitude_m,
+    mach_to_cas_mps,
+    mach_to_tas_mps,
+    tas_to_cas_mps,
+)
 from descentflow.physics.atmosphere import (
     density_kg_m3,
     geometric_altitude_m,
@@ -77,3 +87,24 @@ def test_float32_loses_only_its_own_digits():
     altitude = torch.linspace(0.0, 14000.0, 300, dtype=torch.float64)
     error = (pressure_pa(altitude.float()).double() / pressure_pa(altitude) - 1).abs().max().item()
     assert error < 20 * torch.finfo(torch.float32).eps
+
+
+def test_crossover_below_sea_level_is_negative():
+    assert crossover_altitude_m(150.0, 0.3).item() < 0
+
+
+def test_standing_still_has_finite_gradients():
+    speed = torch.zeros(3, dtype=torch.float64, requires_grad=True)
+    for convert in (cas_to_tas_mps, tas_to_cas_mps, mach_to_tas_mps):
+        value = convert(speed, 5000.0, 10.0)
+        (slope,) = torch.autograd.grad(value.sum(), speed)
+        assert torch.isfinite(slope).all()
+        assert (value == 0).all()
+    (slope,) = torch.autograd.grad(mach_to_cas_mps(speed, 5000.0).sum(), speed)
+    assert torch.isfinite(slope).all()
+
+
+def test_float32_keeps_six_digits_at_low_speed():
+    cas = torch.linspace(30.0, 180.0, 200, dtype=torch.float64)
+    error = (cas_to_mach(cas.float(), 9000.0).double() / cas_to_mach(cas, 9000.0) - 1).abs().max().item()
+    assert error < 1e-6

@@ -1,11 +1,13 @@
-"""Sizes as reported: aviation units, of the flights that have the effect, with their intervals."""
+"""Sizes as reported, in aviation units with intervals, and the recipe for the owner of a simulator."""
 
 import math
 
 import pytest
 import torch
 
+from descentflow.diagnosis.findings._cause_found import Cause, ClosedShare, Closure
 from descentflow.diagnosis.findings._sizes import NINETY, share_of, sizes_of
+from descentflow.diagnosis.inference._described import recipe_of
 from descentflow.effects import EFFECTS
 
 
@@ -34,3 +36,30 @@ def test_wind_is_told_in_knots_per_thousand_feet() -> None:
     assert size.unit == "kt per 1,000 ft"
     assert size.value.estimate == pytest.approx(1.6)
     assert size.text == "tailwind +1.6 kt per 1,000 ft (+1.34 to +1.86)"
+
+
+NOTHING = ClosedShare(None, None, None)
+
+
+def cause(name: str, theta: list[float], error: list[float]) -> Cause:
+    effect = EFFECTS[name]
+    sizes = sizes_of(effect, torch.tensor(theta).double(), torch.tensor(error).double(), 400)
+    return Cause(name, [], 1.0, {}, 50.0, Closure(NOTHING), label=effect.text, text=effect.text, sizes=sizes)
+
+
+@pytest.mark.parametrize(
+    ("name", "theta", "error", "entered"),
+    [
+        ("speed_brake", [0.36, 190.0, 265.0, 0.62, 0.2, 0, 0, 0], [0.02, 1, 1, 0.02, 0.05, 0, 0, 0], ["extra_cd0"]),
+        ("vertical_rate_lag", [8.0, -0.3], [0.5, 0.05], ["lag_s"]),
+    ],
+)
+def test_noise_that_an_effect_makes_of_itself_is_told_and_not_entered(
+    name: str, theta: list[float], error: list[float], entered: list[str]
+) -> None:
+    found = cause(name, theta, error)
+    (step,) = recipe_of([found], EFFECTS, (150, 350))
+    assert [number.label for number in step.numbers] == entered
+    noisy = any("noise" in size.text for size in found.sizes)
+    assert noisy
+    assert "noise" not in step.text

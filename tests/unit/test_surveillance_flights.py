@@ -1,4 +1,4 @@
-"""Rows in order, flights separated, types joined, rates derived, units checked."""
+"""Rows in order, flights separated, types joined, rates derived, questions asked flight by flight."""
 
 import numpy as np
 import polars as pl
@@ -16,6 +16,7 @@ from descentflow.surveillance.cleaning._flights import (
     with_types,
 )
 from descentflow.surveillance.cleaning.rates import local_slope, with_rate
+from descentflow.surveillance.descents._check_descents import checked_descents
 from descentflow.surveillance.rows._addresses import types_held
 from descentflow.surveillance.rows.drop_report import DropReport
 
@@ -127,3 +128,14 @@ def test_a_quantised_ramp_gives_its_rate_within_a_bound(every_s: float) -> None:
     assert np.nanmax(np.abs(slope + 1998)) <= 1.5 * 25 / 10 * 60
     assert np.median(np.abs(slope + 1998)) < 50
     assert not np.isnan(slope).any()
+
+
+def test_a_level_twice_is_found_where_the_rows_of_a_flight_stand_apart() -> None:
+    names, levels = ["a", "a", "b", "a"], [202, 201, 202, 200]
+    apart = pl.DataFrame({"flight_id": names, "level_fl": levels, "time_s": [0.0, 2.0, 0.0, 4.0]})
+    apart = apart.with_columns(pl.col("level_fl").cast(pl.Int32), icao24=pl.lit("4ca001"), IAS=270.0, Mach=0.55)
+    begun = pl.datetime(2026, 1, 1, time_unit="us", time_zone="UTC")
+    apart = apart.with_columns(begun.alias("timestamp"), typecode=pl.lit("A320"), vertical_rate=-3000.0)
+    assert checked_descents(apart, "apart").equals(apart)
+    with pytest.raises(DataError, match="has 1 levels twice in one flight"):
+        checked_descents(pl.concat([apart, apart.head(1)]), "apart")

@@ -8,14 +8,12 @@ import polars as pl
 import pytest
 
 from descentflow.core.errors import DataError, DescentflowWarning
-from descentflow.densities.checkpoint import load_model
 from descentflow.simulation.world import simulate
 from descentflow.surveillance.cleaning.thresholds import Cleaning, different_settings, kept_cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents, write_descents
 from descentflow.surveillance.open_descents import FlightSource
 from descentflow.surveillance.prepare import prepare
 from descentflow.training.datamodule import DescentDataModule
-from descentflow.training.fit import fit
 
 STRICT = Cleaning(slowest_fpm=1200.0, transient_s=60.0)
 
@@ -148,12 +146,6 @@ def test_settings_of_another_version_are_unknown() -> None:
     assert kept_cleaning(None) is None
     without = Cleaning(cleared_speed_after_s=None)
     assert different_settings(Cleaning(), without) == {"cleared_speed_after_s": (30.0, None)}
-
-
-def test_a_checkpoint_keeps_the_settings(folder: Path, tmp_path: Path) -> None:
-    data = DescentDataModule(folder / "strict.parquet")
-    fit(data, "gaussian", out=tmp_path / "strict.ckpt")
-    assert load_model(tmp_path / "strict.ckpt").representation.cleaning == STRICT
 
 
 def test_an_error_names_the_flights_that_it_is_of(folder: Path, tmp_path: Path) -> None:

@@ -181,11 +181,6 @@ def test_numbers_that_stand_for_none_are_no_rates_and_counted(rows: pl.DataFrame
     )
 
 
-def test_a_column_of_impossible_values_is_told(rows: pl.DataFrame) -> None:
-    with pytest.warns(DescentflowWarning, match=r"of TAS are outside 40 to 700 .*most frequent: 9999"):
-        check_units(rows.with_columns(TAS=9999.0), "rows")
-
-
 def test_tracks_in_radians_are_refused(rows: pl.DataFrame) -> None:
     with pytest.raises(DataError, match="track seems to be in radians"):
         check_units(times("track", np.pi / 180)(rows), "rows")

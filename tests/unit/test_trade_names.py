@@ -85,22 +85,9 @@ def test_a_column_can_be_multiplied(rows: pl.DataFrame, tmp_path: Path) -> None:
     assert_frame_equal(prepare(starred, columns={"altitude": "a*2"}).frame, prepare(rows).frame)
 
 
-def test_swapped_columns_can_be_swapped_back(rows: pl.DataFrame) -> None:
-    swapped = rows.with_columns(TAS="IAS", IAS=pl.col("IAS") * 1.3)
-    assert_frame_equal(prepare(swapped, columns={"IAS": "TAS"}).frame, prepare(rows).frame)
-
-
 def test_an_error_names_columns_as_the_file_has_them(feed: pl.DataFrame) -> None:
     with pytest.raises(DataError, match=r"no column altitude, IAS, Mach \(it has MODE_S, TIME_UTC, GS\)"):
         read_rows([feed.select("MODE_S", "TIME_UTC", GS=pl.lit(400.0))], DropReport())
-
-
-def test_a_file_without_a_row_is_counted(rows: pl.DataFrame, tmp_path: Path) -> None:
-    rows.clear().write_csv(tmp_path / "a.csv")
-    rows.write_csv(tmp_path / "b.csv")
-    report = DropReport()
-    assert len(read_rows([tmp_path], report)) == len(rows)
-    assert report.notes == {"tables without a row": 1}
 
 
 def test_the_page_on_sources_lists_every_name() -> None:

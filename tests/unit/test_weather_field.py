@@ -1,4 +1,4 @@
-"""A weather model's field beside formulas, scipy and xarray, and the air of flights that it gives."""
+"""A weather model's field beside formulas, scipy and xarray: the air of flights, and winds alone."""
 
 from pathlib import Path
 
@@ -10,6 +10,7 @@ import torch
 pytest.importorskip("xarray", reason="xarray is an extra of descentflow (wind)")
 
 import xarray
+from position_toys import steady_descents
 from weather_toys import START, levels_fl, linear, linear_wind, some_points, weather, written
 
 import descentflow as df
@@ -22,6 +23,8 @@ from descentflow.core.units import FL_M
 from descentflow.densities.checkpoint import load_model
 from descentflow.diagnosis.sides.diagnosis_inputs import without_weather
 from descentflow.measurements.level_channels import LevelGrid
+from descentflow.positions.ground_plan import ground_plan
+from descentflow.positions.wind import read_wind_field
 from descentflow.representation.own_air import with_own_air
 from descentflow.representation.profiles import profiles_from_frame
 from descentflow.simulation.world_config import WorldConfig
@@ -217,3 +220,44 @@ def test_the_command_line_takes_a_field_and_a_folder_of_them(
     assert main(["evaluate", str(path), *words, *out, "--air", str(warm_file.parent)]) == 0
     assert main(["evaluate", str(path), *words, *out]) != 0
     assert "--air FILE" in capsys.readouterr().err
+
+
+pytest.importorskip("xarray", reason="xarray is an extra of descentflow (wind)")
+
+
+HOURS = np.array([0, 6, 12])
+
+
+@pytest.fixture
+def netcdf(tmp_path: Path) -> Path:
+    return written(weather(linear, linear_wind, hours=HOURS)[["u", "v"]], tmp_path / "era5.nc")
+
+
+def test_flights_in_a_field_of_constant_wind_fly_as_in_that_wind(tmp_path: Path) -> None:
+    field = weather(linear, lambda h, *_: (0 * h + 30, 0 * h), hours=HOURS[:1])
+    written(field, tmp_path / "one_time.nc")
+    where = {"end": (51.0, 4.0), "track": 200.0}
+    flown = steady_descents([200.0, 220.0])
+    by_field = ground_plan(**where, wind=tmp_path / "one_time.nc").place(flown)
+    by_text = ground_plan(**where, wind=f"270/{30 / 0.514444}").place(flown)
+    np.testing.assert_allclose(by_field.to_go_m, by_text.to_go_m, rtol=1e-9)
+    np.testing.assert_allclose(by_field.latitude, by_text.latitude, rtol=1e-9)
+
+
+def test_a_time_is_needed_and_must_be_in_the_field(netcdf: Path) -> None:
+    flown, where = steady_descents([200.0]), {"end": (51.0, 4.0), "track": 200.0, "wind": netcdf}
+    with pytest.raises(ConfigError, match="3 times, and no time of the descents"):
+        ground_plan(**where).place(flown)
+    assert np.isfinite(ground_plan(**where, end_time="2024-03-03T05:00").place(flown).to_go_m).all()
+    with pytest.raises(DataError, match=r"outside of the weather field: 2024-03-06T05.*expected 2024-03-03T00"):
+        ground_plan(**where, end_time="2024-03-06T05:00").place(flown)
+    with pytest.raises(DataError, match="latitude"):
+        ground_plan(end=(30.0, 4.0), track=200.0, wind=netcdf, end_time="2024-03-03T05:00").place(flown)
+
+
+def test_files_that_are_no_winds_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "text.nc").write_text("nothing")
+    with pytest.raises(DataError, match=r"text\.nc"):
+        read_wind_field(tmp_path / "text.nc")
+    with pytest.raises(DataError, match=r"absent\.nc"):
+        read_wind_field(tmp_path / "absent.nc")

@@ -1,20 +1,29 @@
-"""Sizes against a simulator that has some itself, reports without noise, and folders that hold another report."""
+"""Diagnoses of few flights, of a simulator that has sizes itself, without a process, and folders of another report."""
 
+import multiprocessing
+import os
 import re
+import subprocess
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
+import gap_toys
+import polars as pl
 import pytest
+import torch
 
+import descentflow as df
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.errors import DataError
 from descentflow.diagnosis.diagnose import diagnose
 from descentflow.diagnosis.findings.read_gap import read_gap
 from descentflow.diagnosis.report.gap_report import GapReport
-from descentflow.diagnosis.report.page import page
+from descentflow.diagnosis.report.page import page, summary
 from descentflow.effects import EFFECTS
 from descentflow.simulation.world import simulate
 from descentflow.simulation.world_config import WorldConfig
-from descentflow.surveillance.descents.prepared_descents import write_descents
+from descentflow.surveillance.descents.prepared_descents import Descents, read_descents, write_descents
 from descentflow.surveillance.prepare import prepare
 
 CATALOGUE = {name: EFFECTS[name] for name in ("temperature", "mass")}
@@ -92,3 +101,46 @@ def test_flights_are_called_by_their_own_type_and_not_that_of_the_coefficients(f
     report = diagnose(folder / "real.parquet", folder / "quiet.parquet", typecode="B738", catalogue=mass)
     assert "120 real A320 flights" in str(report)
     assert "real B738 flights" not in page(report)
+
+
+def some(descents: Path, count: int) -> Descents:
+    """Flights of as many aircraft."""
+    flights = read_descents(descents)
+    first = flights.frame.unique("icao24", keep="first", maintain_order=True).head(count)
+    return Descents(flights.frame.filter(pl.col("flight_id").is_in(first["flight_id"].implode())), flights.metadata)
+
+
+def test_seven_flights_of_the_simulator_itself_show_no_certain_difference(descents: Path, tmp_path: Path) -> None:
+    found = diagnose(some(descents, 7), gap_toys.flights(tmp_path, 60, seed=9))
+    assert (found.verdict, found.causes) == ("none", [])
+    assert found.is_few
+    assert "No certain difference" in summary(replace(found, p_value=0.3))
+    assert "at least 13 more are needed" in " ".join(summary(found).split())
+
+
+def test_seven_flights_show_a_wrong_polar_as_time_and_name_no_cause(descents: Path) -> None:
+    found = diagnose(some(descents, 7), "A320")  # nominal coefficients, which the world does not fly
+    assert found.verdict in ("none", "unknown")
+    assert found.causes == []
+    time = next(cost for cost in found.costs if cost.name == "time_at_speed")
+    assert time.before.ends
+
+
+@pytest.fixture(autouse=True)
+def two_threads() -> Iterator[None]:
+    """Two threads of torch, as users have: with one, no version of the diagnosis would begin a process."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    yield
+    torch.set_num_threads(before)
+
+
+def test_a_diagnosis_begins_no_process(descents: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object, **__: object) -> None:
+        raise AssertionError("a process was begun")
+
+    for owner, name in ((os, "fork"), (subprocess, "Popen"), (multiprocessing.Process, "start")):
+        monkeypatch.setattr(owner, name, refused)
+    few = {name: EFFECTS[name] for name in ("mass", "temperature")}
+    df.diagnose(real=descents, simulator="A320", catalogue=few, out=tmp_path / "gap")
+    assert (tmp_path / "gap" / "gap.html").is_file()

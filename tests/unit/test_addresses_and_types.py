@@ -1,10 +1,14 @@
-"""However a table writes an address, it is one aircraft: in rows and in tables of types."""
+"""One aircraft by any spelling of its address, one type by any of its rows, and types without a row."""
+
+from pathlib import Path
 
 import polars as pl
 import pytest
-from surveillance_toys import flight
+from surveillance_toys import fleet, flight, written
 
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
+from descentflow.surveillance.cleaning._flights import FILLED_TYPES, FLIGHTS_OF_SEVERAL_TYPES, one_type_each
+from descentflow.surveillance.cleaning.drop_report_checks import NONE_OF
 from descentflow.surveillance.prepare import prepare
 from descentflow.surveillance.rows._addresses import KEPT_ADDRESSES, SPELT_ANEW, six_digits
 from descentflow.surveillance.rows.drop_report import DropReport
@@ -56,3 +60,44 @@ def test_types_are_found_by_every_spelling_and_in_every_container() -> None:
         prepare(rows, types={})
     with pytest.raises(ConfigError, match=r"types of type list; expected .* a dictionary address -> type"):
         prepare(rows, types=["A320"])  # type: ignore[arg-type]
+
+
+FLEET = pl.concat(flight("4ca001", start_s=day * 86_400.0) for day in range(2))
+EVEN = pl.int_range(pl.len()) % 2 == 0
+
+
+@pytest.mark.parametrize("without", [None, "UNKNOWN", "ZZZZ"])
+def test_a_type_that_only_some_rows_name_is_that_of_all(without: str | None) -> None:
+    rows = FLEET.with_columns(typecode=pl.when(EVEN).then("typecode").otherwise(pl.lit(without)))
+    found = prepare(rows)
+    assert found.frame.equals(prepare(FLEET).frame)
+    assert found.report.notes[FILLED_TYPES] == len(FLEET) // 2
+    first = pl.col("timestamp") < FLEET["timestamp"][-1] - pl.duration(hours=12)
+    assert prepare(FLEET.with_columns(typecode=pl.when(first).then("typecode"))).flights == {"A320": 2}
+
+
+def test_an_address_of_several_types_gives_none_to_other_flights() -> None:
+    rows = pl.DataFrame({"flight_id": ["a", "b", "c"], "icao24": "4ca001", "typecode": ["A320", "A321", None]})
+    assert one_type_each(rows, DropReport())["typecode"].to_list() == ["A320", "A321", None]
+
+
+def test_two_types_within_a_flight_are_told_and_make_one_descent() -> None:
+    with pytest.warns(DescentflowWarning, match="2 flights whose rows name several types.*correct the column typecode"):
+        found = prepare(
+            FLEET.with_columns(
+                typecode=pl.when(pl.int_range(pl.len()) % 3 == 0).then(pl.lit("A321")).otherwise("typecode")
+            )
+        )
+    assert found.flights == {"A320": 2}
+    assert found.report.notes[FLIGHTS_OF_SEVERAL_TYPES] == 2
+    assert found.frame.drop("typecode").equals(prepare(FLEET).frame.drop("typecode"))
+
+
+def test_a_part_of_the_types_that_matches_nothing_is_in_the_report(tmp_path: Path) -> None:
+    rows = written(fleet(2), tmp_path / "rows.parquet")
+    for out in (None, tmp_path / "store"):
+        found = prepare(rows, typecode="a320, B737-800,A321", out=out)
+        assert found.flights == {"A320": 2}
+        assert found.report.notes[f"{NONE_OF}B737-800, A321"] == 2
+    with pytest.raises(DataError, match="no row of type B737-800; expected one of A320"):
+        prepare(rows, typecode="B737-800")

@@ -68,6 +68,8 @@ class FlightState:
     """Delay of reported rates in these flights without the effect; zero where rates are not reported."""
     beyond_polar: Tensor | float = 0.0
     """(K,) or (n, K): ln of the rate that the simulator's flights have beyond the polar's."""
+    own_air: Tensor | float = 0.0
+    """(n, K) change of ln rate of an idle descent by the air that each flight met, where it is off what is compared."""
     turned_more: Tensor | None = None
     """(K,) share by which turns raise the induced drag of the real flights more than that of the simulator's, in the
     mean and as headings imply; None where unknown."""
@@ -83,8 +85,9 @@ class FlightState:
     def _rows(self, index: Tensor) -> "FlightState":
         names = ["cas_mps", "cas_slope_per_s", "tailwind_mps", "mask", "depth_m"]
         names += [] if self.rate_change_per_s is None else ["rate_change_per_s"]
-        if isinstance(self.beyond_polar, Tensor) and self.beyond_polar.dim() == 2:
-            names.append("beyond_polar")
+        for name in ("beyond_polar", "own_air"):
+            values = getattr(self, name)
+            names += [name] if isinstance(values, Tensor) and values.dim() == 2 else []
         return replace(self, **{name: getattr(self, name)[index] for name in names})
 
     def rows_of_fleet(self, index: Tensor) -> "FlightState":

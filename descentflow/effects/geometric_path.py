@@ -83,7 +83,8 @@ class GeometricPath(DiffersByFlight):
 
     def windows(self, state: FlightState, theta: Tensor) -> Windows:
         """One window, the whole flight; which angle it holds is its size."""
-        flat = _to_the_shallowest(state, state.beyond_polar, state.beyond_polar)
+        # Whoever holds a path flies it in any air: what its air would do to an idle descent is off its rate in vain.
+        flat = _to_the_shallowest(state, state.beyond_polar, state.beyond_polar) - state.own_air
         bands = range(flat.shape[1])
         table = torch.stack([torch.zeros(len(bands)), torch.ones(len(bands))]).double()
         one = torch.tensor([1])

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import polars as pl
+import pytest
 import torch
 from example_sides import example_sides
 from torch import Tensor
@@ -74,6 +75,27 @@ def test_layers_that_each_flight_measures_are_no_brakes() -> None:
     torch.testing.assert_close(in_layers.in_own_air().y, sides.y)
     catalogue = {name: EFFECTS[name] for name in ("speed_brake", "geometric_path", "drag_polar", "wind_gradient")}
     assert explain(in_layers, catalogue).is_none
+
+
+def test_a_path_is_held_in_whatever_air() -> None:
+    """An idle descent answers to layers of wind, a held path does not: what layers do is off its rate in vain."""
+    sides, path = example_sides(n=160), EFFECTS["geometric_path"]
+    slope = 0.004 * torch.randn(sides.state.cas_mps.shape, generator=torch.Generator().manual_seed(3)).double()
+    slope[~sides.real] = 0.0  # the simulator flies in calm air
+    change = by_own_air(sides.state, slope, 0 * slope)
+    held = torch.nonzero(sides.real)[:, 0][::5]
+    held = torch.tensor([i for i in torch.nonzero(sides.real)[:, 0].tolist() if i not in held])  # four fifths
+    law, uniform = torch.tensor([1.0, 0.15, 0.02]).double(), torch.rand(len(held), 1, generator=torch.Generator())
+    change[held] = path.own_change(sides.state.rows(held), law, uniform.double()).flown["rate"]
+    y = sides.y.clone()
+    y[:, sides.columns("rate")] += change
+    measured = by_own_air(sides.state, slope, 0 * slope)
+    catalogue = {name: EFFECTS[name] for name in ("speed_brake", "geometric_path", "drag_polar", "mass")}
+    found = explain(replace(sides, y=y, own_air=measured, measures_air=True), catalogue)
+    assert found.named.groups == {"geometric_path": ()}
+    share, shallower, _ = found.theta["geometric_path"].tolist()
+    assert share == pytest.approx(0.8, abs=0.05)
+    assert abs(shallower - 0.15) < 3 * float(found.errors["geometric_path"][1])
 
 
 def test_bands_in_which_too_few_flights_measured_their_air_are_left_out() -> None:

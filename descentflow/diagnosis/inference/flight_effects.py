@@ -20,7 +20,13 @@ from descentflow.core.linear_gaussian import Array
 from descentflow.diagnosis.findings.costs_found import NINETY
 from descentflow.diagnosis.inference._candidates import FlightsEffect
 from descentflow.diagnosis.inference._flight_rates import FlightRates, Spread, flight_rates, spread_of
-from descentflow.diagnosis.inference.flight_mixture import FlightWindows, MixtureFit, fit_mixture, flight_windows
+from descentflow.diagnosis.inference.flight_mixture import (
+    FlightWindows,
+    LearntLaw,
+    MixtureFit,
+    fit_mixture,
+    flight_windows,
+)
 from descentflow.diagnosis.inference.moments import Moments
 from descentflow.diagnosis.inference.signatures import Signatures
 from descentflow.diagnosis.sides.two_sides import Compared
@@ -101,7 +107,8 @@ class FlightShapes:
             parts = self._mean_shift(self.real, chosen, name) - self._mean_shift(self.simulated, chosen, name)
             misfit = signatures.smooth_misfit(parts.sum(1), self.effects[name].misfit_of_rate)
             law, gain = self.fit(self.real, chosen).laws[name], self._gain(chosen) - self._gain(without)
-            gaining.append(FlightsEffect(name, law, parts, gain, misfit, self._factor_errors(name, parts.shape[1])))
+            factors = self._factor_errors(name, law, parts.shape[1])
+            gaining.append(FlightsEffect(name, law, parts, gain, misfit, factors))
         return gaining
 
     def _possible(self, names: tuple[str, ...], name: str) -> bool:
@@ -126,12 +133,12 @@ class FlightShapes:
             shifts += fit.taken[name].sum(1)[:, None] * windows.offset[:, at].numpy()
         return shifts
 
-    def _factor_errors(self, name: str, count: int) -> Array:
+    def _factor_errors(self, name: str, law: LearntLaw, count: int) -> Array:
         """Prior standard deviations of the factors: a size that holds over the whole flight looks like its mass."""
-        windows = self.real.windows[name]
-        _, mean, spread = windows.effect.size(windows.start)
-        whole = bool((np.ptp(windows.weights, axis=1) == 0.0).all())
-        of_size = spread / mean if whole else self.assumed.flight_size_error
+        of_size = self.assumed.flight_size_error
+        if (np.ptp(self.real.windows[name].weights, axis=1) == 0.0).all():
+            parameter = next(p for p in law.effect.parameters if not p.is_spread and p.shown_as != "flights")
+            of_size = self.assumed.prior_scales * parameter.scale / law.effect.size(law.theta)[1]
         return np.array([of_size, self.assumed.flight_size_error])[:count]
 
     def fit(self, side: Side, names: tuple[str, ...]) -> MixtureFit:

@@ -122,9 +122,11 @@ class LearntLaw:
     learnt: Learnt
 
     def at(self, factor: float) -> torch.Tensor:
-        """Parameters (k,) with the sizes of all flights times a factor."""
+        """Parameters (k,) with the mean size times a factor, and flights as far apart as they are."""
         sums = self.learnt
-        moved = Learnt(sums.taken, sums.size * factor, sums.squared * factor**2, sums.flights)
+        more = (factor - 1.0) * sums.mean_and_spread()[0]
+        squared = sums.squared + more * (2.0 * sums.size + more * sums.taken)
+        moved = Learnt(sums.taken, sums.size + more * sums.taken, squared, sums.flights)
         return self.effect.learn(self.state, self.theta, moved)
 
     def errors(self, factor_error: float) -> torch.Tensor:

@@ -75,7 +75,8 @@ class Compared(Vectors):
             sides = [y[self.real, i], *([y[~self.real, i]] if self.has_simulated else [])]
             if not is_rate or all(_enough(side) for side in sides):
                 shown.append(i)
-        return replace(self, y=y, scale=_spread(y, self.real)).only(torch.tensor(shown, dtype=torch.long))
+        state = replace(self.state, own_air=taken.nan_to_num(0.0))
+        return replace(self, y=y, scale=_spread(y, self.real), state=state).only(torch.tensor(shown, dtype=torch.long))
 
 
 def compare(

@@ -37,7 +37,7 @@ class Airframe:
     brake_drag: float
     """Drag coefficient that its speed brakes add when they are fully out."""
     elevator_rad: tuple[float, float]
-    """Range of the elevator, nose up (negative) and nose down."""
+    """Range of the elevator, nose up (negative) and nose down; the T38's model moves shares of it, and no angles."""
     rated_n: float
     """Static thrust of all engines."""
     step_s: float = 0.1
@@ -114,6 +114,19 @@ AIRFRAMES = {
             brake_drag=0.12,
             elevator_rad=(-0.35, 0.35),
             rated_n=2 * 13_850 * _LBF_N,
+        ),
+        Airframe(
+            name="T38",
+            typecode="T38",
+            reference="C56X",
+            mass_kg=(3.9e3, 5.2e3),
+            mach=0.80,
+            cas_kt=(270, 285, 300),
+            tops_fl=(350, 390),
+            zero_lift_drag=0.016,
+            brake_drag=0.025,
+            elevator_rad=(-1.0, 0.583),
+            rated_n=2 * 2_050 * _LBF_N,
         ),
     )
 }

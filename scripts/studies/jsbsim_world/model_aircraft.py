@@ -158,7 +158,7 @@ class ModelAircraft:
             self._fdm.do_trim(0)
         except RuntimeError as error:
             raise FlightFailed("not trimmed") from error
-        elevator, lever = self._fdm["fcs/elevator-pos-rad"], self._fdm["fcs/throttle-cmd-norm"]
+        elevator, lever = _elevator(self._fdm), self._fdm["fcs/throttle-cmd-norm"]
         self._fdm["fcs/pitch-trim-cmd-norm"] = 0.0
         commands = Commands(elevator, 0.0, lever, 0.0)
         self.move(commands)
@@ -173,7 +173,7 @@ class ModelAircraft:
         return PitchResponse(
             fdm["aero/qbar-psf"] * PSF_PA,
             -fdm[alpha] / fdm["aero/alpha-rad"] / inertia,
-            -fdm[control] / fdm["fcs/elevator-pos-rad"] / inertia,
+            -fdm[control] / _elevator(fdm) / inertia,
         )
 
     def wind_mps(self, height_m: float) -> float:
@@ -241,3 +241,8 @@ class ModelAircraft:
     def brake(self) -> float:
         """Position of the speed brakes, 0 to 1."""
         return float(self._brake.get_double_value())
+
+
+def _elevator(fdm: Any) -> float:
+    """Position of the elevator in radians; of a model that knows a share of its range alone, that share."""
+    return float(fdm["fcs/elevator-pos-rad"] or fdm["fcs/elevator-pos-norm"])

@@ -31,14 +31,13 @@ class Components:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ConvergenceWarning)
             # What flights show bounds what is drawn: of few flights, the posterior knows rates of nothing and of all.
-            ends = {
-                "min_value": np.nanmin(train.whole, 0) - ROUNDING,
-                "max_value": np.nanmax(train.whole, 0) + ROUNDING,
-            }
+            # Numbers that no flight shows are above all of their entries, and zero does for them.
+            shown = np.where(np.isfinite(train.whole).any(0), train.whole, 0.0)
+            ends = {"min_value": np.nanmin(shown, 0) - ROUNDING, "max_value": np.nanmax(shown, 0) + ROUNDING}
             filled = IterativeImputer(
                 sample_posterior=True, max_iter=5, n_nearest_features=10, random_state=seed, **ends
             )
-            whole = np.asarray(filled.fit_transform(train.whole))
+            whole = np.asarray(filled.fit_transform(shown))
         self.whole = whole
         self.train, self.mean, self.spread = train, whole.mean(0), np.maximum(whole.std(0), 1e-9)
         standard = (whole - self.mean) / self.spread

@@ -37,7 +37,7 @@ from descentflow.training.models import Gaussian
 SMALL = {name: EFFECTS[name] for name in ("temperature", "mass", "wind_gradient", "speed_schedule")}
 """A catalogue that is fitted quickly, where which effect is found is not what is asked."""
 FEW = {name: SMALL[name] for name in ("temperature", "mass")}
-"""Where only answers by one way and by another are compared."""
+"""A catalogue of two, where only answers by one way and by another are compared."""
 BASIC = ("IAS", "Mach", "vertical_rate")
 
 

@@ -21,19 +21,17 @@ from descentflow.cli.options import class_in
 from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import CheckpointError, ConfigError, DescentflowError, nearest
 from descentflow.core.threads import one_thread_by_default
-from descentflow.core.user_files import read_settings, settings_text
+from descentflow.core.user_files import read_settings
 from descentflow.densities.kinds import KINDS
 from descentflow.representation.read_checkpoint import SECTION, read_checkpoint
 from descentflow.training.callbacks.kept_epochs import KeptEpochs, WholeCheckpoints, WholeConfig
 from descentflow.training.callbacks.log_prob_writer import WriteLogProb
 from descentflow.training.callbacks.score_callback import ScoreCallback
 from descentflow.training.callbacks.show_progress import ShowProgress, quiet
-from descentflow.training.data_settings import grouped, groups_of
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.final_fit import fit_to_all
 from descentflow.training.models import LatentModel
 from descentflow.training.models.latent_model import check_precision
-from descentflow.training.models.optimizers import FlowSteps
 from descentflow.training.run_folders import (
     UNNAMED,
     USUAL_FOLDER,
@@ -51,12 +49,6 @@ NOTHING_KEPT = (
     "no checkpoint was written: no epoch was trained and validated to its end (--trainer.max_epochs, fast_dev_run and "
     "limit_train_batches say how much is trained)"
 )
-
-
-GROUPS: dict[str, dict[str, type]] = {"data": groups_of(DescentDataModule), "model": {"steps": FlowSteps}}
-"""Groups of settings, of which a setting needs not name its own."""
-GROUPED = re.compile(r"^--(data|model)\.(init_args\.)?(\w+)")
-"""Option that may be that of a setting in a group."""
 
 
 class DescentCLI(LightningCLI):
@@ -210,7 +202,6 @@ def run(command: str, rest: Sequence[str]) -> None:
         CheckpointError: If the checkpoint cannot be used.
     """
     words = ["--help" if word == "--help_all" else word for word in rest]
-    words = [GROUPED.sub(_in_group, word) for word in words]
     words = _replaced(_replaced(words, "--config", _settings), "--model", _class_path)
     words = _replaced(words, "--model.class_path", _class_path)
     if "--help" not in words:
@@ -267,45 +258,18 @@ def _replaced(words: list[str], option: str, new: Callable[[str], str]) -> list[
     ]
 
 
-def _in_group(name: re.Match[str]) -> str:
-    """The place of a setting by its flat name.
-
-    Example:
-        >>> GROUPED.sub(_in_group, "--data.split_by=aircraft"), GROUPED.sub(_in_group, "--data.air=measured")
-        ('--data.split.split_by=aircraft', '--data.air=measured')
-    """
-    section, inside, own = name.groups("")
-    ((place, value),) = grouped({own: None}, GROUPS[section]).items()
-    return f"--{section}.{inside}{place}" + ("" if value is None else f".{own}")
-
-
 def _settings(name: str) -> str:
-    """A settings file, the user's own or one that comes along; its sections hold settings, those of data in groups."""
+    """A settings file, the user's own or one that comes along, whose sections hold settings."""
     path = config_file(name)
     settings = read_settings(path)
-    data = settings.get("data")
-    sections = {name: settings[name] for name in ("data", "trainer", "scores", "checkpoint") if name in settings}
-    groups = {f"data.{name}": data[name] for name in GROUPS["data"] if isinstance(data, dict) and name in data}
-    for section, content in (sections | groups).items():
-        if not isinstance(content, dict | str):
+    for section in ("data", "trainer", "scores", "checkpoint"):
+        if not isinstance(content := settings.get(section, ""), dict | str):
             raise ConfigError(
                 f"{path}: {section} is {str(content)[:60]}",
                 expected="settings by name, or the name of a YAML file of them",
                 mend=f"write lines of `NAME: VALUE` indented under `{section}:`, or leave the section out",
             )
-    in_groups = _in_groups(settings)
-    return str(path) if in_groups == settings else settings_text(in_groups)
-
-
-def _in_groups(settings: dict[str, Any]) -> dict[str, Any]:
-    """Sections with the settings of data and model in their groups."""
-    data, model = settings.get("data"), settings.get("model")
-    in_groups = dict(settings)
-    if isinstance(data, dict):
-        in_groups["data"] = grouped(data, GROUPS["data"])
-    if isinstance(model, dict) and isinstance(model.get("init_args"), dict):
-        in_groups["model"] = {**model, "init_args": grouped(model["init_args"], GROUPS["model"])}
-    return in_groups
+    return str(path)
 
 
 def _class_path(name: str) -> str:
@@ -372,7 +336,7 @@ def _settings_beside(checkpoint: str, needed: bool) -> list[str]:
     return [
         f"--{section}.{name}={value if isinstance(value, str) else json.dumps(value)}"
         for section in ("data", "scores")
-        for name, value in dict(_in_groups(run).get(section) or {}).items()
+        for name, value in dict(run.get(section) or {}).items()
         if value is not None
     ]
 

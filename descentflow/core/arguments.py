@@ -3,7 +3,6 @@
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, signature
 from math import inf
@@ -61,9 +60,8 @@ def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
     """Let a function refuse arguments that are not of the annotated kinds.
 
     Numbers of NumPy and torch are passed on as Python's own, tables as those of Polars where these are taken, and
-    addresses as copies (``_remote_files``), a dictionary as the group of settings that it stands
-    for. A text is a path too; a list, a tuple, an array and a
-    column are all sequences. Missing and unknown names remain Python's own `TypeError`.
+    addresses as copies (``_remote_files``). A text is a path too; a list, a tuple, an array and a column are all
+    sequences. Missing and unknown names remain Python's own `TypeError`.
 
     Example:
         >>> @checked_arguments
@@ -93,8 +91,6 @@ def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
                 value = bound.arguments[name]
                 if not (getattr(value, "requires_grad", False) and kind.takes(value)):
                     value = _plain(value)
-                if isinstance(value, Mapping) and is_dataclass(hints[name]):
-                    value = _group(name, value, hints[name])
                 if not kind.takes(value):
                     value = held_table(value)
                 bound.arguments[name] = value
@@ -113,19 +109,6 @@ def checked_arguments(function: Callable[P, R]) -> Callable[P, R]:
         return with_local_files(call, bound.arguments, outputs)
 
     return checked
-
-
-def _group(name: str, value: Mapping[Any, Any], settings: type[T]) -> T:
-    """A group of settings by a dictionary of them."""
-    known = [field.name for field in fields(settings)]  # type: ignore[arg-type]  # a dataclass, says the caller
-    unknown = [key for key in value if key not in known]
-    if unknown:
-        raise ConfigError(
-            f"{name} has {', '.join(map(repr, unknown))}",
-            expected=f"settings among {', '.join(known)}",
-            mend=f"see help({settings.__name__})",
-        )
-    return settings(**value)
 
 
 def checked_settings(settings: type[T]) -> type[T]:

@@ -1,15 +1,14 @@
-"""Settings of the DataModule and of models in groups, each of which a flat name finds, too."""
+"""Settings of the DataModule: what is held out, how flights become weights, context and batches."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields, is_dataclass
-from inspect import signature
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from jsonargparse.typing import PositiveInt
 
 from descentflow.core.arguments import checked_settings
 from descentflow.representation.context import Missing
+from descentflow.representation.fit_representation import RepresentationSettings
+from descentflow.training.splitting import SplitSettings
 
 
 @checked_settings
@@ -51,31 +50,13 @@ class BatchSettings:
     fewest_batches: PositiveInt = 1
 
 
-def groups_of(kind: type) -> dict[str, type]:
-    """Arguments of a class that are groups of settings: name to dataclass.
+@checked_settings
+@dataclass(frozen=True)
+class DataSettings(SplitSettings, RepresentationSettings, ContextSettings, BatchSettings):
+    """All settings of the DataModule that are no place of data; a run's `config.yaml` has them by the same names.
 
     Example:
-        >>> from descentflow.training.datamodule import DescentDataModule
-        >>> groups_of(DescentDataModule)["split"].__name__
-        'SplitSettings'
+        >>> settings = DataSettings(split_by="aircraft", fewest_batches=8)
+        >>> settings.seed, settings.explained_variance, settings.batch_size
+        (0, 0.8, 512)
     """
-    usual = {name: type(one.default) for name, one in signature(kind).parameters.items()}
-    return {name: group for name, group in usual.items() if is_dataclass(group)}
-
-
-def grouped(options: Mapping[str, Any], groups: Mapping[str, type]) -> dict[str, Any]:
-    """Options with those in their groups that are given by a flat name.
-
-    Example:
-        >>> from descentflow.training.datamodule import DescentDataModule
-        >>> options = {"seed": 3, "air": "measured", "split": {"split_by": "aircraft"}}
-        >>> grouped(options, groups_of(DescentDataModule))
-        {'air': 'measured', 'split': {'split_by': 'aircraft', 'seed': 3}}
-    """
-    group_of = {field.name: name for name, group in groups.items() for field in fields(group)}
-    in_groups = {name: value for name, value in options.items() if name not in group_of}
-    for name, value in options.items():
-        if name in group_of:
-            before = in_groups.get(group_of[name]) or {}
-            in_groups[group_of[name]] = {**(vars(before) if is_dataclass(before) else before), name: value}
-    return in_groups

@@ -33,7 +33,7 @@ from descentflow.representation.encode_flights import (
     summary_of,
 )
 from descentflow.representation.evidence import WeightEvidence
-from descentflow.representation.fit_representation import RepresentationSettings, fit_representation
+from descentflow.representation.fit_representation import fit_representation
 from descentflow.representation.flight_parts import PARTS, Part, levels_shown, one_part, places, top_level, with_levels
 from descentflow.representation.linear_curves import evidence_of
 from descentflow.representation.own_air import MEASURED, STANDARD, airs_by, with_own_air
@@ -43,7 +43,7 @@ from descentflow.representation.seen_flights import SeenFlights
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.open_descents import FlightSource
 from descentflow.training._chosen_descents import aircraft_of, at_mass, bottom_of, known_cleaning, name_of, of_typecodes
-from descentflow.training.data_settings import BatchSettings, ContextSettings
+from descentflow.training.data_settings import DataSettings
 from descentflow.training.splitting import SplitSettings, flight_batches, split_flights
 
 FEWEST_AIRCRAFT = 10
@@ -77,10 +77,7 @@ class DescentDataModule(LightningDataModule):
         mass_kg: PositiveFloat | None = None,
         air: str | Path = "standard",
         checkpoint: Path | None = None,
-        split: SplitSettings = SplitSettings(),
-        components: RepresentationSettings = RepresentationSettings(),
-        conditions: ContextSettings = ContextSettings(),
-        batches: BatchSettings = BatchSettings(),
+        **settings: Any,
     ) -> None:
         """Set the options; nothing is read before ``setup``.
 
@@ -97,15 +94,13 @@ class DescentDataModule(LightningDataModule):
                 GRIB file or a folder of them, read where the flights were. With a checkpoint: where the flights' air is
                 known from, if not as its training flights' was.
             checkpoint: Encode with this checkpoint's representation instead of fitting one.
-            split: Which flights are held out.
-            components: How flights become weights.
-            conditions: What the density is conditioned on.
-            batches: How training flights are shared out.
+            **settings: Which flights are held out, how the others become weights, what the density is conditioned on,
+                and batches, by the names of :class:`~descentflow.training.data_settings.DataSettings`.
         """
         super().__init__()
         self.descents, self.aircraft, self.bada_dir, self.typecodes = descents, aircraft, bada_dir, typecodes
         self.bottom_fl, self.mass_kg, self.air, self.checkpoint = bottom_fl, mass_kg, air, checkpoint
-        self.split, self.components, self.conditions, self.batches = split, components, conditions, batches
+        self.settings = DataSettings(**settings)
         self._evidence: dict[Part, WeightEvidence] = {}
         self._representation: Representation | None = None
         self._grid: list[float] = []
@@ -129,7 +124,7 @@ class DescentDataModule(LightningDataModule):
                 frame = of_typecodes(source, self.typecodes, name_of(self.descents))
                 done.say("inferring drag")
                 air = None if representation.air is None or self.air == STANDARD else self.air
-                table = self.conditions.context_table
+                table = self.settings.context_table
                 self._parts = encode_flights(frame, representation, table, air=air, say=rank_zero_info)
             else:
                 representation = self._fitted(done)
@@ -140,7 +135,7 @@ class DescentDataModule(LightningDataModule):
         """The same descents, options and levels, with no flight held out; not set up yet."""
         other = copy(self)
         other._grid = self.representation.decoder.levels_fl[[0, -1]].tolist()
-        other.split = replace(self.split, test_fraction=0.0, validation_fraction=0.0)
+        other.settings = replace(self.settings, test_fraction=0.0, validation_fraction=0.0)
         other._evidence, other._representation, other._parts = {}, None, {}
         return other
 
@@ -184,7 +179,7 @@ class DescentDataModule(LightningDataModule):
     def evidence(self, part: Part) -> WeightEvidence:
         """Evidence of a part's flights on their weights: what densities are fitted to and scored by."""
         if part not in self._evidence:
-            self._evidence[part] = evidence_of(self.representation.decoder, self.profiles(part), self.components.gaps)
+            self._evidence[part] = evidence_of(self.representation.decoder, self.profiles(part), self.settings.gaps)
         return self._evidence[part]
 
     def contexts(self, part: Part) -> Tensor:
@@ -207,8 +202,8 @@ class DescentDataModule(LightningDataModule):
 
     def _loader(self, part: Part, *, shuffle: bool = False) -> DataLoader[Any]:
         evidence = self.evidence(part)
-        size = self.batches.batch_size
-        most = -(-len(evidence) // self.batches.fewest_batches) if shuffle else size
+        size = self.settings.batch_size
+        most = -(-len(evidence) // self.settings.fewest_batches) if shuffle else size
         return flight_batches(evidence, self.contexts(part), min(size, most), shuffle=shuffle)
 
     def _fitted(self, done: Stage) -> Representation:
@@ -217,7 +212,7 @@ class DescentDataModule(LightningDataModule):
         done.say("fitting components")
         train = one_part(flights.profiles, flights.split, "train")
         fitted = fit_representation(
-            train, flights.aircraft, flights.split, self.components, mass_kg=self.mass_kg, **flights.known
+            train, flights.aircraft, flights.split, self.settings, mass_kg=self.mass_kg, **flights.known
         )
         done.say("encoding flights")
         self._parts = encode_parts(
@@ -230,7 +225,7 @@ class DescentDataModule(LightningDataModule):
         source = FlightSource(self.descents).without_rows()
         frame = of_typecodes(source, self.typecodes, name_of(self.descents))
         done.say("inferring drag")
-        asked = self.conditions
+        asked = self.settings
         table = context_of(frame, asked.context or [], asked.context_table)
         frame = without_missing(frame, table, asked.missing_context, rank_zero_info)
         own_type = aircraft_of(frame, self.aircraft, self.bada_dir)
@@ -244,7 +239,7 @@ class DescentDataModule(LightningDataModule):
         frame = frame.drop("typecode", "callsign", strict=False)
         source = Descents(frame, source.metadata)
         profiles, split = self._fresh(frame, source, own_type)
-        sizes = self.components.wind_error_mps, self.components.temperature_error_k
+        sizes = self.settings.wind_error_mps, self.settings.temperature_error_k
         if errors := AirspeedErrors.of(frame, *sizes):
             judges = places(profiles, split, "train")
             lines: list[str] = []
@@ -290,9 +285,9 @@ class DescentDataModule(LightningDataModule):
         owner = self._owner = dict(first_rows(frame.select("flight_id", "icao24"), "flight_id").iter_rows())
 
         profiles = profiles_from_frame(frame, own_type, bottom, mass_kg=self.mass_kg)
-        groups = profiles.flight_ids if self.split.split_by == "flight" else [owner[f] for f in profiles.flight_ids]
-        split = split_flights(profiles.flight_ids, groups, self.split)
-        reached = top_level(profiles, places(profiles, split, "train"), self.components.grid_top)
+        groups = profiles.flight_ids if self.settings.split_by == "flight" else [owner[f] for f in profiles.flight_ids]
+        split = split_flights(profiles.flight_ids, groups, self.settings)
+        reached = top_level(profiles, places(profiles, split, "train"), self.settings.grid_top)
         top = max([reached, *self._grid[1:]])
         profiles = profiles.between(bottom, top)
         return with_levels(profiles, rank_zero_info), split

@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from copy import deepcopy
-from dataclasses import fields, replace
+from dataclasses import replace
 from inspect import signature
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -33,7 +33,7 @@ from descentflow.densities.kinds import KINDS
 from descentflow.representation.read_checkpoint import read_checkpoint
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.training.callbacks.show_progress import ShowProgress, quiet
-from descentflow.training.data_settings import grouped, groups_of
+from descentflow.training.data_settings import DataSettings
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.final_fit import fit_to_all
 from descentflow.training.models.latent_model import LatentModel
@@ -153,16 +153,12 @@ def _given(**options: Any) -> dict[str, Any]:
 
 def _data_module(source: Any, settings: dict[str, Any], options: dict[str, Any]) -> DescentDataModule:
     """The DataModule that was passed, or one with the options of the call over those of the settings."""
-    groups = groups_of(DescentDataModule)
-    flat = {field.name for group in groups.values() for field in fields(group)}
-    known = {*signature(DescentDataModule).parameters, *flat}
-    known -= {"descents"}
+    known = {*signature(DescentDataModule).parameters, *signature(DataSettings).parameters} - {"descents", "settings"}
     for name in options:
         if name not in known:
             raise _no_option(name, known | OWN_OPTIONS)
     if not isinstance(source, DescentDataModule):
-        usual = grouped(settings, groups)
-        return DescentDataModule(source, **grouped(usual | options, groups))
+        return DescentDataModule(source, **settings | options)
     if options:
         raise ConfigError(
             f"a DataModule and {', '.join(options)}",

@@ -1,15 +1,16 @@
 """Folders of the trainer's commands: `fit` writes into one of its own, the others into that of the run they score."""
 
-from dataclasses import fields, is_dataclass
 from inspect import signature
 from pathlib import Path
 from typing import Any
 
-from lightning.pytorch import LightningDataModule, LightningModule, Trainer
+from lightning.pytorch import LightningModule, Trainer
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_folder, write_whole
 from descentflow.core.user_files import settings_text
+from descentflow.training.data_settings import DataSettings
+from descentflow.training.datamodule import DescentDataModule
 
 SETTINGS = "config.yaml"
 """File of a run's settings."""
@@ -139,7 +140,7 @@ def check_new_run(folder: Path) -> None:
 
 
 def write_settings(
-    folder: Path, seed: int, model: LightningModule, data: LightningDataModule, others: dict[str, Any]
+    folder: Path, seed: int, model: LightningModule, data: DescentDataModule, others: dict[str, Any]
 ) -> None:
     """Write the settings of a fit from Python as the command line writes those of its own.
 
@@ -151,14 +152,14 @@ def write_settings(
         others: Other sections.
 
     Example:
-        >>> from descentflow.training.datamodule import DescentDataModule
         >>> from descentflow.training.models.gaussian_model import Gaussian
         >>> write_settings(Path("."), 0, Gaussian(), DescentDataModule("descents.parquet", air="measured"), {})
         >>> Path("config.yaml").read_text().split("data:")[1].split()
         ['descents:', 'descents.parquet', 'air:', 'measured']
     """
-    usual = {name: one.default for name, one in signature(type(data)).parameters.items()}
-    options = {name: getattr(data, name) for name, default in usual.items() if getattr(data, name) != default}
+    values, usual = vars(data) | vars(data.settings), vars(DataSettings())
+    usual = {name: one.default for name, one in signature(type(data)).parameters.items() if name in values} | usual
+    options = {name: values[name] for name, default in usual.items() if values[name] != default}
     kind = type(model)
     settings = {
         "seed_everything": seed,
@@ -173,8 +174,6 @@ def _as_yaml(value: Any) -> Any:
     """Value of an option in YAML: paths are text, and descents in memory are nothing."""
     if isinstance(value, list | tuple):
         return [_as_yaml(item) for item in value]
-    if is_dataclass(value):
-        return {field.name: _as_yaml(getattr(value, field.name)) for field in fields(value)}
     plain = int | float | str | bool
     return value if isinstance(value, plain) else str(value) if isinstance(value, Path) else None
 

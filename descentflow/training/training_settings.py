@@ -16,7 +16,6 @@ from descentflow.densities import MODULES
 from descentflow.densities.density import Density
 from descentflow.densities.kinds import KINDS
 from descentflow.training import models
-from descentflow.training.data_settings import grouped, groups_of
 from descentflow.training.models.latent_model import LatentModel
 
 
@@ -115,8 +114,7 @@ class TrainingSettings:
 
     def new_model(self) -> LatentModel[Any]:
         """A model of the settings, not trained yet."""
-        kind = _class_at(self.class_path)
-        made: LatentModel[Any] = kind(**grouped(self.model, groups_of(kind)))
+        made: LatentModel[Any] = _class_at(self.class_path)(**self.model)
         return made
 
     def new_callbacks(self) -> list[Callback]:

@@ -38,7 +38,6 @@ from descentflow.representation.profiles import Profiles
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.fit import fit
-from descentflow.training.splitting import SplitSettings
 
 DRAWS = 20
 """Pairs of subsets behind each distance."""
@@ -94,7 +93,7 @@ def run(args: argparse.Namespace) -> None:
 
 def halved(descents: Descents, seed: int) -> DescentDataModule:
     """The data of which half is held out, and nothing for validation."""
-    data = DescentDataModule(descents, split=SplitSettings(0.5, 0.0, seed=seed))
+    data = DescentDataModule(descents, test_fraction=0.5, validation_fraction=0.0, seed=seed)
     data.setup()
     return data
 
@@ -191,7 +190,7 @@ def few_flights(descents: Descents, data: DescentDataModule, n: int, args: argpa
         names = [known.flight_ids[i] for i in chosen]
         frame = descents.frame.filter(pl.col("flight_id").is_in(names))
         for name in args.few_models:
-            few = DescentDataModule(Descents(frame, descents.metadata), split=SplitSettings(0.0, 0.0))
+            few = DescentDataModule(Descents(frame, descents.metadata), test_fraction=0.0, validation_fraction=0.0)
             density = fit(few, name, seed=args.seed, final=False).density.eval()
             drawn = on_edges(sampled(density, args.n, repeat)[0], test.edges_fl)
             distances[name].append(energy_distance(flights, with_gaps_of(drawn, train, rng), spread))

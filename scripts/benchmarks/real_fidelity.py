@@ -25,7 +25,6 @@ from descentflow.representation.profiles import profiles_from_frame
 from descentflow.surveillance.descents.prepared_descents import Descents, top_levels
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.fit import fit
-from descentflow.training.splitting import SplitSettings
 from studies.aircraft.real_runs import runs_of
 
 FAMILIES = {"A320": ("A318", "A319", "A320", "A321", "A20N", "A21N"), "B738": ("B736", "B737", "B738", "B739", "B38M")}
@@ -120,7 +119,7 @@ def generators(
     train: Descents, code: str, models: tuple[str, ...], seed: int, edges_fl: Array
 ) -> tuple[dict[str, Answer], int]:
     """Generators fitted to the flights, and OpenAP's; and the number of bins, from the bottom up, that all have."""
-    data = DescentDataModule(train, split=SplitSettings(0.0, 0.0))
+    data = DescentDataModule(train, test_fraction=0.0, validation_fraction=0.0)
     drawn: dict[str, Answer] = {}
     for name in models:
         density = fit(data, None if name == DEFAULT else name, seed=seed, final=False).density.eval()

@@ -12,7 +12,7 @@ import torch
 
 import descentflow as df
 from descentflow.positions.ground_plan import Ground
-from descentflow.training.data_settings import grouped, groups_of
+from descentflow.training.data_settings import DataSettings
 
 END = {"end": (51.5, -0.5), "track": 270.0}
 TYPE = "A320"
@@ -34,7 +34,8 @@ class Call:
     def parameters(self) -> list[str]:
         """Names of all that can be given, but for the rest of :class:`descentflow.DescentDataModule` in `fit`."""
         names = [name for name in signature(self.function).parameters if name not in ("self", "data_options", "asked")]
-        return [key for name in names for key in (Ground.__annotations__ if name == "ground" else [name])]
+        together = {"ground": Ground.__annotations__, "settings": vars(DataSettings())}
+        return [key for name in names for key in together.get(name, [name])]
 
 
 @cache
@@ -78,7 +79,7 @@ def calls(good: Path) -> dict[str, Call]:
 
 def _set_up(descents: Any, **options: Any) -> None:
     """Set up a DataModule, which reads then what it is asked for."""
-    df.DescentDataModule(descents, **grouped(options, groups_of(df.DescentDataModule))).setup()
+    df.DescentDataModule(descents, **options).setup()
 
 
 _set_up.__signature__ = signature(df.DescentDataModule)  # type: ignore[attr-defined]

@@ -18,21 +18,21 @@ from descentflow.representation.read_checkpoint import read_checkpoint
 pytestmark = pytest.mark.usefixtures("plain_figures")
 
 
-def test_a_setting_in_a_group_has_its_flat_name_in_files_and_words(tmp_path: Path, capsys) -> None:
+def test_settings_of_files_and_words_stand_under_one_name(tmp_path: Path, capsys) -> None:
     (tmp_path / "mine.yaml").write_text(
         "model: {class_path: descentflow.training.models.MaskedAffineFlow, init_args: {caution: 0.5}}\n"
-        "data: {test_fraction: 0.3, split: {seed: 5, split_by: aircraft}, batch_size: 64}\n"
+        "data: {test_fraction: 0.3, seed: 5, split_by: aircraft, batch_size: 64}\n"
     )
     words = ["--config", str(tmp_path / "mine.yaml"), "--data.descents=d", "--data.seed", "7", "--data.gaps=filled"]
     words += ["--model.shrinkage=100", "--model.init_args.n_draws", "4"]
     with pytest.raises(SystemExit):
-        main(["fit", *words, "--data.batches.fewest_batches=2", "--print_config"])
+        main(["fit", *words, "--data.fewest_batches=2", "--print_config"])
     found = yaml.safe_load(capsys.readouterr().out)
-    data, steps = found["data"], found["model"]["init_args"]["steps"]
-    assert steps == {"weight_decay": 1e-5, "shrinkage": 100.0, "caution": 0.5, "n_draws": 4, "max_steps": 3000}
+    steps = {"weight_decay": 1e-5, "shrinkage": 100.0, "caution": 0.5, "n_draws": 4, "max_steps": 3000}
+    assert found["model"]["init_args"].items() >= steps.items()
     split = {"test_fraction": 0.3, "validation_fraction": 0.1, "split_by": "aircraft", "seed": 7}
-    assert (data["split"], data["batches"]) == (split, {"batch_size": 64, "fewest_batches": 2})
-    assert data["components"]["gaps"] == "filled"
+    batches = {"batch_size": 64, "fewest_batches": 2}
+    assert found["data"].items() >= (split | batches | {"gaps": "filled"}).items()
 
 
 def test_a_fit_ends_with_its_checkpoint_and_info_tells_what_it_holds(

@@ -14,11 +14,8 @@ from lightning.pytorch.loggers import CSVLogger
 import descentflow as df
 from descentflow.core.errors import ConfigError, DescentflowWarning
 from descentflow.training.callbacks.score_callback import ScoreCallback
-from descentflow.training.data_settings import BatchSettings
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models import Gaussian, GaussianMixture, LatentModel, MaskedAffineFlow
-from descentflow.training.models.optimizers import FlowSteps
-from descentflow.training.splitting import SplitSettings
 
 pytestmark = pytest.mark.usefixtures("plain_figures")
 ENERGY = "val/score/cas_profile/energy"
@@ -111,7 +108,7 @@ def test_a_fit_without_our_data_module_says_what_it_needs(
 
 
 def test_a_model_is_not_used_with_components_of_other_flights(tmp_path: Path, data: DescentDataModule) -> None:
-    model, other = df.fit(data, "gaussian"), DescentDataModule(data.descents, split=SplitSettings(seed=1))
+    model, other = df.fit(data, "gaussian"), DescentDataModule(data.descents, seed=1)
     for use in (trainer(tmp_path).fit, trainer(tmp_path).test):
         with pytest.raises(ConfigError, match="trained on other flights"):
             use(model, other)
@@ -141,12 +138,12 @@ def test_a_mixture_that_diverges_says_so(batch_size: int, descents: Path) -> Non
     """By matrices of finite numbers that are not positive definite, in training or in validation."""
     model = GaussianMixture(training="svi", n_clusters=2, learning_rate=1e3)
     with pytest.raises(ConfigError, match=r"epoch 1: training diverged; .*learning_rate\), 1000.0 here"):
-        df.fit(DescentDataModule(descents, batches=BatchSettings(batch_size=batch_size)), model, max_epochs=2)
+        df.fit(DescentDataModule(descents, batch_size=batch_size), model, max_epochs=2)
 
 
 @pytest.mark.parametrize(
     "model",
-    [MaskedAffineFlow(n_flows=1, steps=FlowSteps(max_steps=None)), GaussianMixture(training="svi", n_clusters=2)],
+    [MaskedAffineFlow(n_flows=1, max_steps=None), GaussianMixture(training="svi", n_clusters=2)],
 )
 def test_a_fit_that_nothing_ends_is_refused(model: LatentModel[Any], tmp_path: Path, data: DescentDataModule) -> None:
     with pytest.raises(ConfigError, match=r"without a last epoch \(max_epochs -1\).*a number of epochs"):

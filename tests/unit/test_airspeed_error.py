@@ -15,7 +15,6 @@ from descentflow.diagnosis.sides.simulator import Simulator
 from descentflow.physics.atmosphere import isa_temperature_k
 from descentflow.representation.airspeed_error import AirspeedErrors, _to_less, without_airspeed_error
 from descentflow.representation.encode_flights import encode_flights
-from descentflow.representation.fit_representation import RepresentationSettings
 from descentflow.representation.profiles import Profiles, profiles_from_frame
 from descentflow.training.datamodule import DescentDataModule
 
@@ -119,8 +118,7 @@ def test_of_few_flights_nothing_is_taken_off_and_a_line_tells_it(derived: pl.Dat
 
 def test_a_fit_and_flights_to_compare_have_it_off(rows: pl.DataFrame) -> None:
     descents = df.prepare(rows.drop(AIRSPEEDS), airspeeds_from="columns")
-    components = RepresentationSettings(residual=False, wind_error_mps=2 * WIND_MPS)
-    module = DescentDataModule(descents, bottom_fl=290, components=components)
+    module = DescentDataModule(descents, bottom_fl=290, residual=False, wind_error_mps=2 * WIND_MPS)
     module.setup()
     train = module.profiles("train")
     raw = descents.frame.filter(pl.col("level_fl") == 300, pl.col("flight_id").is_in(train.flight_ids))

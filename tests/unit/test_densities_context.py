@@ -158,7 +158,7 @@ def test_no_skill_is_invented_where_the_context_says_nothing(name: str, seeds: i
     for seed in range(seeds):
         train, held_out = two_regimes(800, 40 + seed)[0], two_regimes(3000, 60 + seed)[0]
         noise, other = normal(800, C, seed=80 + seed), normal(3000, C, seed=90 + seed)
-        shrunk = {**settings, "steps": {"shrinkage": 300.0}} if name == "flow" else settings
+        shrunk = {**settings, "shrinkage": 300.0} if name == "flow" else settings
         torch.manual_seed(seed)
         blind = toys.fit(kind(**shrunk), toys.WeightsModule(train[:700], train[700:], 128), epochs)
         torch.manual_seed(seed)

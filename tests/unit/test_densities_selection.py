@@ -27,7 +27,7 @@ def test_few_flights_of_a_gaussian_get_no_worse_than_the_gaussian() -> None:
     mix = normal(D, D, seed=5)
     module = toys.WeightsModule(normal(60, D) @ mix, normal(15, D, seed=1) @ mix, batch_size=16)
     torch.manual_seed(0)
-    flow = toys.fit(MaskedAffineFlow(learning_rate=0.01, steps={"weight_decay": 0.0}), module, 30)
+    flow = toys.fit(MaskedAffineFlow(learning_rate=0.01, weight_decay=0.0), module, 30)
     gaussian = toys.fit(Gaussian(), module, 1)
     others = normal(4000, D, seed=2) @ mix
     assert toys.mean_nll(flow.log_prob, others) < toys.mean_nll(gaussian.log_prob, others) + 0.05
@@ -42,7 +42,7 @@ def test_first_epoch_is_the_gaussian_and_the_best_is_kept() -> None:
             super().on_validation_epoch_end()
             seen.append(float(self.trainer.callback_metrics["val/bound"]))
 
-    model = toys.fit(Watched(learning_rate=0.05, steps={"caution": 0.0}), module, 8)
+    model = toys.fit(Watched(learning_rate=0.05, caution=0.0), module, 8)
     gaussian = toys.fit(Gaussian(), module, 1)
     held_out = module.parts["validation"]
     assert seen[0] == pytest.approx(toys.mean_nll(gaussian.log_prob, held_out), abs=1e-4)
@@ -52,8 +52,7 @@ def test_first_epoch_is_the_gaussian_and_the_best_is_kept() -> None:
 
 def test_shipped_settings_are_the_defaults_and_choose_by_the_bound() -> None:
     config = yaml.safe_load((CONFIGS / "flow.yaml").read_text())
-    given, own = config["model"]["init_args"], dict(MaskedAffineFlow().hparams)
-    default = own | own["steps"]
+    given, default = config["model"]["init_args"], dict(MaskedAffineFlow().hparams)
     assert {key: float(value) for key, value in given.items()} == {key: float(default[key]) for key in given}
     assert config["checkpoint"]["monitor"] == "val/bound"
     assert config["trainer"]["callbacks"][0]["init_args"]["monitor"] == "val/bound"

@@ -11,7 +11,6 @@ from descentflow.densities.flow import MaskedAffineFlowDensity
 from descentflow.representation.evidence import WeightEvidence
 from descentflow.training.models import MaskedAffineFlow
 from descentflow.training.models.flow_model import FEWEST_FLIGHTS
-from descentflow.training.models.optimizers import FlowSteps
 
 D = 3
 
@@ -37,7 +36,7 @@ class Rates(Callback):
 @pytest.mark.parametrize(("max_steps", "epochs"), [(None, 6), (9, 4), (8, 4), (100, 6), (1, 1)])
 def test_steps_end_training_with_a_whole_epoch(max_steps: int | None, epochs: int) -> None:
     seen, data = Rates(), toys.WeightsModule(weights(100), weights(20, 1), batch_size=50)
-    toys.fit(MaskedAffineFlow(n_flows=1, steps=FlowSteps(max_steps=max_steps)), data, 6, callbacks=[seen])
+    toys.fit(MaskedAffineFlow(n_flows=1, max_steps=max_steps), data, 6, callbacks=[seen])
     assert len(seen.rates) == epochs
     assert seen.steps == 2 * epochs
     if epochs > 1:
@@ -62,7 +61,7 @@ def test_with_too_few_flights_a_flow_is_its_gaussian() -> None:
 
 def test_one_flight_more_is_trained() -> None:
     held_out = weights(50, 1)
-    flow, few = MaskedAffineFlow(n_flows=2, steps=FlowSteps(caution=0.0)), weights(FEWEST_FLIGHTS * D)
+    flow, few = MaskedAffineFlow(n_flows=2, caution=0.0), weights(FEWEST_FLIGHTS * D)
     model = toys.fit(flow, toys.WeightsModule(few, held_out), 3)
     assert model.trainer.current_epoch == 3
 

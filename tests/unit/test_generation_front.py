@@ -13,7 +13,6 @@ from descentflow.evaluation.evaluate import evaluate
 from descentflow.generation.prediction.predict import predict
 from descentflow.generation.sample import sample
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
-from descentflow.training.data_settings import grouped, groups_of
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.models import Gaussian
 
@@ -24,7 +23,7 @@ def descents(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def fitted(descents: Path, **settings: object) -> Gaussian:
-    data = DescentDataModule(descents, **grouped(settings, groups_of(DescentDataModule)))
+    data = DescentDataModule(descents, **settings)
     data.setup()
     return toys.fit(Gaussian(), data, 1)
 

@@ -15,14 +15,14 @@ FIT = ["--model", "Gaussian", "--data.descents", "descents.parquet"]
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ([*FIT, "--data.context", "hour"], r"--data\.\w+\.context: Expected a <class 'list'>; Given value: hour;"),
+        ([*FIT, "--data.context", "hour"], r"--data\.context: Expected a <class 'list'>; Given value: hour;"),
         (
             [*FIT, "--data.explained_variance=80"],
-            r"--data\.\w+\.explained_variance: .* 80 does not conform to .*v<1",
+            r"--data\.explained_variance: .* 80 does not conform to .*v<1",
         ),
-        ([*FIT, "--data.batch_size", "0"], r"--data\.\w+\.batch_size: .*PositiveInt"),
+        ([*FIT, "--data.batch_size", "0"], r"--data\.batch_size: .*PositiveInt"),
         ([*FIT, "--data.bottom_fl", "1.5"], "--data.bottom_fl: Expected a <class 'int'>; Given value: 1.5"),
-        ([*FIT, "--data.fpca", "pca"], r"--data\.\w+\.fpca: Expected .*'ppca', 'iterative'.* Got value: pca"),
+        ([*FIT, "--data.fpca", "pca"], r"--data\.fpca: Expected .*'ppca', 'iterative'.* Got value: pca"),
         ([*FIT, "--data.descentz", "d"], "nrecognized arguments: --data.descentz d;"),
         ([*FIT, "--model.jitter", "2"], "--jitter: .* 2 does not conform to restriction v>=0 and v<=1"),
         ([*FIT, "--model.jiter", "2"], "'jiter' is not accepted"),

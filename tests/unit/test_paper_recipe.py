@@ -12,12 +12,10 @@ from descentflow.configs.packaged_config import config_file
 from descentflow.core.errors import DescentflowWarning
 from descentflow.densities.checkpoint import load_model
 from descentflow.densities.flow import MaskedAffineFlowDensity
-from descentflow.representation.fit_representation import RepresentationSettings
 from descentflow.representation.fpca._iterative import MAX_ITERATIONS, iterate
 from descentflow.representation.fpca.gappy import fit_components
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.fit import fit
-from descentflow.training.splitting import SplitSettings
 from descentflow.training.training_settings import training_settings
 from studies.paper.study_plan import RECIPES
 
@@ -30,8 +28,7 @@ def descents(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_all_flights_but_the_test_flights_train(descents: Path) -> None:
-    components, split = RepresentationSettings(gaps="filled"), SplitSettings(validation_fraction=0.0)
-    data = DescentDataModule(descents, components=components, split=split)
+    data = DescentDataModule(descents, gaps="filled", validation_fraction=0.0)
     data.setup()
     counts = {part: len(data.profiles(part)) for part in ("train", "validation", "test")}
     assert counts["validation"] == 0

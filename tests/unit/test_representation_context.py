@@ -12,7 +12,6 @@ from descentflow.core.errors import ConfigError, DataError
 from descentflow.generation.sample_contexts import context_rows
 from descentflow.representation.context import OTHER, ContextEncoder
 from descentflow.representation.context_columns import flight_context, read_context_table
-from descentflow.training.data_settings import ContextSettings
 from descentflow.training.datamodule import DescentDataModule
 
 D, C = 3, 2
@@ -139,7 +138,7 @@ def context_file(descents: Path, folder: Path, *, lacking: int = 0) -> Path:
 def test_datamodule_serves_contexts_beside_weights(descents: Path, tmp_path: Path) -> None:
     names = ["deviation_k", "operator", "entry_fl", "hour"]
     table = context_file(descents, tmp_path, lacking=7)
-    data = DescentDataModule(descents, conditions=ContextSettings(names, table))
+    data = DescentDataModule(descents, context=names, context_table=table)
     data.setup()
     plain = DescentDataModule(descents)
     plain.setup()
@@ -149,7 +148,7 @@ def test_datamodule_serves_contexts_beside_weights(descents: Path, tmp_path: Pat
     assert context.shape == (len(evidence), 6)
     train = data.contexts("train")
     assert float(train[:, 0].mean()) == pytest.approx(0, abs=1e-9), "fitted on training flights"
-    kept = DescentDataModule(descents, conditions=ContextSettings(["deviation_k"], table, "indicator"))
+    kept = DescentDataModule(descents, context=["deviation_k"], context_table=table, missing_context="indicator")
     kept.setup()
     assert sum(len(kept.profiles(part)) for part in ("train", "validation", "test")) == 120
     for part in ("train", "test"):
@@ -165,7 +164,7 @@ def test_context_columns_come_from_table_descents_or_are_derived(descents: Path,
     table = read_context_table(context_file(descents, tmp_path))
     assert set(flight_context(frame, ["operator"], table)["operator"]) == {"AAA", "BBB", "CCC"}
     with pytest.raises(ConfigError, match="for a density without context"):
-        DescentDataModule(descents, conditions=ContextSettings(context_table=tmp_path / "context.csv")).setup()
+        DescentDataModule(descents, context_table=tmp_path / "context.csv").setup()
     with pytest.raises(ConfigError, match=r"context wind_mps.*entry_fl"):
         flight_context(frame, ["wind_mps"])
     frame.select("IAS").write_csv(tmp_path / "bad.csv")

@@ -11,7 +11,6 @@ from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.representation.flight_parts import top_level
 from descentflow.representation.plausibility import level_bounds
 from descentflow.representation.profiles import Profiles
-from descentflow.training.data_settings import grouped, groups_of
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.splitting import SplitSettings, split_flights
 
@@ -22,7 +21,7 @@ def descents(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def module(descents: Path, **settings: object) -> DescentDataModule:
-    data = DescentDataModule(descents, **grouped(settings, groups_of(DescentDataModule)))
+    data = DescentDataModule(descents, **settings)
     data.setup()
     return data
 
@@ -169,10 +168,11 @@ def test_identical_flights_are_refused(descents: Path, tmp_path: Path) -> None:
         module(tmp_path / "same.parquet")
 
 
-@pytest.mark.parametrize("wrong", [{1: 2}, {"split_bye": "aircraft"}, {"seed": "one"}])
-def test_a_dictionary_that_is_no_group_of_settings_is_refused(wrong: dict) -> None:
-    with pytest.raises(ConfigError, match=r"split has .*expected settings among test_fraction|seed = 'one'"):
-        DescentDataModule("descents.parquet", split=wrong)
+def test_a_setting_of_another_kind_is_refused_and_an_unknown_one_is_none_of_python() -> None:
+    with pytest.raises(ConfigError, match=r"seed = 'one'; expected a whole number, .*help\(DataSettings\)"):
+        DescentDataModule("descents.parquet", seed="one")
+    with pytest.raises(TypeError, match="split_bye"):
+        DescentDataModule("descents.parquet", split_bye="aircraft")
 
 
 def test_before_setup() -> None:

@@ -49,7 +49,7 @@ class MaskedAffineFlow(LatentModel[MaskedAffineFlowDensity]):
         whitened: bool = True,
         linear: bool = True,
         turned_round: bool = True,
-        steps: FlowSteps = FlowSteps(),
+        **steps: Any,
     ) -> None:
         """Set the hyperparameters.
 
@@ -60,12 +60,12 @@ class MaskedAffineFlow(LatentModel[MaskedAffineFlowDensity]):
             whitened: Start from the Gaussian of the training flights.
             linear: LU-decomposed maps between the flows.
             turned_round: One pass of the networks for a density, not one a weight; see the density.
-            steps: Of training.
+            **steps: Of training, by the names of :class:`~.optimizers.FlowSteps`.
         """
         super().__init__()
-        self.save_hyperparameters(ignore="steps")
-        self.hparams["steps"] = asdict(steps)
-        self.steps = steps
+        self.save_hyperparameters()
+        self.steps = FlowSteps(**steps)
+        self.hparams.update(asdict(self.steps))
         self._restored = False
         self._by_flight: list[Tensor] = []
         self._wide: Mixture | None = None

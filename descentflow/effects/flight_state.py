@@ -252,7 +252,7 @@ def log_rate(
     else:
         terms = state.share_terms if faster_mps is None else _terms_at(state, faster_mps)
         tas, share, idle = _in_air(state, terms, deviation_k, wind_slope_per_s)
-    drag = aircraft.drag_n(tas, altitude, deviation_k, kg, parasitic=parasitic, induced=induced)
+    drag = aircraft.with_factors(parasitic=parasitic, induced=induced).drag_n(tas, altitude, deviation_k, kg)
     rate = descent_rate_mps(aircraft, drag, thrust * idle, tas, share, altitude, deviation_k, kg)
     return (-rate).clamp(min=SLOWEST_MPS).log()
 

@@ -92,14 +92,9 @@ class PerformanceModel(Protocol):
         configuration: Configuration = "CR",
         load_factor: Number = 1.0,
         *,
-        parasitic: Number = 1.0,
-        induced: Number = 1.0,
         expedited: bool = False,
     ) -> Tensor:
-        """Drag with lift equal to weight times the load factor; with spoilers where the descent is expedited.
-
-        ``parasitic`` and ``induced`` are factors of the drag without lift and of that by lift.
-        """
+        """Drag with lift equal to weight times the load factor; with spoilers where the descent is expedited."""
 
     def idle_thrust_n(
         self, altitude_m: Number, tas_mps: Number, deviation_k: Number = 0.0, configuration: Configuration = "CR"

@@ -112,7 +112,7 @@ class Dynamics:
         gain = p.injected.drag_gain(state.altitude_m, tas_to_mach(*where))
         load_factor = 1 / torch.cos(p.injected.bank(state.altitude_m))
         induced = 1 + p.injected.induced_gain
-        return clean.drag_n(*where, p.mass_kg, load_factor=load_factor, parasitic=gain, induced=induced)
+        return clean.with_factors(parasitic=gain, induced=induced).drag_n(*where, p.mass_kg, load_factor=load_factor)
 
     def _idle_n(self, state: Motion) -> Tensor:
         p = self.parameters

@@ -42,8 +42,6 @@ class Bada3Aircraft(Speeds):
         configuration: Configuration = "CR",
         load_factor: Number = 1.0,
         *,
-        parasitic: Number = 1.0,
-        induced: Number = 1.0,
         expedited: bool = False,
     ) -> Tensor:
         """Drag on the parabolic polar, with lift equal to weight (manual 3.6-1 to 3.6-5, 3.7.1).
@@ -59,8 +57,6 @@ class Bada3Aircraft(Speeds):
             mass_kg: Mass; the reference mass when None.
             configuration: ``CR``, ``AP``, ``LD`` or an integer tensor of their codes.
             load_factor: n, one over the cosine of the bank angle.
-            parasitic: Factor of CD0.
-            induced: Factor of CD2.
             expedited: Whether spoilers are out.
 
         Returns:
@@ -78,7 +74,7 @@ class Bada3Aircraft(Speeds):
         pressed_area = 0.5 * density_kg_m3(altitude, deviation) * tas * tas * self.wing_area_m2
         cd0, cd2 = self.polar(configuration, pressed_area)
         lift_coefficient = load_factor * self.mass_or_reference_kg(mass_kg) * G0_MPS2 / pressed_area
-        drag = pressed_area * (cd0 * parasitic + cd2 * induced * lift_coefficient * lift_coefficient)
+        drag = pressed_area * (cd0 + cd2 * lift_coefficient * lift_coefficient)
         return drag * self.limits.expedited_drag_factor if expedited else drag
 
     def polar(self, configuration: Configuration = "CR", like: Number = 0.0) -> tuple[Tensor, Tensor]:

@@ -90,8 +90,6 @@ class Bada4Aircraft(CoefficientGroup, StandardDescent):
         configuration: Configuration = "CR",
         load_factor: Number = 1.0,
         *,
-        parasitic: Number = 1.0,
-        induced: Number = 1.0,
         expedited: bool = False,
     ) -> Tensor:
         """Drag with lift equal to weight (AFCM), ``delta p0 kappa M^2 S / 2 C_D``.
@@ -103,8 +101,6 @@ class Bada4Aircraft(CoefficientGroup, StandardDescent):
             mass_kg: Mass; the reference mass when None.
             configuration: ``CR``, ``AP``, ``LD`` or an integer tensor of their codes.
             load_factor: n, one over the cosine of the bank angle.
-            parasitic: Factor of the drag without lift.
-            induced: Factor of the drag by lift.
             expedited: Whether spoilers are out.
 
         Returns:
@@ -114,7 +110,7 @@ class Bada4Aircraft(CoefficientGroup, StandardDescent):
         mach = tas_to_mach(tas, altitude, deviation)
         pressed_area = pressure_pa(altitude) * (KAPPA / 2) * mach * mach * self.wing.area_m2
         lift = load_factor * self.mass_or_reference_kg(mass_kg) * G0_MPS2 / pressed_area
-        coefficient = self.wing.drag_coefficient(mach, lift, configuration, parasitic, induced)
+        coefficient = self.wing.drag_coefficient(mach, lift, configuration)
         return pressed_area * (coefficient + EXPEDITED_DRAG if expedited else coefficient)
 
     def _at(self, altitude_m: Number, tas_mps: Number, deviation_k: Number) -> tuple[Air, Tensor]:

@@ -49,21 +49,14 @@ class Wing(CoefficientGroup):
     """Three drag coefficients by powers of the lift, and the greatest lift; none where the wing stays clean."""
     landing: Numbers
 
-    def drag_coefficient(
-        self,
-        mach: Tensor,
-        lift: Tensor,
-        configuration: Configuration = "CR",
-        parasitic: Number = 1.0,
-        induced: Number = 1.0,
-    ) -> Tensor:
-        """Drag coefficient at a lift coefficient, with factors of the drag without lift and of that by lift."""
+    def drag_coefficient(self, mach: Tensor, lift: Tensor, configuration: Configuration = "CR") -> Tensor:
+        """Drag coefficient at a lift coefficient."""
         still, square, sixth = self.polar(mach)
-        clean = still * parasitic + (square + sixth * lift**4) * lift * lift * induced
+        clean = still + (square + sixth * lift**4) * lift * lift
         if isinstance(configuration, str) and configuration == "CR":
             return clean
         flaps = [
-            flaps[0] * parasitic + (flaps[1] + flaps[2] * lift) * lift * induced if flaps else clean
+            flaps[0] + (flaps[1] + flaps[2] * lift) * lift if flaps else clean
             for flaps in (self.approach, self.landing)
         ]
         return by_configuration(configuration, clean, *flaps)

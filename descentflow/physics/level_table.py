@@ -36,12 +36,12 @@ class LevelTable:
     Example:
         >>> from descentflow.aircraft_types.registry import aircraft
         >>> table = level_table(aircraft("A320"), torch.tensor([6000.0, 9000.0]))
-        >>> table.thrust[0].shape, bool((table.pressure_ratio > 1).all())
+        >>> table.thrust[1].shape, bool((table.pressure_ratio > 1).all())
         (torch.Size([2]), True)
     """
 
     thrust: dict[int, Tensor]
-    """Idle thrust by powers of the Mach number, times ``per_newton``."""
+    """Idle thrust times ``per_newton sqrt(y - 1)``, by powers of ``sqrt(y - 1)``; that of 1 is always there."""
     pressure_ratio: Tensor
     """Sea-level pressure over the pressure of the level."""
     pressure_rest: Tensor
@@ -94,7 +94,8 @@ def level_table(
     per_newton = mach_scale * isa_fraction(altitude, deviation) / (mass * G0_MPS2)
     columns = ratio, 1 - ratio, mach_scale, 1 - lapse, lapse + compression, compression, per_newton
     terms = aircraft.idle_thrust_terms(altitude, deviation)
-    return LevelTable({power: placed(term * per_newton) for power, term in terms.items()}, *map(placed, columns))
+    thrust = {power + 1: placed(term * per_newton / sqrt(HALF) ** power) for power, term in terms.items()}
+    return LevelTable({1: placed(torch.zeros_like(altitude)), **thrust}, *map(placed, columns))
 
 
 def level_rate(
@@ -128,33 +129,35 @@ def level_rate(
     # Results that later steps overwrite are written into the arrays of the result; None makes new ones.
     of_mach, of_tas, of_rate, spare = out
     # Impact pressure, 3.1-23: x^3.5 = x^4 / sqrt(x), for a root's reciprocal costs half of the root.
-    scaled = torch.mul(cas_mps, HALF / CAS_SCALE_MPS**2, out=of_rate)
-    x = torch.addcmul(cas_mps.new_ones(()), scaled, cas_mps, out=of_rate)
+    x = torch.addcmul(cas_mps.new_ones(()), cas_mps, cas_mps, value=HALF / CAS_SCALE_MPS**2, out=of_rate)
     square = torch.mul(x, x, out=of_tas)
     power = torch.mul(torch.mul(square, square, out=of_tas), torch.rsqrt(x, out=of_rate), out=of_rate)
     r = torch.addcmul(table.pressure_rest, power, table.pressure_ratio, out=of_rate)
     # y = r^(2/7) by logarithm and exponential: a general power, right to the last bit, takes thrice as long.
     y = torch.exp(torch.mul(torch.log(r, out=of_tas), INVERSE_EXPONENT, out=of_tas), out=of_tas)
     # Reciprocal of the energy share, 3.2-8 to 3.2-11: 1 + lapse (y - 1) + compression (y - y/r).
-    growth = torch.sub(table.share_growth, torch.div(table.compression, r, out=of_rate), out=of_rate)
+    growth = torch.addcdiv(table.share_growth, table.compression, r, value=-1, out=of_rate)
     share = torch.addcmul(table.share_rest, y, growth, out=of_rate)
-    root = torch.sqrt(torch.sub(y, 1.0, out=of_tas), out=of_tas)
+    root = torch.reciprocal(torch.rsqrt(torch.sub(y, 1.0, out=of_tas), out=of_tas), out=of_tas)
     mach = torch.mul(root, 1 / sqrt(HALF), out=of_mach)
     # Rate of the energy equation, 3.2-7, from thrust less drag.
-    force = torch.addcmul(_thrust(table.thrust, mach), drag_n, table.per_newton, value=-1, out=spare)
-    excess = torch.mul(force, root, out=spare)
+    drag = torch.addcmul(table.thrust[1], drag_n, table.per_newton, value=-1, out=spare)
+    excess = _polynomial({**table.thrust, 1: drag}, root, spare)
     tas = torch.mul(root, table.mach_scale, out=of_tas)
     rate = torch.div(excess, share, out=of_rate) if energy_share is None else excess * energy_share
     return mach, tas, rate, torch.reciprocal(rate, out=spare)
 
 
-def _thrust(terms: dict[int, Tensor], mach: Tensor) -> Tensor:
-    """Sum of terms by powers of the Mach number, from the power that is furthest from zero inwards (Horner)."""
-    first, *others = sorted(terms, reverse=max(terms) > 0)
-    total, last, steps = terms[first], first, {1: mach}
+def _polynomial(terms: dict[int, Tensor], root: Tensor, spare: Tensor | None) -> Tensor:
+    """Sum of terms by powers of a root (Horner), from the highest or, where some are negative, from the lowest.
+
+    The term of power 1 may lie in ``spare``, which is written to where nothing else is needed of it.
+    """
+    first, *others = sorted(terms, reverse=min(terms) >= 0)
+    total, last, steps = terms[first], first, {1: root}
     for power in others:
         step = last - power
         if step not in steps:
-            steps[step] = mach**step
-        total, last = torch.addcmul(terms[power], total, steps[step]), power
-    return total if last == 0 else total * mach**last
+            steps[step] = root**step
+        total, last = torch.addcmul(terms[power], total, steps[step], out=spare if first == 1 else None), power
+    return total if last == 0 else total * root**last

@@ -19,7 +19,7 @@ from descentflow.physics.level_table import NO_ARRAYS, level_rate
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.decoder._flight_grid import FlightGrid, flight_grid
 
-CHUNK_VALUES = 1 << 17
+CHUNK_VALUES = 1 << 18
 """Values of a quantity in one chunk on the CPU: the handful of arrays in use stay in the caches."""
 GPU_CHUNK_VALUES = 1 << 26
 """The same for a GPU: enough to fill it, while the arrays between the steps stay below 2 GiB."""
@@ -84,7 +84,7 @@ def rows_at_once(values: Tensor) -> int:
 
     Example:
         >>> rows_at_once(torch.zeros(10_000, 128))
-        1024
+        2048
     """
     return max((GPU_CHUNK_VALUES if values.is_cuda else CHUNK_VALUES) // values.shape[1], 1)
 
@@ -220,7 +220,8 @@ def integrate(
         shares = _shares(aircraft, grid, cas_mps, deviation_k, wind, slope, exact_energy_share)
     differentiated = not grid.is_plain or drag_n.requires_grad or cas_mps.requires_grad
     if differentiated or shares[0] is not None or torch.compiler.is_compiling():
-        arrays = _on_levels(grid, drag_n, cas_mps, entry, shares)
+        extra_s = _at_jumps_s(grid, drag_n, cas_mps, shares[1])
+        arrays = _on_levels(grid, drag_n, cas_mps, entry, extra_s, shares[0])
     else:
         arrays = _in_chunks(grid, drag_n, cas_mps, entry, out)
     time_s, mach, tas_mps, rate_mps = arrays
@@ -230,23 +231,28 @@ def integrate(
     return Trajectories(levels_fl, entry, time_s, cas_mps, mach, tas_mps, rate_mps, drag_n, own)
 
 
+def _at_jumps_s(grid: FlightGrid, drag_n: Tensor, cas_mps: Tensor, energy_share: Tensor | None = None) -> Tensor:
+    """Time (n, b) that each side of the jumps adds to its cell; the energy share factor is the grid's if absent."""
+    drag, cas = (grid.breaks.continued(values) for values in (drag_n, cas_mps))
+    return level_rate(grid.sides, drag, cas, energy_share)[3] * grid.breaks.extra_m
+
+
 def _on_levels(
     grid: FlightGrid,
     drag_n: Tensor,
     cas_mps: Tensor,
     entry: Tensor,
-    energy_shares: tuple[Tensor | None, Tensor | None] = (None, None),
+    extra_s: Tensor,
+    energy_share: Tensor | None = None,
     out: tuple[Tensor | None, ...] = (None, *NO_ARRAYS),
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Time, Mach number, TAS and rate; energy share factors, at levels and sides of jumps, are the grid's if absent.
+    """Time, Mach number, TAS and rate, of levels and what jumps add; the energy share factor is the grid's if absent.
 
     Arrays to write into are those of the result, and one more; without them, all is one expression, which can be
     differentiated and traced.
     """
     of_time, *of_rates = out
-    mach, tas_mps, rate_mps, slowness = level_rate(grid.levels, drag_n, cas_mps, energy_shares[0], of_rates)
-    drag, cas = (grid.breaks.continued(values) for values in (drag_n, cas_mps))
-    extra_s = level_rate(grid.sides, drag, cas, energy_shares[1])[3] * grid.breaks.extra_m
+    mach, tas_mps, rate_mps, slowness = level_rate(grid.levels, drag_n, cas_mps, energy_share, of_rates)
     of_legs = None if of_time is None else of_time[:, 1:]
     # Sums and products one by one: a product of matrices would sum in another order in another batch.
     legs = torch.mul(slowness[:, :-1], grid.breaks.lower_m, out=of_legs)
@@ -267,12 +273,14 @@ def _in_chunks(
     time_s, mach, tas_mps, rate_mps = (torch.empty_like(drag_n) if one is None else one for one in reused)
     whole = time_s, mach, tas_mps, rate_mps
     size = rows_at_once(drag_n)
+    spare = torch.empty_like(drag_n[:size])
     # On one thread: at every step of a chunk, several would wait for each other longer than they work.
     with one_thread(), torch.no_grad():
+        extra_s = _at_jumps_s(grid, drag_n, cas_mps)
         for start in range(0, len(drag_n), size):
             part = slice(start, start + size)
-            arrays, spare = [values[part] for values in whole], torch.empty_like(drag_n[part])
-            _on_levels(grid, drag_n[part], cas_mps[part], entry[part], out=(*arrays, spare))
+            arrays = *(values[part] for values in whole), spare[: len(entry[part])]
+            _on_levels(grid, drag_n[part], cas_mps[part], entry[part], extra_s[part], out=arrays)
     return whole
 
 

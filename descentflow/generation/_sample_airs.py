@@ -15,7 +15,6 @@ from descentflow.air.level_air import LevelAir
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.core.units import KT_MPS
 from descentflow.generation._given_temperature import NAME, gives_temperature
-from descentflow.representation.context_columns import read_table
 from descentflow.representation.representation import Representation
 from descentflow.weather.weather_layout import STRONGEST_MPS, names_weather
 
@@ -77,8 +76,11 @@ def _airs(asked: Airs | None, representation: Representation) -> LevelAir | None
     if isinstance(asked, Mapping):
         return _of_values(asked, levels_fl)
     if isinstance(asked, pl.DataFrame) or (isinstance(asked, str | Path) and Path(asked).suffix in TABLES):
-        table = asked if isinstance(asked, pl.DataFrame) else read_table(Path(asked))
-        return _checked(air_of_table(table, levels_fl), len(levels_fl))
+        if not isinstance(asked, pl.DataFrame):
+            from descentflow.representation.context_columns import read_table
+
+            asked = read_table(Path(asked))
+        return _checked(air_of_table(asked, levels_fl), len(levels_fl))
     if asked == STANDARD:
         return None
     if asked == TRAINING:

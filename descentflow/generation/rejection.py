@@ -18,7 +18,6 @@ from descentflow.densities.mixture_parameters import NO_CONTEXT
 from descentflow.generation.samples import RejectionReport, Samples
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.representation.decoder.trajectories import Trajectories, concatenate
-from descentflow.representation.own_air import flown_in
 from descentflow.representation.plausibility import RULES
 from descentflow.representation.representation import Representation
 
@@ -186,6 +185,9 @@ class _Wanted:
         residual = decoder.residuals.draw(weights, entry, uniform)
         flown = self.representation.fly(weights, entry, residual=residual, draws=DrawNumbers(self.seed, drawn))
         if isinstance(self.air, LevelAir):
+            # Here and not above: samples in standard air do without the energy equation of other airs.
+            from descentflow.representation.own_air import flown_in
+
             flown = flown_in(decoder.aircraft, flown, self.air.rows(self.air_row[samples]))
         elif self.air is not None:
             flown = self.air(decoder.aircraft, flown)

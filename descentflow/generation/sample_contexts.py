@@ -11,7 +11,6 @@ from torch import Tensor
 
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.representation.context import ContextEncoder
-from descentflow.representation.context_columns import read_table
 from descentflow.representation.representation import Representation
 
 Contexts = Mapping[str, Any] | pl.DataFrame | str | Path
@@ -52,10 +51,14 @@ def context_rows(context: Contexts | None, encoder: ContextEncoder) -> pl.DataFr
         )
     if isinstance(context, Mapping):
         return _one_row(context, encoder)
-    table = context if isinstance(context, pl.DataFrame) else read_table(Path(context))
-    if table.is_empty():
+    if isinstance(context, str | Path):
+        # Here and not above: samples without a file do without its readers.
+        from descentflow.representation.context_columns import read_table
+
+        context = read_table(Path(context))
+    if context.is_empty():
         raise DataError("a table of contexts without a row", expected="a row for each context", mend="add rows")
-    rows = table.select([name for name in encoder.names if name in table.columns])
+    rows = context.select([name for name in encoder.names if name in context.columns])
     if rows.width == len(encoder.names):
         encoder.check_range(rows)
     return rows

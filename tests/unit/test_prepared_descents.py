@@ -95,3 +95,13 @@ def test_a_step_that_a_part_lacks_keeps_its_place_and_its_rows() -> None:
         assert joined.steps == [
             Step("read", 1, None, 14, None), Step("twice", 2, 1, 12, 2), Step("late", 4, 1, 8, 4)
         ]  # fmt: skip
+
+
+def test_descents_into_a_jet_stream_are_read(descents: Path, tmp_path: Path) -> None:
+    """Five real B738 over Japan flew at 0.68 to 0.94 of their TAS."""
+    path = changed(descents, (pl.col("TAS") * 0.68).alias("groundspeed"), tmp_path / "d.parquet")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DescentflowWarning)
+        assert read_descents(path).frame["groundspeed"].mean() == pytest.approx(
+            0.68 * read_descents(descents).frame["TAS"].mean()
+        )

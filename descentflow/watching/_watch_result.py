@@ -66,8 +66,11 @@ def cause_in_words(cause: dict[str, Any]) -> str:
     Example:
         >>> cause_in_words({"verdict": "unknown"})
         'Its cause is unknown.'
+        >>> cause_in_words({"in_words": ["drag polar: CD0 x 1.1"], "weather": ["temperature: + 3 K"]})
+        'Its cause: drag polar: CD0 x 1.1. The weather of these days differs, too: temperature: + 3 K.'
     """
-    if not cause.get("in_words"):
-        return f"Its cause is unknown{': ' + cause['why'] if cause.get('why') else ''}."
-    whose = "Only the weather differs" if cause.get("only_the_weather") else "Its cause"
-    return f"{whose}: {listed(cause['in_words'])}."
+    known, weather, why = cause.get("in_words", []), cause.get("weather", []), cause.get("why")
+    if cause.get("only_the_weather"):
+        return f"Only the weather differs: {listed(weather)}."
+    said = f"Its cause: {listed(known)}." if known else f"Its cause is unknown{f': {why}' if why else ''}."
+    return f"{said} The weather of these days differs, too: {listed(weather)}." if weather else said

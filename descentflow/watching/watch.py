@@ -211,9 +211,12 @@ def _cause(
         report = diagnose(sides[0], sides[1], typecode=typecode, bada_dir=bada_dir)
     except (ConfigError, DataError) as error:
         return {"verdict": "unknown", "why": str(error)}
+    weather = {cause.effect for cause in report.causes if cause.of_air}
+    words = [(f"{report.details.label(step.effect)}: {step.text}", step.effect in weather) for step in report.recipe]
     return {
         "verdict": report.verdict,
         "effects": [cause.effect for cause in report.causes],
-        "in_words": [f"{report.details.label(step.effect)}: {step.text}" for step in report.recipe],
+        "in_words": [text for text, of_weather in words if not of_weather],
+        "weather": [text for text, of_weather in words if of_weather],
         "only_the_weather": bool(report.causes) and all(cause.of_air for cause in report.causes),
     }

@@ -189,7 +189,7 @@ def report(table: pl.DataFrame) -> None:
         with pl.Config(tbl_cols=-1, tbl_width_chars=160, tbl_hide_dataframe_shape=True):
             print(shown)
     if "causes" in table.columns:
-        right = pl.Series([bool(names) and set(names) <= ALIKE for names in table["causes"].drop_nulls()])
+        right = pl.Series([bool(names) and set(names) <= ALIKE for names in table["causes"].drop_nulls().to_list()])
         print(f"causes of {len(right)} alarms: {int(right.sum())} right")
         print(table.drop_nulls("causes").select("kind", "date", "causes"))
 

@@ -1,5 +1,7 @@
 """Programs of users around ours, each as a user runs it; slow, and skipped where the program is not installed."""
 
+import re
+import shutil
 import signal
 import socket
 import subprocess
@@ -11,10 +13,12 @@ import urllib.request
 from pathlib import Path
 
 import pytest
+from command_line_toys import QUICK
 from polars.testing import assert_frame_equal
 from surveillance_toys import fleet, written
 
 import descentflow as df
+from descentflow.cli.entry import main
 
 pytestmark = pytest.mark.slow
 APP = """
@@ -104,3 +108,47 @@ def test_a_bucket_of_s3_is_read_and_written_as_a_folder(tmp_path: Path, monkeypa
         assert files.find("radar") == ["radar/descents.parquet", "radar/rows/rows.parquet"]
     finally:
         running.stop()
+
+
+@pytest.mark.parametrize(
+    ("module", "logger", "options"),
+    [
+        ("mlflow", "MLFlowLogger", ["tracking_uri=sqlite:///store.db"]),
+        ("wandb", "WandbLogger", ["offline=true", "save_dir=store"]),
+    ],
+)
+@pytest.mark.filterwarnings("ignore")
+def test_two_runs_into_one_store_of_a_logger_are_both_kept(
+    module: str, logger: str, options: list[str], descents: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip(module, reason=f"pip install {module}")
+    monkeypatch.chdir(tmp_path)
+    words = ["fit", "--model", "Gaussian", "--data.descents", str(descents), *QUICK, f"--trainer.logger={logger}"]
+    kept: list[dict[Path, bytes]] = []
+    for _ in range(2):
+        assert main([*words, *(f"--trainer.logger.{option}" for option in options)]) == 0
+        if module == "wandb":
+            pytest.importorskip("wandb").finish()  # as the end of a process does
+        kept.append({path: path.read_bytes() for path in tmp_path.rglob("best.ckpt")})
+    assert [len(run) for run in kept] == [1, 2]
+    assert kept[0].items() <= kept[1].items(), "the first run is as it was"
+    assert all(len(df.sample(path, 2)) == 2 for path in kept[1])
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_the_sweep_of_the_page_ends_with_the_best_of_its_trials(
+    descents: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("optuna", reason="pip install optuna")
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(descents, "descents.parquet")
+    page = Path(__file__).resolve().parents[2] / "docs" / "how-to" / "lightning.md"
+    names: dict[str, object] = {"__name__": "page"}
+    for block in re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL):
+        exec(block, names)
+    study = pytest.importorskip("optuna").study
+    made = names["study"]
+    assert isinstance(made, study.Study)
+    values = [trial.value for trial in made.trials if trial.state.name == "COMPLETE"]
+    assert len(made.trials) == 3
+    assert made.best_value == min(value for value in values if value is not None)

@@ -1,7 +1,10 @@
 """A watch over a simulated fleet whose drag changes: alarm, date, cause; late, doubled and damaged days."""
 
 import json
+import os
 import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from functools import partial
 from importlib import import_module
@@ -136,3 +139,42 @@ def test_partitions_have_files_of_one_name(fleet: Path, tmp_path: Path) -> None:
         shutil.copy(path, tmp_path / "days" / f"day={path.stem}" / "part-0.parquet")
     found = watch("A320", tmp_path / "days", state=tmp_path / "state", reference_days=REFERENCE)
     assert found.days["file"].n_unique() == len(found.new_days) == 2
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="mounting a file system needs root")
+def test_a_disk_that_is_full_for_the_page_keeps_the_days_and_the_next_run_ends_as_undisturbed(
+    fleet: Path, state: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", folder], check=False).returncode:
+        pytest.skip("no file system may be mounted here")
+    try:
+        with pytest.raises(DataError, match=r"watch.html cannot be written: No space left on device"):
+            watch("A320", fleet, state=folder, reference_days=REFERENCE)
+        assert (folder / DAYS).read_bytes() == (state / DAYS).read_bytes()
+        subprocess.run(["mount", "-o", "remount,size=8m", folder], check=True)
+        watch("A320", fleet, state=folder, reference_days=REFERENCE)
+        names = [DAYS, "alarm.json", "watch.html", "watch.json"]
+        assert [(folder / name).read_bytes() == (state / name).read_bytes() for name in names] == 4 * [True]
+    finally:
+        subprocess.run(["umount", folder], check=True)
+
+
+@pytest.mark.slow  # three processes that import everything
+def test_of_two_watches_at_once_one_is_refused_and_the_state_is_that_of_one(fleet: Path, tmp_path: Path) -> None:
+    days = tmp_path / "days"
+    days.mkdir()
+    for path in sorted(fleet.iterdir())[1:5]:
+        shutil.copy(path, days)
+    states = [tmp_path / "alone", tmp_path / "together", tmp_path / "together"]
+    runs = []
+    for place in states:
+        words = [sys.executable, "-m", "descentflow", "watch", "A320", days, "--state", place]
+        runs.append(subprocess.Popen(words, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True))
+        if place == states[0]:
+            runs[0].wait(600)
+    said = [run.communicate(timeout=600)[1] for run in runs]
+    assert 0 in {run.returncode for run in runs[1:]}, said
+    assert all(not run.returncode or "another watch is writing" in text for run, text in zip(runs, said, strict=True))
+    assert (states[1] / DAYS).read_bytes() == (states[0] / DAYS).read_bytes()

@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import ChoiceLoader, Environment, FunctionLoader, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from descentflow.reporting.figure_file import image
@@ -41,13 +41,20 @@ def environment() -> Environment:
         >>> environment().get_template("reporting/elements.html.j2").module.side("lr", 1)
         Markup(' class=r')
     """
-    return Environment(
-        loader=PackageLoader("descentflow", "."),
+    package = PackageLoader("descentflow", ".")
+
+    def escaped(name: str) -> tuple[str, str | None, Any]:
+        """A template of text under the name of a page: what pages import must be escaped as they are."""
+        return package.get_source(made, name.replace(".html.j2", ".txt.j2"))
+
+    made = Environment(
+        loader=ChoiceLoader([package, FunctionLoader(escaped)]),
         autoescape=lambda name: name is not None and name.endswith(".html.j2"),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    return made
 
 
 def figure(picture: "Figure | Path", alt: str, caption: str = "", *, dpi: float = 100) -> Markup:

@@ -179,6 +179,17 @@ def test_names_of_flights_never_become_markup() -> None:
     assert "<script" not in page(replace(found, flights_worth_a_look=[flight]))
 
 
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_names_of_simulators_and_causes_never_become_markup(verdict: str) -> None:
+    """Sentences that the page shares with the terminal are escaped there, and are not here."""
+    found, script = of_verdict(verdict), "<script>alert(1)</script>"
+    causes = [replace(cause, label=script) for cause in found.causes]
+    hostile = replace(found, details=replace(found.details, simulator=script), causes=causes)
+    assert "<script" not in page(hostile)
+    assert "&lt;script&gt;" in page(hostile)
+    assert script in summary(hostile)
+
+
 def test_the_next_command_can_be_typed_where_its_reader_is() -> None:
     partial = of_verdict("partial")
     assert next_command(partial, Path("there/gap"), "a.csv b.csv") == (

@@ -118,15 +118,13 @@ class State:
         path = self.folder / DAYS
         return pl.read_parquet(path) if path.exists() else pl.DataFrame({name: [] for name in KEYS})
 
-    def add(self, lines: list[dict[str, Any]]) -> pl.DataFrame:
+    def add(self, lines: list[dict[str, Any]]) -> None:
         """Write days that are new besides those that are known; the file is whole before and after."""
-        known = self.days()
         if lines:
             new = pl.DataFrame(lines, infer_schema_length=None)
-            known = (pl.concat([known, new], how="diagonal_relaxed") if len(known) else new).sort("day")
+            known = pl.concat([self.days(), new], how="diagonal_relaxed")
             with whole_file(self.folder / DAYS) as temporary:
-                known.write_parquet(temporary)
-        return known
+                known.sort("day").write_parquet(temporary)
 
     def alarm(self) -> dict[str, Any] | None:
         """The alarm that stands; None where there is none, or it was accepted."""

@@ -7,6 +7,7 @@ from pathlib import Path
 import gap_toys
 import polars as pl
 import pytest
+from refusals import refuses
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.cli.entry import main
@@ -158,15 +159,11 @@ def test_a_bada_folder_that_cannot_be_read_is_not_mended_by_a_type(
 
 
 def test_too_few_flights_of_either_side_are_refused(real: Descents, simulator: Descents) -> None:
-    with pytest.raises(DataError, match=r"4 real flights .* at least 5 flights a side"):
-        diagnose(fewer(real, 4), simulator)
-    with pytest.raises(DataError, match=r"4 simulated flights .* at least 5 flights a side"):
-        diagnose(real, fewer(simulator, 4))
-    with pytest.raises(DataError, match=r"4 real flights"):
-        diagnose(fewer(real, 4), typecode="A320")
+    refuses(DataError, r"4 real flights .* at least 5 flights a side", diagnose, fewer(real, 4), simulator)
+    refuses(DataError, r"4 simulated flights .* at least 5 flights a side", diagnose, real, fewer(simulator, 4))
+    refuses(DataError, r"4 real flights", diagnose, fewer(real, 4), typecode="A320")
     alone = with_frame(simulator, simulator.frame.with_columns(icao24=pl.lit("abcdef")))
-    with pytest.raises(DataError, match=r"simulated flights of 1 aircraft .* give each an icao24 of its own"):
-        diagnose(real, alone)
+    refuses(DataError, r"simulated flights of 1 aircraft .* give each an icao24 of its own", diagnose, real, alone)
 
 
 def test_other_types_levels_and_channels_are_refused(real: Descents, simulator: Descents) -> None:
@@ -174,8 +171,7 @@ def test_other_types_levels_and_channels_are_refused(real: Descents, simulator: 
     with pytest.raises(DataError, match=r"real flights of A320 and a simulator's flights of B738"):
         diagnose(real, with_frame(simulator, frame.with_columns(typecode=pl.lit("B738"))))
     high = with_frame(simulator, frame.with_columns(pl.col("level_fl") + 300))
-    with pytest.raises(DataError, match=r"real flights between FL150 and FL\d+, and a simulator's between FL450"):
-        diagnose(real, high)
+    refuses(DataError, r"real flights between FL150 and FL\d+, and a simulator's between FL450", diagnose, real, high)
     with pytest.raises(DataError, match=r"a simulator's with Mach, .* expected IAS and vertical_rate on both sides"):
         diagnose(real, with_frame(simulator, frame.with_columns(IAS=pl.lit(None, pl.Float64))), channels=list(CHANNELS))
 
@@ -195,8 +191,7 @@ def test_a_type_without_coefficients_is_asked_for(real: Descents, simulator: Des
         with_frame(one, pl.concat([one.frame, two.frame.with_columns(flight_id=pl.col("flight_id") + "b")]))
         for one, two in ((real, sides[0]), (simulator, sides[1]))
     ]
-    with pytest.raises(DataError, match="flights of A320, B788, and no word whose coefficients"):
-        Inputs(*mixed).open()
+    refuses(DataError, "flights of A320, B788, and no word whose coefficients", Inputs(*mixed).open)
 
 
 def test_flights_of_other_types_are_counted(real: Descents, simulator: Descents) -> None:
@@ -213,16 +208,12 @@ def test_a_checkpoint_is_known_by_its_content(folder: Path, real: Descents) -> N
     assert Inputs(real, renamed).open().simulator.model is not None
     with pytest.raises(ConfigError, match=r"coefficients are to be taken, next to a checkpoint"):
         Inputs(real, checkpoint, typecode="A320").open()
-    with pytest.raises(ConfigError, match=r"simulator.ckpt among 2 paths"):
-        Inputs(real, [checkpoint, folder / "simulator.parquet"]).open()
-    with pytest.raises(CheckpointError, match="no file"):
-        Inputs(real, folder / "nothing.ckpt").open()
-    with pytest.raises(DataError, match=r"no file A320.*--typecode"):
-        Inputs(real, Path("A320")).open()
+    refuses(ConfigError, r"simulator.ckpt among 2 paths", Inputs(real, [checkpoint, folder / "simulator.parquet"]).open)
+    refuses(CheckpointError, "no file", Inputs(real, folder / "nothing.ckpt").open)
+    refuses(DataError, r"no file A320.*--typecode", Inputs(real, Path("A320")).open)
     cut = folder / "cut.ckpt"
     cut.write_bytes(checkpoint.read_bytes()[:5000])
-    with pytest.raises(CheckpointError, match="truncated"):
-        Inputs(real, cut).open()
+    refuses(CheckpointError, "truncated", Inputs(real, cut).open)
     with pytest.raises(ConfigError, match="the nearest type, next to a type"):
         Inputs(real, None, typecode="A320", nearest_type=True).open()
 

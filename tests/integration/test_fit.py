@@ -11,6 +11,7 @@ import polars as pl
 import pytest
 import torch
 from command_line_toys import QUICK
+from refusals import refuses
 from toys import assert_equal
 
 from descentflow.cli.entry import main
@@ -133,33 +134,22 @@ def test_an_instance_is_trained_with_the_settings_of_its_class() -> None:
 
 
 def test_what_cannot_be_fitted_is_refused(descents: Path, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="gaussian, mixture, flow"):
-        fit(descents, "transformer")
-    with pytest.raises(ConfigError, match=r"an option epochs of fit; .*did you mean max_epochs\?"):
-        fit(descents, "gaussian", epochs=3)
+    refuses(ConfigError, "gaussian, mixture, flow", fit, descents, "transformer")
+    refuses(ConfigError, r"an option epochs of fit; .*did you mean max_epochs\?", fit, descents, "gaussian", epochs=3)
     with pytest.raises(ConfigError, match=r"an option n_clusters of fit; .*as Gaussian\(ridge=2\)"):
         fit(descents, "mixture", n_clusters=3)
-    with pytest.raises(ConfigError, match="gaussian, mixture, flow"):
-        fit(descents, "x" * 300)
-    with pytest.raises(ConfigError, match="seed = -1; expected a whole number, from 0"):
-        fit(descents, "gaussian", seed=-1)
-    with pytest.raises(ConfigError, match="max_epochs = 0"):
-        fit(descents, "gaussian", max_epochs=0)
-    with pytest.raises(ConfigError, match="device = 'tpu'; expected 'cpu' or 'cuda'"):
-        fit(descents, "gaussian", device="tpu")
-    with pytest.raises(ConfigError, match="a DataModule and split_by"):
-        fit(DescentDataModule(descents), "gaussian", split_by="aircraft")
-    with pytest.raises(DataError, match="no file"):
-        fit(tmp_path / "absent.parquet", "gaussian")
+    refuses(ConfigError, "gaussian, mixture, flow", fit, descents, "x" * 300)
+    refuses(ConfigError, "seed = -1; expected a whole number, from 0", fit, descents, "gaussian", seed=-1)
+    refuses(ConfigError, "max_epochs = 0", fit, descents, "gaussian", max_epochs=0)
+    refuses(ConfigError, "device = 'tpu'; expected 'cpu' or 'cuda'", fit, descents, "gaussian", device="tpu")
+    refuses(ConfigError, "a DataModule and split_by", fit, DescentDataModule(descents), "gaussian", split_by="aircraft")
+    refuses(DataError, "no file", fit, tmp_path / "absent.parquet", "gaussian")
     (tmp_path / "bare.yaml").write_text("data:\n  seed: 1\n")
-    with pytest.raises(ConfigError, match="without a model"):
-        training_settings(tmp_path / "bare.yaml")
+    refuses(ConfigError, "without a model", training_settings, tmp_path / "bare.yaml")
     (tmp_path / "odd.yaml").write_text("model:\n  class_path: descentflow.training.models.Nothing\n")
-    with pytest.raises(ConfigError, match=r"class descentflow\.training\.models\.Nothing"):
-        fit(descents, str(tmp_path / "odd.yaml"))
+    refuses(ConfigError, r"class descentflow\.training\.models\.Nothing", fit, descents, str(tmp_path / "odd.yaml"))
     pl.DataFrame({"flight_id": ["a"]}).write_parquet(tmp_path / "rows.parquet")
-    with pytest.raises(DataError, match="not prepared descents"):
-        fit(tmp_path / "rows.parquet", "gaussian")
+    refuses(DataError, "not prepared descents", fit, tmp_path / "rows.parquet", "gaussian")
 
 
 def test_an_interruption_is_one_in_python_and_the_next_is_heard(

@@ -9,6 +9,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 import torch
+from refusals import refuses
 
 from descentflow.core.errors import CheckpointError, ConfigError, DataError, SamplingError
 from descentflow.densities.checkpoint import load_model
@@ -58,8 +59,7 @@ def written(frame: pl.DataFrame, metadata: dict, path: Path) -> Path:
 def test_prepared_descents_that_no_aircraft_flies(change: pl.Expr, saying: str, descents: Path, tmp_path: Path) -> None:
     whole = read_descents(descents)
     path = written(whole.frame.with_columns(change), whole.metadata, tmp_path / "changed.parquet")
-    with pytest.raises(DataError, match=saying):
-        read_descents(path)
+    refuses(DataError, saying, read_descents, path)
 
 
 @pytest.mark.parametrize(
@@ -76,22 +76,19 @@ def test_prepared_descents_that_no_aircraft_flies(change: pl.Expr, saying: str, 
 def test_descriptions_that_nobody_wrote(name: str, value: object, descents: Path, tmp_path: Path) -> None:
     whole = read_descents(descents)
     path = written(whole.frame, whole.metadata | {name: value}, tmp_path / "changed.parquet")
-    with pytest.raises(DataError, match="a damaged description"):
-        read_descents(path)
+    refuses(DataError, "a damaged description", read_descents, path)
 
 
 @pytest.mark.parametrize("section", [3, None, {}, {"format": 2}])
 def test_checkpoints_of_another_section(section: object, run: Path, tmp_path: Path) -> None:
     content = torch.load(run / "checkpoints" / "best.ckpt", weights_only=True)
     torch.save(content | {"descentflow": section}, tmp_path / "changed.ckpt")
-    with pytest.raises(CheckpointError, match=r"changed\.ckpt"):
-        load_model(tmp_path / "changed.ckpt")
+    refuses(CheckpointError, r"changed\.ckpt", load_model, tmp_path / "changed.ckpt")
 
 
 @pytest.mark.parametrize("seed", [1 << 64, 1 << 63, -(1 << 63) - 1])
 def test_seeds_beyond_64_bits(seed: int, run: Path) -> None:
-    with pytest.raises(ConfigError, match="seed = "):
-        sample(run / "checkpoints" / "best.ckpt", 2, seed=seed)
+    refuses(ConfigError, "seed = ", sample, run / "checkpoints" / "best.ckpt", 2, seed=seed)
     assert len(sample(run / "checkpoints" / "best.ckpt", 2, seed=(1 << 63) - 1)) == 2
 
 
@@ -100,5 +97,4 @@ def test_a_flight_without_a_finite_density() -> None:
     endless = torch.tensor([1e200, 0.0]).double()
     curves = LinearCurves(torch.zeros(2).double(), torch.eye(2).double(), torch.ones(2).double(), 2)
     posterior = posterior_of(Prior(mixture, None), 3 * torch.eye(2).double(), endless, curves)
-    with pytest.raises(SamplingError, match="more than numbers can hold"):
-        posterior.draw(5, torch.Generator().manual_seed(0))
+    refuses(SamplingError, "more than numbers can hold", posterior.draw, 5, torch.Generator().manual_seed(0))

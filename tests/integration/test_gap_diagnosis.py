@@ -12,6 +12,7 @@ import pytest
 import torch
 import toys
 from bada4_dummies import dummies
+from refusals import refuses
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.cli.entry import main
@@ -170,20 +171,15 @@ def test_bad_input_gets_a_clear_error(plain: Path, folder: Path, checkpoint: Pat
     with pytest.raises(DataError, match=r"descents of B738 for a simulator of A320"):
         diagnose(frame.with_columns(typecode=pl.lit("B738")), checkpoint)
     lower = frame.filter(pl.col("level_fl") < 170).with_columns(pl.col("level_fl") - 25)
-    with pytest.raises(DataError, match="no descent between"):
-        diagnose(lower, checkpoint)
+    refuses(DataError, "no descent between", diagnose, lower, checkpoint)
     with pytest.raises(DataError, match=r"column level_fl holds .* outside 0 to 600"):
         diagnose(frame.with_columns(pl.col("level_fl") - 500), checkpoint)
-    with pytest.raises(ConfigError, match="channel 'speed'"):
-        diagnose(frame, checkpoint, channels=["speed"])
-    with pytest.raises(DataError, match="no file"):
-        diagnose(folder / "nothing.parquet", checkpoint)
-    with pytest.raises(DataError, match="no column Mach; expected flight_id"):
-        diagnose(frame.drop("Mach"), checkpoint)
+    refuses(ConfigError, "channel 'speed'", diagnose, frame, checkpoint, channels=["speed"])
+    refuses(DataError, "no file", diagnose, folder / "nothing.parquet", checkpoint)
+    refuses(DataError, "no column Mach; expected flight_id", diagnose, frame.drop("Mach"), checkpoint)
     given = load_model(checkpoint)
     given.representation.context = ContextEncoder.fit(pl.DataFrame({"entry_fl": [300.0, 340.0]}), ["entry_fl"])
-    with pytest.raises(ConfigError, match="a simulator that is given a context"):
-        diagnose(frame, given)
+    refuses(ConfigError, "a simulator that is given a context", diagnose, frame, given)
 
 
 def test_a_corrected_simulator_is_refused_before_anything_is_done(warm: tuple[GapReport, Path], folder: Path) -> None:
@@ -255,10 +251,8 @@ def test_nominal_bada_may_be_a_designator_or_coefficients(plain: Path, checkpoin
     assert model.source == "BADA 4.3 file Dummy-TWIN"
     with pytest.raises(DataError, match=r"no file Dummy-TWIN; .* ask for nominal BADA with typecode"):
         diagnose(plain, Path("Dummy-TWIN"), bada_dir=dummies())
-    with pytest.raises(ConfigError, match="a model of type int"):
-        diagnose(plain, 3)
-    with pytest.raises(ConfigError, match="BADA files for a simulator"):
-        diagnose(plain, checkpoint, bada_dir=dummies())
+    refuses(ConfigError, "a model of type int", diagnose, plain, 3)
+    refuses(ConfigError, "BADA files for a simulator", diagnose, plain, checkpoint, bada_dir=dummies())
 
 
 def test_flights_of_other_types_are_left_out_counted_and_named(plain: Path, checkpoint: Path) -> None:
@@ -291,8 +285,7 @@ def test_torch_is_left_as_it_was(plain: Path, checkpoint: Path) -> None:
 def test_a_checkpoint_without_flights_of_its_own_is_refused(plain: Path, checkpoint: Path) -> None:
     model = load_model(checkpoint)
     model.representation.reference = None
-    with pytest.raises(DataError, match=r"keeps no flights.*pass the samples as --simulator"):
-        diagnose(plain, model, catalogue=SMALL)
+    refuses(DataError, r"keeps no flights.*pass the samples as --simulator", diagnose, plain, model, catalogue=SMALL)
 
 
 def test_a_cause_that_the_simulator_inherited_is_found_against_physics(folder: Path) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 from polars.testing import assert_frame_equal
+from refusals import refuses
 from surveillance_toys import fleet, written
 
 from descentflow.core.errors import ConfigError, DataError
@@ -124,14 +125,11 @@ def test_a_finished_store_is_left_alone_and_another_refused(inputs: list[Path], 
     assert again.flights == first.flights
     assert again.report.as_dict() == first.report.as_dict()
     assert {path: path.stat().st_mtime_ns for path in out.rglob("*")} == times
-    with pytest.raises(ConfigError, match="other inputs or settings"):
-        prepare(inputs, cleaning=Cleaning(bottom_fl=100), out=out)
-    with pytest.raises(ConfigError, match="other inputs or settings"):
-        prepare(inputs[:1], out=out)
+    refuses(ConfigError, "other inputs or settings", prepare, inputs, cleaning=Cleaning(bottom_fl=100), out=out)
+    refuses(ConfigError, "other inputs or settings", prepare, inputs[:1], out=out)
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").write_text("x")
-    with pytest.raises(ConfigError, match="no prepared store"):
-        prepare(inputs, out=tmp_path / "mine")
+    refuses(ConfigError, "no prepared store", prepare, inputs, out=tmp_path / "mine")
 
 
 @pytest.mark.parametrize("out", ["s", "d.parquet"])
@@ -161,11 +159,9 @@ def test_damaged_stores_are_refused(inputs: list[Path], tmp_path: Path) -> None:
         (good.replace("part-00000", "part-77777"), "a store as it was written"),
     ):
         manifest.write_text(bad)
-        with pytest.raises(DataError, match=words):
-            read_descents(out)
+        refuses(DataError, words, read_descents, out)
     manifest.unlink()
-    with pytest.raises(DataError, match=r"without a readable _descentflow.json"):
-        read_descents(out)
+    refuses(DataError, r"without a readable _descentflow.json", read_descents, out)
 
 
 def test_an_aircraft_that_does_not_fit_is_named(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 from polars.testing import assert_frame_equal
+from refusals import refuses
 from surveillance_toys import fleet, written
 
 from descentflow.core.errors import ConfigError, DataError
@@ -75,8 +76,7 @@ def test_a_killed_run_leaves_its_parts_and_the_rerun_goes_on(out: str, rows: Pat
     planned = len(json.loads((work / "partitions.json").read_text()))
     assert len(done) < planned
 
-    with pytest.raises(ConfigError, match="other inputs or settings"):
-        prepare([rows], cleaning=Cleaning(bottom_fl=100), out=target)
+    refuses(ConfigError, "other inputs or settings", prepare, [rows], cleaning=Cleaning(bottom_fl=100), out=target)
     said: list[str] = []
     cleaned: list[Path] = []
 
@@ -130,10 +130,8 @@ def test_a_group_without_a_row_is_counted_unless_all_are_so(
     assert prepared.report.notes["groups of files without a row"] == 1
     assert_frame_equal(read_descents(tmp_path / "d.parquet").frame, prepare([rows]).frame, check_exact=True)
     again = written(pl.read_parquet(rows).clear(), tmp_path / "again.parquet")
-    with pytest.raises(DataError, match="no row"):
-        prepare([empty, again], out=tmp_path / "n.parquet")
-    with pytest.raises(DataError, match="no row in"):
-        prepare([empty], out=tmp_path / "n.parquet")
+    refuses(DataError, "no row", prepare, [empty, again], out=tmp_path / "n.parquet")
+    refuses(DataError, "no row in", prepare, [empty], out=tmp_path / "n.parquet")
 
 
 def test_two_runs_at_once_on_one_output_are_refused(rows: Path, tmp_path: Path) -> None:
@@ -181,8 +179,7 @@ def test_a_failing_partition_is_an_error_and_no_output(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(engines, "clean", broken)
-    with pytest.raises(DataError, match="No space left"):
-        prepare([rows], out=tmp_path / "s", memory_bytes=MEMORY)
+    refuses(DataError, "No space left", prepare, [rows], out=tmp_path / "s", memory_bytes=MEMORY)
     assert not (tmp_path / "s").exists()
 
 
@@ -241,8 +238,7 @@ def test_a_cluster_is_a_client_or_a_file_its_workers_are_waited_for_and_a_task_t
         assert f"waiting for workers of {cluster.scheduler_address}" in said
         (tmp_path / "scheduler.json").write_text(json.dumps({"address": cluster.scheduler_address}))
         prepare([rows], out=tmp_path / "by_file", memory_bytes=MEMORY, engine=tmp_path / "scheduler.json")
-        with pytest.raises(DataError, match="a worker was killed"):
-            list(Engine(1, "dask", client).run(suicide, [0], None))
+        refuses(DataError, "a worker was killed", list, Engine(1, "dask", client).run(suicide, [0], None))
     stores = (tmp_path / "by_client", tmp_path / "by_file")
     of_client, of_file = ([one.read_bytes() for one in sorted(folder.rglob("*.*"))] for folder in stores)
     assert of_client == of_file
@@ -256,8 +252,7 @@ def test_without_dask_or_a_scheduler_the_error_says_what_to_do(
         prepare([rows], out=tmp_path / "d.parquet", memory_bytes=MEMORY, engine="dask")
     monkeypatch.undo()
     for engine, message in (("absent.json", "no Dask scheduler at absent.json"), (3, "an engine of type int")):
-        with pytest.raises(ConfigError, match=message):
-            prepare([rows], out=tmp_path / "d.parquet", memory_bytes=MEMORY, engine=engine)
+        refuses(ConfigError, message, prepare, [rows], out=tmp_path / "d.parquet", memory_bytes=MEMORY, engine=engine)
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ from typing import Any
 import polars as pl
 import pytest
 from blind_toys import perfect_report
+from refusals import refuses
 
 from descentflow.core.errors import DataError
 from descentflow.densities.checkpoint import load_model
@@ -117,24 +118,19 @@ def test_broken_seals_are_refused(folder: Path) -> None:
     file = folder / "diagnoses" / "blind_0001_bare.json"
     before = file.read_text()
     file.write_text(before.replace('"verdict"', '"Verdict"'))
-    with pytest.raises(DataError, match=r"blind_0001_bare.* is not the diagnosis"):
-        open_key(folder)
-    with pytest.raises(DataError, match="not the diagnosis that was sealed"):
-        diagnose_all(folder, diagnose=knows, progress=quiet)
+    refuses(DataError, r"blind_0001_bare.* is not the diagnosis", open_key, folder)
+    refuses(DataError, "not the diagnosis that was sealed", diagnose_all, folder, diagnose=knows, progress=quiet)
     file.write_text(before)
     key = (folder / KEY).read_text()
     (folder / KEY).write_text(key.replace("nonce", "once"))
-    with pytest.raises(DataError, match="not the key that was sealed"):
-        open_key(folder)
+    refuses(DataError, "not the key that was sealed", open_key, folder)
     (folder / KEY).write_text(key)
     assert open_key(folder)[0] == PLAN
     # Once it is open, nothing more is diagnosed.
     (folder / "diagnoses" / "blind_0000_bare.json").unlink()
-    with pytest.raises(DataError, match="was opened at"):
-        diagnose_all(folder, diagnose=knows, progress=quiet)
+    refuses(DataError, "was opened at", diagnose_all, folder, diagnose=knows, progress=quiet)
     (folder / DIAGNOSES).unlink()
-    with pytest.raises(DataError, match="earlier steps"):
-        open_key(folder)
+    refuses(DataError, "earlier steps", open_key, folder)
 
 
 def test_a_worker_left_over_from_another_study_writes_nothing_into_this_one(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import pytest
 import torch
 import toys
 from jinja2 import UndefinedError
+from refusals import refuses
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M, KT_MPS
@@ -93,10 +94,8 @@ def test_sweeps_leave_a_file_a_job_go_on_and_show_in_the_page(study: Path) -> No
     assert all("<table>" in html and "data:image/png" in html for html in map("".join, sections.values()))
     shutil.rmtree(study / "sweeps" / "flow")
     assert len(sweep_sections(plan, study)) == 2
-    with pytest.raises(ConfigError, match="sweeps colours"):
-        run_sweeps(plan, sweep, study, ("colours",), processes(1), said.append)
-    with pytest.raises(ConfigError, match="another plan"):
-        run_sweeps(plan, SweepPlan(), study, NAMES, processes(1), said.append)
+    refuses(ConfigError, "sweeps colours", run_sweeps, plan, sweep, study, ("colours",), processes(1), said.append)
+    refuses(ConfigError, "another plan", run_sweeps, plan, SweepPlan(), study, NAMES, processes(1), said.append)
     shutil.rmtree(study / "sweeps")
 
 
@@ -113,12 +112,9 @@ def test_the_likelihoods_are_those_of_the_held_out_flights(study: Path) -> None:
 def test_the_papers_counts_and_impossible_plans() -> None:
     assert sum(PAPER_FLIGHTS.values()) == 116_066
     assert paper_plan(0.1, ["B738", "BE20"]).flights == {"B738": 4101, "BE20": 150}
-    with pytest.raises(ConfigError, match="Concorde"):
-        paper_plan(1.0, ["Concorde"])
-    with pytest.raises(ConfigError, match="models diffusion"):
-        StudyPlan({"A320": 100}, models=("diffusion",))
-    with pytest.raises(ConfigError, match="50 flights"):
-        StudyPlan({"A320": 10})
+    refuses(ConfigError, "Concorde", paper_plan, 1.0, ["Concorde"])
+    refuses(ConfigError, "models diffusion", StudyPlan, {"A320": 100}, models=("diffusion",))
+    refuses(ConfigError, "50 flights", StudyPlan, {"A320": 10})
 
 
 AIRCRAFT = toys.AIRCRAFT
@@ -170,5 +166,4 @@ def test_a_truncated_basis_is_the_one_that_a_fit_of_its_own_finds(share: float) 
 
 
 def test_a_name_that_a_template_does_not_get_is_an_error() -> None:
-    with pytest.raises(UndefinedError, match="report"):
-        rendered("surveillance/cleaning_page.html.j2", flights=[])
+    refuses(UndefinedError, "report", rendered, "surveillance/cleaning_page.html.j2", flights=[])

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 import torch
 from bada4_dummies import dummies
+from refusals import refuses
 
 from descentflow.aircraft_types._standard_descent import STANDARD
 from descentflow.aircraft_types.bada3._bada_directory import load_aircraft, load_directory, read_gpf, to_aircraft
@@ -90,8 +91,7 @@ def test_apf_keeps_the_order_mach_high_low(dummy, tmp_path):
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), 1e120])
 def test_numbers_that_do_not_fit_are_refused(value):
-    with pytest.raises(AircraftError, match="finite number"):
-        e10(value)
+    refuses(AircraftError, "finite number", e10, value)
 
 
 def test_types_resolve_through_synonyms(dummy):
@@ -117,8 +117,7 @@ def test_flap_names_may_hold_blanks(release):
 def test_without_synonyms_files_stand_for_themselves(release):
     (release / "SYNONYM.NEW").unlink()
     assert load_aircraft("GA", release).engine == "piston"
-    with pytest.raises(AircraftError, match="A320"):
-        load_aircraft("A320", release)
+    refuses(AircraftError, "A320", load_aircraft, "A320", release)
 
 
 def test_line_ends_of_other_systems_are_read(release):
@@ -164,15 +163,13 @@ SPOILS = {
 def test_malformed_lines_are_named_by_file_and_line(release, spoil):
     file, index, change, place = SPOILS[spoil]
     edit(release / file, index, change)
-    with pytest.raises(AircraftError, match=rf"{file} {place}"):
-        load_aircraft("A320", release)
+    refuses(AircraftError, rf"{file} {place}", load_aircraft, "A320", release)
 
 
 def test_a_gpf_without_a_parameter_is_refused(release):
     path = release / "BADA.GPF"
     path.write_text(path.read_text().replace("H_max_app", "H_max_xxx"))
-    with pytest.raises(AircraftError, match="no parameter H_max_app"):
-        read_gpf(path)
+    refuses(AircraftError, "no parameter H_max_app", read_gpf, path)
 
 
 def test_global_parameters_of_the_directory_hold(release):
@@ -186,8 +183,7 @@ def test_global_parameters_of_the_directory_hold(release):
     assert aircraft_from_state(faster.to_state()) == faster
     for spoilt in ("two", ""):
         path.write_text(whole.replace(".20000E+01", spoilt))
-        with pytest.raises(AircraftError, match=r"BADA.GPF line 25"):
-            load_aircraft("A320", release)
+        refuses(AircraftError, r"BADA.GPF line 25", load_aircraft, "A320", release)
     path.unlink()
     assert load_aircraft("A320", release) == manual
 
@@ -195,30 +191,23 @@ def test_global_parameters_of_the_directory_hold(release):
 def test_global_parameters_of_a_checkpoint_that_are_none_are_refused(release):
     state = load_aircraft("A320", release).to_state()
     for wrong in ({"min_speed_factor": 1.3}, "all", 7, {**asdict(STANDARD), "des_increment_kt": (1.0, "x", 2.0, 3.0)}):
-        with pytest.raises(AircraftError, match="coefficient"):
-            aircraft_from_state({**state, "limits": wrong})
+        refuses(AircraftError, "coefficient", aircraft_from_state, {**state, "limits": wrong})
 
 
 def test_empty_foreign_and_absent_files_are_refused(release, tmp_path):
     (release / "J2M___.OPF").write_text("")
-    with pytest.raises(AircraftError, match="no data line"):
-        load_aircraft("A320", release)
+    refuses(AircraftError, "no data line", load_aircraft, "A320", release)
     (release / "J2M___.OPF").write_bytes(bytes(range(256)))
-    with pytest.raises(AircraftError, match="no data line"):
-        load_aircraft("A320", release)
+    refuses(AircraftError, "no data line", load_aircraft, "A320", release)
     (release / "J2M___.OPF").unlink()
-    with pytest.raises(AircraftError, match="No such file"):
-        load_aircraft("A320", release)
-    with pytest.raises(AircraftError, match="an existing folder of BADA 3"):
-        load_aircraft("A320", tmp_path / "nowhere")
+    refuses(AircraftError, "No such file", load_aircraft, "A320", release)
+    refuses(AircraftError, "an existing folder of BADA 3", load_aircraft, "A320", tmp_path / "nowhere")
     (tmp_path / "empty").mkdir()
-    with pytest.raises(AircraftError, match="neither SYNONYM"):
-        load_aircraft("A320", tmp_path / "empty")
+    refuses(AircraftError, "neither SYNONYM", load_aircraft, "A320", tmp_path / "empty")
 
 
 def test_an_unknown_type_is_refused_with_near_names(dummy):
-    with pytest.raises(AircraftError, match="A320"):
-        load_aircraft("A32O", dummy)
+    refuses(AircraftError, "A320", load_aircraft, "A32O", dummy)
 
 
 def test_files_of_two_types_are_not_joined(dummy):
@@ -240,8 +229,7 @@ def test_an_opf_refuses_what_does_not_fit_and_leaves_nothing_behind(tmp_path):
         with pytest.raises(AircraftError):
             write_opf(spoiled, tmp_path / "x.OPF")
     assert not list(tmp_path.iterdir())
-    with pytest.raises(DataError, match="folder"):
-        write_opf(ours, tmp_path / "absent" / "x.OPF")
+    refuses(DataError, "folder", write_opf, ours, tmp_path / "absent" / "x.OPF")
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from refusals import refuses
 
 import descentflow
 from descentflow.core.errors import ConfigError
@@ -67,16 +68,13 @@ def test_classes_and_instances_are_taken_and_what_is_imported_is_not(tmp_path: P
     ],
 )
 def test_what_cannot_be_used_is_said_with_its_line(tmp_path: Path, text: str, message: str) -> None:
-    with pytest.raises(ConfigError, match=message):
-        effects_of_file(file(tmp_path, text), frozenset(EFFECTS))
+    refuses(ConfigError, message, effects_of_file, file(tmp_path, text), frozenset(EFFECTS))
 
 
 def test_files_that_are_not_there_or_no_python_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="no such file"):
-        effects_of_file(tmp_path / "none.py")
+    refuses(ConfigError, "no such file", effects_of_file, tmp_path / "none.py")
     (tmp_path / "own.txt").write_text(GUSTS)
-    with pytest.raises(ConfigError, match="no Python file"):
-        effects_of_file(tmp_path / "own.txt")
+    refuses(ConfigError, "no Python file", effects_of_file, tmp_path / "own.txt")
 
 
 @pytest.mark.parametrize(
@@ -161,6 +159,5 @@ def test_a_catalogue_that_cannot_be_used_gets_a_clear_error() -> None:
         ({"odd_thing": Strange()}, "channel 'speed' of effect 'odd_thing'"),
         ({"odd_thing": Sizeless()}, "without a parameter"),
     ):
-        with pytest.raises(ConfigError, match=message):
-            checked_catalogue(catalogue)
+        refuses(ConfigError, message, checked_catalogue, catalogue)
     assert checked_catalogue(EFFECTS) is EFFECTS

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import torch
 import toys
+from refusals import refuses
 
 from descentflow.core.errors import CheckpointError, ConfigError
 from descentflow.densities import GaussianDensity, MaskedAffineFlowDensity
@@ -85,8 +86,7 @@ class Payload:
 
 def test_loading_never_executes_code(tmp_path: Path) -> None:
     torch.save({"descentflow": Payload(tmp_path / "owned")}, tmp_path / "evil.ckpt")
-    with pytest.raises(CheckpointError, match="tensors and primitives"):
-        load_model(tmp_path / "evil.ckpt")
+    refuses(CheckpointError, "tensors and primitives", load_model, tmp_path / "evil.ckpt")
     (tmp_path / "plain.ckpt").write_bytes(pickle.dumps(Payload(tmp_path / "owned")))
     with pytest.raises(CheckpointError):
         load_model(tmp_path / "plain.ckpt")
@@ -188,30 +188,24 @@ def test_a_file_that_is_no_whole_checkpoint_says_what_is_wrong(whole: Path, tmp_
 
 
 def test_no_file(tmp_path: Path) -> None:
-    with pytest.raises(CheckpointError, match="no file"):
-        load_model(tmp_path / "absent.ckpt")
-    with pytest.raises(CheckpointError, match=r"is a folder.*fit` wrote"):
-        load_model(tmp_path)
+    refuses(CheckpointError, "no file", load_model, tmp_path / "absent.ckpt")
+    refuses(CheckpointError, r"is a folder.*fit` wrote", load_model, tmp_path)
     for version in ("version_0", "version_1"):
         (tmp_path / version / "checkpoints").mkdir(parents=True)
         (tmp_path / version / "checkpoints" / "best.ckpt").touch()
-    with pytest.raises(CheckpointError, match=r"is a folder.* pass .*version_1/checkpoints/best.ckpt"):
-        load_model(tmp_path)
+    refuses(CheckpointError, r"is a folder.* pass .*version_1/checkpoints/best.ckpt", load_model, tmp_path)
     with pytest.raises(CheckpointError, match=r"is a folder.* pass .*version_0/checkpoints/best.ckpt"):
         load_model(tmp_path / "version_0")
 
 
 @pytest.mark.parametrize("model", [None, 3, [], Gaussian, torch.nn.Linear(2, 2)])
 def test_what_holds_no_density_says_what_would(model: object) -> None:
-    with pytest.raises(ConfigError, match="checkpoint, a Density, or a fitted model"):
-        as_density(model)
+    refuses(ConfigError, "checkpoint, a Density, or a fitted model", as_density, model)
 
 
 def test_an_unfitted_model_or_density_is_no_model_to_use() -> None:
-    with pytest.raises(ConfigError, match="without a density"):
-        as_density(Gaussian())
-    with pytest.raises(ConfigError, match="without a representation"):
-        as_density(GaussianDensity(3))
+    refuses(ConfigError, "without a density", as_density, Gaussian())
+    refuses(ConfigError, "without a representation", as_density, GaussianDensity(3))
 
 
 def test_a_model_on_another_device_leaves_the_representation_of_its_data_where_it_is() -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+from refusals import refuses
 
 pytest.importorskip("xarray", reason="xarray is an extra of descentflow (wind)")
 
@@ -239,8 +240,7 @@ BAD: dict[str, tuple[Change, str]] = {
 @pytest.mark.parametrize("name", BAD)
 def test_bad_rows_are_refused_by_name(name: str, flown: pl.DataFrame, nc: Path) -> None:
     change, match = BAD[name]
-    with pytest.raises(DataError, match=rf"(?s){match}"):
-        prepare(change(plain(flown)), airspeeds_from=nc)
+    refuses(DataError, rf"(?s){match}", prepare, change(plain(flown)), airspeeds_from=nc)
 
 
 def test_bad_columns_of_weather_are_refused(flown: pl.DataFrame) -> None:
@@ -271,23 +271,18 @@ def test_a_wind_that_groundspeeds_do_not_follow_is_refused(wind: Callable[..., o
 
 def test_bad_sources_are_refused(flown: pl.DataFrame, nc: Path, tmp_path: Path) -> None:
     rows = plain(flown)
-    with pytest.raises(DataError, match=r"no file nowhere\.nc.*'columns' or 'neighbours'"):
-        prepare(rows, airspeeds_from="nowhere.nc")
+    refuses(DataError, r"no file nowhere\.nc.*'columns' or 'neighbours'", prepare, rows, airspeeds_from="nowhere.nc")
     (tmp_path / "empty").mkdir()
-    with pytest.raises(DataError, match=r"no file of weather .* in /[^(]*empty;"):
-        prepare(rows, airspeeds_from=tmp_path / "empty")
-    with pytest.raises(ConfigError, match="expected one source"):
-        prepare(rows, airspeeds_from=["columns", nc])
-    with pytest.raises(ConfigError, match="airspeeds from 3"):
-        prepare(rows, airspeeds_from=3)
+    refuses(DataError, r"no file of weather .* in /[^(]*empty;", prepare, rows, airspeeds_from=tmp_path / "empty")
+    refuses(ConfigError, "expected one source", prepare, rows, airspeeds_from=["columns", nc])
+    refuses(ConfigError, "airspeeds from 3", prepare, rows, airspeeds_from=3)
     dateless = weather(linear, linear_wind, hours=np.zeros(1)).isel(valid_time=0).drop_vars("valid_time")
     with pytest.raises(DataError, match="a weather field without a time"):
         prepare(rows, airspeeds_from=weather_toys.written(dateless, tmp_path / "dateless.nc"))
     windless = weather(linear, hours=HOURS)
     with pytest.raises(DataError, match="without eastward_wind"):
         prepare(rows, airspeeds_from=weather_toys.written(windless, tmp_path / "windless.nc"))
-    with pytest.raises(DataError, match=r"no column IAS, Mach.*--airspeeds-from"):
-        prepare(rows)
+    refuses(DataError, r"no column IAS, Mach.*--airspeeds-from", prepare, rows)
 
 
 def test_the_command_derives_out_of_core_as_in_memory(

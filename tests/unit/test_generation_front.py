@@ -6,6 +6,7 @@ import polars as pl
 import pytest
 import torch
 import toys
+from refusals import refuses
 
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.densities.checkpoint import content_of, load_model
@@ -48,10 +49,8 @@ def test_a_path_a_density_and_a_fitted_model_give_the_same_samples(model: Gaussi
 def test_entry_levels_are_those_asked_for(model: Gaussian) -> None:
     flown = sample(model, 40, entry_fl=[250, 300]).trajectories
     assert set(flown.levels_fl[flown.entry].tolist()) == {250.0, 300.0}
-    with pytest.raises(ConfigError, match="entry_fl 500"):
-        sample(model, 5, entry_fl=500)
-    with pytest.raises(ConfigError, match="n = 0"):
-        sample(model, 0)
+    refuses(ConfigError, "entry_fl 500", sample, model, 5, entry_fl=500)
+    refuses(ConfigError, "n = 0", sample, model, 0)
 
 
 def test_contexts_are_values_a_table_or_a_path(conditional: Gaussian, tmp_path: Path) -> None:
@@ -68,10 +67,8 @@ def test_contexts_are_values_a_table_or_a_path(conditional: Gaussian, tmp_path: 
         (rows.head(0), "without a row"),
         ({"entry_fl": 300}, "no value for the context hour"),
     ):
-        with pytest.raises((ConfigError, DataError), match=message):
-            sample(conditional, 5, context=wrong)
-    with pytest.raises(ConfigError, match="next to a context that holds entry_fl"):
-        sample(conditional, 5, context=rows, entry_fl=300)
+        refuses((ConfigError, DataError), message, sample, conditional, 5, context=wrong)
+    refuses(ConfigError, "next to a context that holds entry_fl", sample, conditional, 5, context=rows, entry_fl=300)
 
 
 def test_evaluation_leaves_out_what_the_model_has_seen(model: Gaussian, descents: Path, tmp_path: Path) -> None:
@@ -110,8 +107,7 @@ def test_flights_with_a_level_too_few_are_named(model: Gaussian, descents: Path)
 def test_nothing_unseen_to_score(model: Gaussian, descents: Path) -> None:
     source = read_descents(descents)
     seen = source.frame.filter(pl.col("flight_id").is_in(model.representation.split.train))
-    with pytest.raises(DataError, match="no flight to score against"):
-        evaluate(model, Descents(seen, source.metadata), n=50)
+    refuses(DataError, "no flight to score against", evaluate, model, Descents(seen, source.metadata), n=50)
 
 
 def test_predictions_of_unseen_flights(model: Gaussian, descents: Path, tmp_path: Path) -> None:
@@ -132,10 +128,8 @@ def test_predictions_of_unseen_flights(model: Gaussian, descents: Path, tmp_path
 
 
 def test_predictions_refuse_what_cannot_be(model: Gaussian, descents: Path) -> None:
-    with pytest.raises(ConfigError, match="flight nobody"):
-        predict(model, descents, from_fl=290, flights=["nobody"])
-    with pytest.raises(ConfigError, match="49 continuations"):
-        predict(model, descents, from_fl=290, n=49)
+    refuses(ConfigError, "flight nobody", predict, model, descents, from_fl=290, flights=["nobody"])
+    refuses(ConfigError, "49 continuations", predict, model, descents, from_fl=290, n=49)
     highest = pl.read_parquet(descents).group_by("flight_id").agg(pl.col("level_fl").max())
     below = highest.filter(pl.col("level_fl") < 369, pl.col("flight_id").is_in(model.representation.split.test))
     with pytest.raises(DataError, match="can be predicted"):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 import toys
+from refusals import refuses
 from torch import Tensor
 from torch.distributions import MultivariateNormal
 from toys import Opaque, normal
@@ -125,13 +126,11 @@ def test_a_density_that_excludes_the_flight_says_so() -> None:
     opaque, curves = opaque_gaussian(), linear()
     far = seen_of(curves, 1e3 + normal(6), 1e3 + normal(6), torch.ones(6, dtype=torch.bool))
     posterior = posterior_of(prior_of(opaque), *far, curves)
-    with pytest.raises(SamplingError, match="effective"):
-        posterior.draw(100, torch.Generator().manual_seed(0))
+    refuses(SamplingError, "effective", posterior.draw, 100, torch.Generator().manual_seed(0))
 
 
 def test_the_papers_iteration_cannot_predict() -> None:
-    with pytest.raises(ConfigError, match="ppca"):
-        linear_curves(toys.representation_of(4).decoder)
+    refuses(ConfigError, "ppca", linear_curves, toys.representation_of(4).decoder)
 
 
 def trained() -> GaussianDensity:
@@ -222,10 +221,8 @@ def test_predictions_repeat_and_refuse_what_they_cannot_use() -> None:
     predictor, real = DescentPredictor(trained()), toys.flights(3, seed=1, gappy=False)
     first, again = (predictor.predict(real.subset([0]), 300, 50, seed=4) for _ in range(2))
     assert torch.equal(first.trajectories.time_s, again.trajectories.time_s)
-    with pytest.raises(DataError, match="no level at and above FL420"):
-        predictor.predict(real.subset([0]), 420)
-    with pytest.raises(DataError, match="one flight"):
-        predictor.predict(real, 300)
+    refuses(DataError, "no level at and above FL420", predictor.predict, real.subset([0]), 420)
+    refuses(DataError, "one flight", predictor.predict, real, 300)
     with pytest.raises(DataError, match="at least ten"):
         predictor.calibrated(300, EncodedFlights(real, torch.zeros(3, 1), torch.zeros(3, 0)))
 
@@ -243,8 +240,7 @@ def test_few_continuations_are_counted_and_refused(monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(decoder, "fly_scaled", only_some_descend)
     descending = 49
-    with pytest.raises(SamplingError, match=r"49 of 500 continuations.*50 at least"):
-        predictor.predict(real, 300, 500)
+    refuses(SamplingError, r"49 of 500 continuations.*50 at least", predictor.predict, real, 300, 500)
     descending = 50
     assert time_intervals([predictor.predict(real, 300, 60)])["continuations"].unique().to_list() == [50]
 

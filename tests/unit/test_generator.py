@@ -16,6 +16,7 @@ import pytest
 import torch
 import toys
 from generator_toys import cas_kt, index
+from refusals import refuses
 from scipy.stats import ks_2samp
 
 import descentflow as df
@@ -146,17 +147,13 @@ def test_what_no_descent_meets_is_an_error_that_names_the_nearest(asked: dict[st
     ],
 )
 def test_what_cannot_be_asked_is_said(asked: dict[str, object], message: str) -> None:
-    with pytest.raises(ConfigError, match=message):
-        generator().next(entry_fl=350, **asked)
+    refuses(ConfigError, message, generator().next, entry_fl=350, **asked)
 
 
 def test_a_time_needs_a_level_of_entry() -> None:
-    with pytest.raises(ConfigError, match="from where time and distance count"):
-        generator().next(time_s=100, level=300)
-    with pytest.raises(ConfigError, match="n = 0; expected a whole number, 1 or more"):
-        generator().next_batch(0)
-    with pytest.raises(ConfigError, match="flight levels above 270, up to 370"):
-        generator().next(entry_fl=450)
+    refuses(ConfigError, "from where time and distance count", generator().next, time_s=100, level=300)
+    refuses(ConfigError, "n = 0; expected a whole number, 1 or more", generator().next_batch, 0)
+    refuses(ConfigError, "flight levels above 270, up to 370", generator().next, entry_fl=450)
 
 
 def test_two_values_that_one_component_of_speed_cannot_both_have() -> None:
@@ -218,18 +215,12 @@ def test_what_was_flown_may_be_a_sample_of_ours() -> None:
     ahead = generator().next(flown=drawn)
     assert ahead.to_polars()["level_fl"].max() == 320
     assert generator().next(flown=drawn.head(1)).to_polars()["level_fl"].max() == drawn["level_fl"][0]
-    with pytest.raises(DataError, match="no flown level on FL"):
-        generator().next(flown=drawn.with_columns(pl.col("level_fl") + 400))
-    with pytest.raises(DataError, match="vertical_rate"):
-        generator().next(flown=drawn.drop("vertical_rate"))
-    with pytest.raises(ConfigError, match="leave entry_fl out"):
-        generator().next(flown=drawn, entry_fl=350)
-    with pytest.raises(ConfigError, match="expected a table of levels, or its columns by name"):
-        generator().next(flown=ahead)
-    with pytest.raises(DataError, match="come twice, FL320"):
-        generator().next(flown=pl.concat([drawn, drawn]))
-    with pytest.raises(DataError, match="negative in a descent"):
-        generator().next(flown=drawn.with_columns(-pl.col("vertical_rate")))
+    refuses(DataError, "no flown level on FL", generator().next, flown=drawn.with_columns(pl.col("level_fl") + 400))
+    refuses(DataError, "vertical_rate", generator().next, flown=drawn.drop("vertical_rate"))
+    refuses(ConfigError, "leave entry_fl out", generator().next, flown=drawn, entry_fl=350)
+    refuses(ConfigError, "expected a table of levels, or its columns by name", generator().next, flown=ahead)
+    refuses(DataError, "come twice, FL320", generator().next, flown=pl.concat([drawn, drawn]))
+    refuses(DataError, "negative in a descent", generator().next, flown=drawn.with_columns(-pl.col("vertical_rate")))
     with pytest.raises(DataError, match=r"flown CAS of 1.. kt .* convert the columns"):
         generator().next(flown=drawn.with_columns(pl.col("CAS") * KT_MPS))
     with pytest.raises(DataError, match=r"flown vertical_rate of -.* where no training flight"):
@@ -238,10 +229,8 @@ def test_what_was_flown_may_be_a_sample_of_ours() -> None:
         generator().next(flown=drawn.with_columns(pl.col("vertical_rate") * 3.28084))
     with pytest.raises(ConfigError, match="flown to FL270, the model's lowest"):
         generator().next(flown=generator().next(entry_fl=350).to_polars())
-    with pytest.raises(ConfigError, match="which was flown"):
-        generator().next(flown=drawn, mach=0.77)
-    with pytest.raises(ConfigError, match="still to be flown"):
-        generator().next(flown=drawn, cas_kt={330: 280})
+    refuses(ConfigError, "which was flown", generator().next, flown=drawn, mach=0.77)
+    refuses(ConfigError, "still to be flown", generator().next, flown=drawn, cas_kt={330: 280})
 
 
 @pytest.mark.parametrize("multiple", [-1, 0, float("nan"), 1e9, "much"])
@@ -263,8 +252,7 @@ def test_a_context_is_given_to_the_density() -> None:
     # 20 is one standard deviation; standard errors are 0.02, and bounds of plausibility cut a little.
     torch.testing.assert_close(windy.mean(0) - calm.mean(0), torch.full((d,), 0.5).double(), rtol=0.0, atol=0.12)
     assert one.next(entry_fl=340, context={"wind": 5}).context is not None
-    with pytest.raises(ConfigError, match="without a context"):
-        one.next(entry_fl=340)
+    refuses(ConfigError, "without a context", one.next, entry_fl=340)
 
 
 def replace_context(encoder: ContextEncoder) -> object:
@@ -291,8 +279,7 @@ def test_a_corrected_checkpoint_takes_an_entry_and_nothing_that_its_correction_w
     density.representation.correction = Slower()
     one = df.Generator(density)
     torch.testing.assert_close(one.next(entry_fl=340).trajectories.time_s, 1.5 * before)
-    with pytest.raises(ConfigError, match="corrected checkpoint"):
-        one.next(entry_fl=340, cas_kt=280)
+    refuses(ConfigError, "corrected checkpoint", one.next, entry_fl=340, cas_kt=280)
 
 
 def test_the_words_say_every_constraint_and_the_samples_do_what_samples_do() -> None:

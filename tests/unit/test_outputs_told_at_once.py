@@ -10,6 +10,7 @@ from pathlib import Path
 
 import polars as pl
 import pytest
+from refusals import refuses
 
 import descentflow as df
 from descentflow.cli.ending import ended_in_order
@@ -77,8 +78,7 @@ def test_a_fit_tells_its_folder_before_it_reads_descents(taken: str, capsys: pyt
 def test_a_call_tells_its_output_first(call: Callable[[], object]) -> None:
     for name in ("folder.parquet", "folder.ckpt", "w_truth.parquet", "scores.csv"):
         Path(name).mkdir()
-    with pytest.raises(DataError, match="is a folder"):
-        call()
+    refuses(DataError, "is a folder", call)
 
 
 def test_what_polars_tells_of_a_full_disk_is_told_as_the_system_does(tmp_path: Path) -> None:
@@ -89,8 +89,7 @@ def test_what_polars_tells_of_a_full_disk_is_told_as_the_system_does(tmp_path: P
         with whole_file(tmp_path / "out.parquet"):
             raise refused
 
-    with pytest.raises(DataError, match="cannot be written: File too large"):
-        fail()
+    refuses(DataError, "cannot be written: File too large", fail)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -184,12 +183,10 @@ def test_an_interruption_within_a_finalizer_is_not_lost(
 def test_an_output_that_is_an_input_is_refused_and_stays(capsys: pytest.CaptureFixture[str]) -> None:
     mine = Path("mine.parquet").absolute()
     pl.DataFrame({"mine": [1]}).write_parquet(mine)
-    with pytest.raises(ConfigError, match=r"also an input or the other output \(mine\.parquet\)"):
-        df.prepare(mine, out="mine.parquet")
+    refuses(ConfigError, r"also an input or the other output \(mine\.parquet\)", df.prepare, mine, out="mine.parquet")
     Path("flown").mkdir()
     for sides in ({"real": "flown", "simulator": "A320"}, {"real": "rows.csv", "simulator": ["rows.csv", "flown"]}):
-        with pytest.raises(ConfigError, match=r"also an input or the other output \(flown\)"):
-            df.diagnose(**sides, out="flown")
+        refuses(ConfigError, r"also an input or the other output \(flown\)", df.diagnose, **sides, out="flown")
     words = ["predict-descent", NO_MODEL, str(mine), "--from-fl", "250", "--out"]
     for outputs in (
         ["mine.parquet"],

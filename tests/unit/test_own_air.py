@@ -6,6 +6,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 import torch
+from refusals import refuses
 
 import descentflow as df
 from descentflow.air.kept_air import KeptAir
@@ -84,8 +85,7 @@ def test_a_table_by_level_and_the_wind_over_the_ground(checkpoint: Path, tmp_pat
     fall = row["vertical_rate"] * 0.3048 / 60 / KT_MPS
     assert row["groundspeed"] == pytest.approx((row["TAS"] ** 2 - fall**2) ** 0.5 + 30, rel=1e-6)
     placed = samples.placed(end=(52.0, 4.0), track=90.0, wind="270/30")
-    with pytest.raises(ConfigError, match="in a wind of their own"):
-        placed.to_polars()
+    refuses(ConfigError, "in a wind of their own", placed.to_polars)
 
 
 def test_parquet_and_cf_say_what_the_columns_of_the_air_are(checkpoint: Path, tmp_path: Path) -> None:
@@ -126,22 +126,16 @@ def test_parquet_and_cf_say_what_the_columns_of_the_air_are(checkpoint: Path, tm
     ],
 )
 def test_a_table_of_other_levels_or_columns_is_refused(columns: dict[str, list[float]], message: str) -> None:
-    with pytest.raises((ConfigError, DataError), match=message):
-        air_of_table(pl.DataFrame(columns), torch.arange(150.0, 351.0))
+    refuses((ConfigError, DataError), message, air_of_table, pl.DataFrame(columns), torch.arange(150.0, 351.0))
 
 
 def test_airs_that_cannot_be_are_refused(checkpoint: Path) -> None:
     parts = load_model(checkpoint).held_out_fit.representation
-    with pytest.raises(ConfigError, match="expected standard, training"):
-        airs_of("hot", parts)
-    with pytest.raises(ConfigError, match="an air with wind"):
-        airs_of({"wind": 3}, parts)
-    with pytest.raises(ConfigError, match="up to 300 K"):
-        airs_of({"deviation_k": 300}, parts)
-    with pytest.raises(ConfigError, match="up to nan K"):
-        airs_of({"deviation_k": "nan"}, parts)
-    with pytest.raises(DataError, match="a level twice"):
-        airs_of(pl.DataFrame({"level_fl": [1, 1], "deviation_k": [1, 2]}), parts)
+    refuses(ConfigError, "expected standard, training", airs_of, "hot", parts)
+    refuses(ConfigError, "an air with wind", airs_of, {"wind": 3}, parts)
+    refuses(ConfigError, "up to 300 K", airs_of, {"deviation_k": 300}, parts)
+    refuses(ConfigError, "up to nan K", airs_of, {"deviation_k": "nan"}, parts)
+    refuses(DataError, "a level twice", airs_of, pl.DataFrame({"level_fl": [1, 1], "deviation_k": [1, 2]}), parts)
 
 
 def test_each_flight_is_held_against_samples_in_its_own_air(checkpoint: Path, descents: Descents) -> None:
@@ -160,12 +154,9 @@ def test_what_flies_in_standard_air_alone_refuses_such_a_model(
     checkpoint: Path, descents: Descents, tmp_path: Path
 ) -> None:
     pytest.importorskip("onnx")
-    with pytest.raises(ConfigError, match="a generator of single descents"):
-        df.Generator(checkpoint)
-    with pytest.raises(ConfigError, match="a prediction of the rest"):
-        df.predict(checkpoint, descents, from_fl=250, n=60)
-    with pytest.raises(ConfigError, match="an exported program"):
-        df.export(checkpoint, "onnx", tmp_path / "model.onnx")
+    refuses(ConfigError, "a generator of single descents", df.Generator, checkpoint)
+    refuses(ConfigError, "a prediction of the rest", df.predict, checkpoint, descents, from_fl=250, n=60)
+    refuses(ConfigError, "an exported program", df.export, checkpoint, "onnx", tmp_path / "model.onnx")
 
 
 def test_a_checkpoint_with_another_air_is_refused(checkpoint: Path, tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import polars as pl
 import pytest
 from kept_worlds import keep_worlds
 from polars.testing import assert_frame_equal
+from refusals import refuses
 from toys import AIRCRAFT
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_typecodes
@@ -168,22 +169,16 @@ def test_every_open_type_descends(typecode: str) -> None:
     ],
 )
 def test_settings_that_make_no_world_are_refused(settings: dict[str, object], word: str) -> None:
-    with pytest.raises(ConfigError, match=word):
-        WorldConfig(**settings)
+    refuses(ConfigError, word, WorldConfig, **settings)
 
 
 def test_bottom_above_the_top_and_aircraft_that_never_descends_are_refused(monkeypatch) -> None:
-    with pytest.raises(ConfigError, match="above the bottom"):
-        simulate(AIRCRAFT, 5, 0, WorldConfig(bottom_fl=390))
+    refuses(ConfigError, "above the bottom", simulate, AIRCRAFT, 5, 0, WorldConfig(bottom_fl=390))
     monkeypatch.setattr("descentflow.simulation._flight.LONGEST_S", 300.0)
-    with pytest.raises(ConfigError, match="idle thrust"):
-        simulate(replace(AIRCRAFT, ct_des_high=0.9), 2, 0)
-    with pytest.raises(ConfigError, match="three different names"):
-        simulate(AIRCRAFT, 1, 0, out=Path())
-    with pytest.raises(ConfigError, match="expected a path"):
-        simulate(AIRCRAFT, 1, 0, out="")
-    with pytest.raises(ConfigError, match="n_flights = 0"):
-        simulate(AIRCRAFT, 0, 0)
+    refuses(ConfigError, "idle thrust", simulate, replace(AIRCRAFT, ct_des_high=0.9), 2, 0)
+    refuses(ConfigError, "three different names", simulate, AIRCRAFT, 1, 0, out=Path())
+    refuses(ConfigError, "expected a path", simulate, AIRCRAFT, 1, 0, out="")
+    refuses(ConfigError, "n_flights = 0", simulate, AIRCRAFT, 0, 0)
 
 
 def test_command_writes_rows_and_truth(tmp_path, capsys, monkeypatch, tmp_path_factory) -> None:

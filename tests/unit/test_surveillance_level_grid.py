@@ -5,6 +5,7 @@ from pathlib import Path
 
 import polars as pl
 import pytest
+from refusals import refuses
 from surveillance_toys import rows_at
 
 from descentflow.core.errors import DataError
@@ -101,27 +102,20 @@ def descents() -> Descents:
 
 def test_what_is_no_table_of_descents_is_refused(descents: Descents, tmp_path: Path) -> None:
     path = tmp_path / "d.parquet"
-    with pytest.raises(DataError, match="no file"):
-        read_descents(path)
+    refuses(DataError, "no file", read_descents, path)
     path.write_bytes(b"PAR1 not so")
-    with pytest.raises(DataError, match="whole Parquet file"):
-        read_descents(path)
+    refuses(DataError, "whole Parquet file", read_descents, path)
     descents.frame.write_parquet(path)
-    with pytest.raises(DataError, match="not prepared descents"):
-        read_descents(path)
+    refuses(DataError, "not prepared descents", read_descents, path)
     write_descents(Descents(descents.frame, descents.metadata | {"schema_version": 99}), path)
-    with pytest.raises(DataError, match="schema version 99"):
-        read_descents(path)
+    refuses(DataError, "schema version 99", read_descents, path)
     write_descents(Descents(descents.frame.drop("Mach"), descents.metadata), path)
-    with pytest.raises(DataError, match="no column Mach"):
-        read_descents(path)
+    refuses(DataError, "no column Mach", read_descents, path)
     write_descents(Descents(descents.frame.clear(), descents.metadata), path)
-    with pytest.raises(DataError, match="no descent"):
-        read_descents(path)
+    refuses(DataError, "no descent", read_descents, path)
     for text in ("not JSON", "[1]"):
         descents.frame.write_parquet(path, metadata={"descentflow": text})
-        with pytest.raises(DataError, match="description"):
-            read_descents(path)
+        refuses(DataError, "description", read_descents, path)
 
 
 def test_the_account_adds_up_and_prints() -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import polars as pl
 import pytest
 from polars.testing import assert_frame_equal
+from refusals import refuses
 from surveillance_toys import fleet, flight, written
 
 from descentflow.core.errors import ConfigError, DataError
@@ -124,14 +125,11 @@ def test_rows_in_memory_are_prepared_like_those_of_a_file(tmp_path: Path) -> Non
 
 
 def test_tables_that_are_no_rows_are_refused() -> None:
-    with pytest.raises(ConfigError, match="rows of type int"):
-        prepare(3)
-    with pytest.raises(DataError, match="a table in memory has no column timestamp"):
-        prepare(pl.DataFrame({"IAS": [250.0]}))
+    refuses(ConfigError, "rows of type int", prepare, 3)
+    refuses(DataError, "a table in memory has no column timestamp", prepare, pl.DataFrame({"IAS": [250.0]}))
     with pytest.raises(DataError, match="a table in memory: IAS seems to be in m/s"):
         prepare(fleet(3).with_columns(pl.col("IAS") * 0.514444))
-    with pytest.raises(DataError, match="no row in a table in memory"):
-        prepare(fleet(1).clear())
+    refuses(DataError, "no row in a table in memory", prepare, fleet(1).clear())
 
 
 def test_samples_are_told_what_takes_flights() -> None:
@@ -148,12 +146,10 @@ def test_empty_files_beside_others_are_left_out_and_counted(tmp_path: Path) -> N
     found = prepare(tmp_path)
     assert found.flights == {"A320": 1}
     assert found.report.notes["empty files (0 bytes) besides others, left out"] == 1
-    with pytest.raises(DataError, match=r"day.parquet is empty.*take it out"):
-        prepare(tmp_path / "day.parquet")
+    refuses(DataError, r"day.parquet is empty.*take it out", prepare, tmp_path / "day.parquet")
     (tmp_path / "rows.parquet").unlink()
     (tmp_path / "other.parquet").touch()
-    with pytest.raises(DataError, match="no row in"):
-        prepare(tmp_path)
+    refuses(DataError, "no row in", prepare, tmp_path)
 
 
 def test_a_folder_that_may_not_be_listed_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -168,5 +164,4 @@ def test_a_folder_that_may_not_be_listed_is_an_error(tmp_path: Path, monkeypatch
         return scandir(path)
 
     monkeypatch.setattr(os, "scandir", refused)
-    with pytest.raises(DataError, match=r"/locked: Permission denied; expected a folder whose files may be listed"):
-        files_of([tmp_path])
+    refuses(DataError, r"/locked: Permission denied; expected a folder whose files may be listed", files_of, [tmp_path])

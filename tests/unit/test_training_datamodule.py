@@ -6,6 +6,7 @@ import polars as pl
 import pytest
 import torch
 import toys
+from refusals import refuses
 
 from descentflow.core.errors import ConfigError, DataError, DescentflowWarning
 from descentflow.representation.flight_parts import top_level
@@ -128,15 +129,13 @@ def test_a_bottom_below_the_descents_is_named(descents: Path) -> None:
 def test_a_pool_of_types_needs_an_aircraft(descents: Path, tmp_path: Path) -> None:
     other = pl.when(pl.col("flight_id") > "toy-0-00100").then(pl.lit("A321")).otherwise("typecode").alias("typecode")
     pool = rewritten(descents, tmp_path / "pool.parquet", other)
-    with pytest.raises(ConfigError, match="2 types"):
-        module(pool)
+    refuses(ConfigError, "2 types", module, pool)
     assert len(module(pool, aircraft="A320").weights("train")) == 173
     assert len(module(pool, typecodes=["A321"]).weights("train")) < 173
     assert len(module(pool, typecodes="A321").weights("train")) == len(
         module(pool, typecodes=["A321"]).weights("train")
     )
-    with pytest.raises(DataError, match="no descent of B738"):
-        module(pool, typecodes=["B738"])
+    refuses(DataError, "no descent of B738", module, pool, typecodes=["B738"])
     with pytest.warns(
         DescentflowWarning, match=r"no descent of type A321X, which data.typecodes asks for.* A320, A321"
     ):
@@ -153,8 +152,7 @@ def test_a_pool_of_types_needs_an_aircraft(descents: Path, tmp_path: Path) -> No
     ],
 )
 def test_too_little_data_is_refused(descents: Path, tmp_path: Path, keep: pl.Expr, words: str) -> None:
-    with pytest.raises(DataError, match=words):
-        module(rewritten(descents, tmp_path / "few.parquet", keep=keep))
+    refuses(DataError, words, module, rewritten(descents, tmp_path / "few.parquet", keep=keep))
 
 
 def test_identical_flights_are_refused(descents: Path, tmp_path: Path) -> None:
@@ -164,8 +162,7 @@ def test_identical_flights_are_refused(descents: Path, tmp_path: Path) -> None:
     pl.concat(one.with_columns(flight_id=pl.lit(name)) for name in names).write_parquet(
         tmp_path / "same.parquet", metadata={"descentflow": pl.read_parquet_metadata(descents)["descentflow"]}
     )
-    with pytest.raises(DataError, match="identical"):
-        module(tmp_path / "same.parquet")
+    refuses(DataError, "identical", module, tmp_path / "same.parquet")
 
 
 def test_a_setting_of_another_kind_is_refused_and_an_unknown_one_is_none_of_python() -> None:

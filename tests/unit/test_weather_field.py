@@ -6,6 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 import torch
+from refusals import refuses
 
 pytest.importorskip("xarray", reason="xarray is an extra of descentflow (wind)")
 
@@ -179,8 +180,7 @@ def test_what_is_outside_is_dropped_and_counted(descents: Descents, tmp_path: Pa
     other = written(weather(linear).isel(valid_time=slice(0, 2)), tmp_path / "other.nc")
     with pytest.raises(DataError, match=r"places of descents outside of the weather field: 2024-03-04T.*expected 2"):
         field_airs(descents.frame, LEVELS, other)
-    with pytest.raises(DataError, match="descents without places"):
-        field_airs(descents.frame.drop("latitude"), LEVELS, other)
+    refuses(DataError, "descents without places", field_airs, descents.frame.drop("latitude"), LEVELS, other)
 
 
 def test_a_model_of_a_field_meets_other_flights_in_a_field(descents: Descents, warm_file: Path, tmp_path: Path) -> None:
@@ -192,8 +192,7 @@ def test_a_model_of_a_field_meets_other_flights_in_a_field(descents: Descents, w
     torch.testing.assert_close(kept.training.deviation_k, torch.full_like(kept.training.deviation_k, 10.0))
     assert "of a weather field: temperature ISA +10.0 K" in kept.describe()
     settings = {"n": 100, "n_splits": 2}
-    with pytest.raises(ConfigError, match="no field of these flights"):
-        df.evaluate(path, descents, **settings)
+    refuses(ConfigError, "no field of these flights", df.evaluate, path, descents, **settings)
     by_field = df.evaluate(path, descents, air=warm_file, **settings)
     by_reports = df.evaluate(path, descents, air="measured", **settings)
     assert len(by_field.real) == len(by_reports.real) > 10
@@ -206,8 +205,7 @@ def test_a_model_of_a_field_meets_other_flights_in_a_field(descents: Descents, w
     data = DescentDataModule(descents, air=warm_file, checkpoint=path)
     data.setup()
     assert data.profiles("train").air is not None
-    with pytest.raises(ConfigError, match=r"data\.air = 'warm'"):
-        df.evaluate(path, descents, air="warm", **settings)
+    refuses(ConfigError, r"data\.air = 'warm'", df.evaluate, path, descents, air="warm", **settings)
 
 
 def test_the_command_line_takes_a_field_and_a_folder_of_them(
@@ -246,8 +244,7 @@ def test_flights_in_a_field_of_constant_wind_fly_as_in_that_wind(tmp_path: Path)
 
 def test_a_time_is_needed_and_must_be_in_the_field(netcdf: Path) -> None:
     flown, where = steady_descents([200.0]), {"end": (51.0, 4.0), "track": 200.0, "wind": netcdf}
-    with pytest.raises(ConfigError, match="3 times, and no time of the descents"):
-        ground_plan(**where).place(flown)
+    refuses(ConfigError, "3 times, and no time of the descents", ground_plan(**where).place, flown)
     assert np.isfinite(ground_plan(**where, end_time="2024-03-03T05:00").place(flown).to_go_m).all()
     with pytest.raises(DataError, match=r"outside of the weather field: 2024-03-06T05.*expected 2024-03-03T00"):
         ground_plan(**where, end_time="2024-03-06T05:00").place(flown)
@@ -257,7 +254,5 @@ def test_a_time_is_needed_and_must_be_in_the_field(netcdf: Path) -> None:
 
 def test_files_that_are_no_winds_are_refused(tmp_path: Path) -> None:
     (tmp_path / "text.nc").write_text("nothing")
-    with pytest.raises(DataError, match=r"text\.nc"):
-        read_wind_field(tmp_path / "text.nc")
-    with pytest.raises(DataError, match=r"absent\.nc"):
-        read_wind_field(tmp_path / "absent.nc")
+    refuses(DataError, r"text\.nc", read_wind_field, tmp_path / "text.nc")
+    refuses(DataError, r"absent\.nc", read_wind_field, tmp_path / "absent.nc")

@@ -185,8 +185,8 @@ def main() -> None:
                 derived = df.prepare(pl.read_parquet(out).filter(some), airspeeds_from=field_file(out))
                 for words, size in (("as they are", 0.0), ("error taken off", wind)):
                     kelvins = 1.0 if size else 0.0
-                    found = judged(derived, real, asked.seed, wind_error_mps=size, temperature_error_k=kelvins)
-                    lines.append(row_of(f"{flights:,} flights, {wind:g} m/s, {words}", found, true))
+                    judgement = judged(derived, real, asked.seed, wind_error_mps=size, temperature_error_k=kelvins)
+                    lines.append(row_of(f"{flights:,} flights, {wind:g} m/s, {words}", judgement, true))
                 print("\n".join(lines), flush=True)
     asked.out.write_text(RECORD + "\n".join(lines) + "\n", encoding="utf-8")
 

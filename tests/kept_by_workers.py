@@ -34,11 +34,11 @@ def once(folder: Path, name: str, make: Callable[[], T]) -> T:
     with path.with_suffix(".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not path.exists():
-            found = make()
+            made = make()
             part = path.with_suffix(".part")
-            part.write_bytes(pickle.dumps(found))
+            part.write_bytes(pickle.dumps(made))
             part.rename(path)
-            return found
+            return made
     kept: T = pickle.loads(path.read_bytes())
     return kept
 

@@ -31,9 +31,9 @@ LONG = ("descentflow.exports.onnx_export",)
 
 def module_names() -> list[str]:
     return sorted(
-        found.name
+        module.name
         for package in (descentflow, studies)
-        for found in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
+        for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
     )
 
 

@@ -283,10 +283,10 @@ def test_columns_of_either_side_and_the_simulator_are_named(
         "Ours 3",
     ]
     assert main([*words, *named, "--out", str(tmp_path / "gap")]) == 0
-    found = read_gap(tmp_path / "gap" / "gap.json")
-    assert found.details.simulator == "Ours 3"
+    gap = read_gap(tmp_path / "gap" / "gap.json")
+    assert gap.details.simulator == "Ours 3"
     assert "Ours 3 against 120 real A320 flights" in (tmp_path / "gap" / "gap.html").read_text()
-    size, expected = (one.causes[0].parameters["deviation_k"].estimate for one in (found, by_flights))
+    size, expected = (one.causes[0].parameters["deviation_k"].estimate for one in (gap, by_flights))
     assert size == pytest.approx(expected, abs=0.1)
 
 

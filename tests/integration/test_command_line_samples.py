@@ -39,10 +39,10 @@ def test_sample_table(run: Path, tmp_path: Path) -> None:
     steps = first.with_columns(pl.col("time_s").diff().over("sample_id").alias("step"))["step"].drop_nulls()
     assert (steps > 0).all(), "time grows down each sample's rows"
     # The average rate of each interval explains its time: units and signs agree.
-    one = first.filter(sample_id=0)
-    height = -np.diff(one["altitude_ft"].to_numpy())
-    mean_slowness = -(0.5 / one["vertical_rate"].to_numpy()[1:] + 0.5 / one["vertical_rate"].to_numpy()[:-1])
-    np.testing.assert_allclose(np.diff(one["time_s"].to_numpy()), 60 * height * mean_slowness, rtol=0.02)
+    sample = first.filter(sample_id=0)
+    height = -np.diff(sample["altitude_ft"].to_numpy())
+    mean_slowness = -(0.5 / sample["vertical_rate"].to_numpy()[1:] + 0.5 / sample["vertical_rate"].to_numpy()[:-1])
+    np.testing.assert_allclose(np.diff(sample["time_s"].to_numpy()), 60 * height * mean_slowness, rtol=0.02)
 
 
 def test_samples_are_laid_over_the_ground(run: Path, tmp_path: Path, capsys) -> None:

@@ -55,9 +55,9 @@ def fly(
     words = [sys.executable, "-W", "ignore", str(FLYER), str(plan), str(out)]
     done = subprocess.run(words, capture_output=True, text=True, env=dict(os.environ), check=False)
     assert done.returncode == 0, done.stderr[-2000:]
-    found = json.loads(out.read_text())
-    states = {name: np.array(rows) for name, rows in found["flights"].items()}
-    return Flown(states, found["left"], found["echoed"], done.stdout)
+    content = json.loads(out.read_text())
+    states = {name: np.array(rows) for name, rows in content["flights"].items()}
+    return Flown(states, content["left"], content["echoed"], done.stdout)
 
 
 def passed(state: np.ndarray, altitude_ft: float, column: int = 0) -> float:

@@ -23,8 +23,8 @@ def table(a320: Path) -> pl.DataFrame:
 
 def test_the_document_beside_a_plugin_has_the_samples(a320: Path, table: pl.DataFrame, tmp_path: Path) -> None:
     _, beside = export(a320, "bluesky", tmp_path / "s.py", n=12, seed=4)
-    found = json.loads(beside.read_text())
-    (fleet,) = found["fleet"]
+    content = json.loads(beside.read_text())
+    (fleet,) = content["fleet"]
     assert (fleet["types"], fleet["seed"], len(fleet["samples"])) == (["A320"], 4, 12)
     for number, one in enumerate(fleet["samples"]):
         assert one.keys() == {"level_fl", "vertical_rate", "CAS"}
@@ -59,7 +59,7 @@ def test_the_cf_file_passes_the_compliance_checker(a320: Path, table: pl.DataFra
     )
     report = json.loads((tmp_path / "report.json").read_text())["cf:1.11"]
     messages = [one["msgs"] for level in ("high", "medium", "low") for one in report[f"{level}_priorities"]]
-    assert [found for found in messages if found] == []
+    assert [message for message in messages if message] == []
     assert passed
     assert not errors
     with netcdf.Dataset(path) as file:

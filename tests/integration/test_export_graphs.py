@@ -29,11 +29,11 @@ OURS = {"float64": 1e-9, "float32": 1e-4}
 def by_onnx(program: ExportedProgram, inputs: dict[str, Tensor]) -> dict[str, Tensor]:
     session = ort.InferenceSession(to_onnx(program, (list(inputs), OUTPUTS), {}))
     assert [one.name for one in session.get_inputs()] == list(inputs)
-    found = session.run(None, {name: value.numpy() for name, value in inputs.items()})
+    outputs = session.run(None, {name: value.numpy() for name, value in inputs.items()})
     alone = session.run(None, {name: value[:1].numpy() for name, value in inputs.items()})
-    first, one = (torch.from_numpy(values[OUTPUTS.index("time_s")]) for values in (found, alone))
+    first, one = (torch.from_numpy(values[OUTPUTS.index("time_s")]) for values in (outputs, alone))
     torch.testing.assert_close(one, first[:1], rtol=1e-7, atol=1e-9, equal_nan=True)
-    return {name: torch.from_numpy(value) for name, value in zip(OUTPUTS, found, strict=True)}
+    return {name: torch.from_numpy(value) for name, value in zip(OUTPUTS, outputs, strict=True)}
 
 
 def ours(model: Density, sampler: SamplerGraph, inputs: dict[str, Tensor]) -> tuple[dict[str, Tensor], Tensor]:
@@ -68,19 +68,19 @@ def test_the_sampler_gives_our_descents(kind: str, precision: Precision) -> None
     expected, weights = ours(model, sampler, inputs)
     program = trace(sampler, sampler.example_inputs(TRACED_WITH))
     double = precision == "float64"
-    found = by_onnx(program, inputs)
-    torch.testing.assert_close(found["weights"].double(), weights, rtol=0, atol=1e-12 if double else 2e-6)
-    good = found["accepted"]
+    outputs = by_onnx(program, inputs)
+    torch.testing.assert_close(outputs["weights"].double(), weights, rtol=0, atol=1e-12 if double else 2e-6)
+    good = outputs["accepted"]
     assert float(good.double().mean()) > 0.2
     assert kind == "gaussian" or not bool(good.all()), "draws of both kinds are compared"
     for name in PROFILES:
         # Drag is tens of thousands of N, rates are thousands of ft/min, CO2 is thousands of kg.
         within = {"drag_n": 100, "thrust_n": 100, "vertical_rate": 10, "co2_kg": 10}.get(name, 1) * OURS[precision]
         mine = expected[name][good]
-        torch.testing.assert_close(found[name][good].double(), mine, rtol=0, atol=within, equal_nan=True)
-    assert torch.equal(found["broken"][:, : len(RULES)], expected["broken"])
+        torch.testing.assert_close(outputs[name][good].double(), mine, rtol=0, atol=within, equal_nan=True)
+    assert torch.equal(outputs["broken"][:, : len(RULES)], expected["broken"])
     assert torch.equal(good, ~expected["broken"].any(1))
-    assert torch.equal(found["level_fl"].double(), PARTS.decoder.levels_fl)
+    assert torch.equal(outputs["level_fl"].double(), PARTS.decoder.levels_fl)
 
 
 def test_decoder_and_sampler_give_the_same_and_say_what_they_take(sampler: tuple[Path, str]) -> None:

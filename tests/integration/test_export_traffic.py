@@ -30,23 +30,23 @@ def core() -> object:
 
 def test_flights_have_the_columns_of_traffic_in_its_units(a320: Path, tmp_path: Path) -> None:
     (path,) = export(a320, "traffic", tmp_path / "t.parquet", n=5, prefix="DF", **WHERE)
-    found = pl.read_parquet(path)
-    assert {"timestamp", "icao24", "callsign", "altitude", "latitude", "longitude"} <= set(found.columns)
-    assert found.schema["timestamp"] == pl.Datetime("us", "UTC")
-    assert found["icao24"].str.contains("^f[0-9a-f]{5}$").all()
-    assert (found["timestamp"].dt.epoch("us") % 1_000_000 == 0).all(), "a row each second, on the second"
-    assert found.group_by("callsign").agg(pl.col("timestamp").diff().dt.total_seconds().max())["timestamp"].max() == 1
+    table = pl.read_parquet(path)
+    assert {"timestamp", "icao24", "callsign", "altitude", "latitude", "longitude"} <= set(table.columns)
+    assert table.schema["timestamp"] == pl.Datetime("us", "UTC")
+    assert table["icao24"].str.contains("^f[0-9a-f]{5}$").all()
+    assert (table["timestamp"].dt.epoch("us") % 1_000_000 == 0).all(), "a row each second, on the second"
+    assert table.group_by("callsign").agg(pl.col("timestamp").diff().dt.total_seconds().max())["timestamp"].max() == 1
     for number, own in enumerate(df.sample(a320, 5).placed(**WHERE).to_polars().partition_by("sample_id")):
-        one = found.filter(callsign=f"DF{number:05d}")
+        sample = table.filter(callsign=f"DF{number:05d}")
         at = own["timestamp"].dt.epoch("us").to_numpy() + 120_000_000 * number
-        assert 0 <= one["timestamp"].dt.epoch("us")[0] - at[0] < 1_000_000
+        assert 0 <= sample["timestamp"].dt.epoch("us")[0] - at[0] < 1_000_000
         for name, column in (
             ("altitude", "altitude_ft"),
             ("IAS", "CAS"),
             ("latitude", "latitude"),
             ("fuel_kg", "fuel_kg"),
         ):
-            np.testing.assert_allclose(np.interp(one["timestamp"].dt.epoch("us"), at, own[column]), one[name])
+            np.testing.assert_allclose(np.interp(sample["timestamp"].dt.epoch("us"), at, own[column]), sample[name])
 
 
 def test_flights_of_two_exports_can_lie_in_one_table(a320: Path, tmp_path: Path) -> None:

@@ -60,17 +60,19 @@ def test_samples_are_of_the_final_fit_and_scores_of_the_other(final: Path, desce
     samples = df.sample(final, 50)
     assert samples.origin["fitted_to"] == "all 300 flights, none held out"
     assert "drawn from the fit to all 300 flights" in str(samples)
-    found = df.evaluate(final, descents, n=200, n_splits=2)
-    assert found.scores.frame().equals(df.evaluate(density.held_out_fit, descents, n=200, n_splits=2).scores.frame())
-    assert len(found.real) + found.n_seen == 300
-    assert "scored: the fit to 216 of 300 flights" in str(found)
+    evaluation = df.evaluate(final, descents, n=200, n_splits=2)
+    assert evaluation.scores.frame().equals(
+        df.evaluate(density.held_out_fit, descents, n=200, n_splits=2).scores.frame()
+    )
+    assert len(evaluation.real) + evaluation.n_seen == 300
+    assert "scored: the fit to 216 of 300 flights" in str(evaluation)
 
 
 def test_new_flights_are_predicted_by_the_final_fit_and_held_out_ones_by_the_other(final: Path, descents: Path) -> None:
     held_out = df.predict(final, descents, from_fl=290, n=50)
     assert "predicted by the fit to 216 of 300 flights" in str(held_out)
     test = df.load(final).held_out_fit.representation.split.test
-    assert {one.flight_id for one in held_out.flights} <= set(test)
+    assert {flight.flight_id for flight in held_out.flights} <= set(test)
     new = df.predict(final, others(descents), from_fl=290, n=50, flights=["later-" + test[0], "later-" + test[1]])
     assert "predicted by the fit to all 300 flights" in str(new)
 

@@ -36,13 +36,13 @@ def test_a_settings_file_of_ones_own(tmp_path: Path, descents: Path) -> None:
         "model:\n  class_path: descentflow.training.models.Gaussian\n  init_args:\n    ridge: 2\n    jitter: 1e-4\n"
         "data:\n  explained_variance: 0.7\n  seed: 5\ntrainer:\n  max_epochs: 1\n"
     )
-    found = fit(descents, str(own), final=False)
-    assert found.hparams["jitter"] == 1e-4
+    model = fit(descents, str(own), final=False)
+    assert model.hparams["jitter"] == 1e-4
     where = ["--trainer.logger.init_args.save_dir", str(tmp_path)]
     assert main(["fit", "--config", str(own), "--data.descents", str(descents), *where, *QUICK, "--final=false"]) == 0
-    assert_equal(found.density, load_model(next(tmp_path.rglob("best.ckpt"))))
+    assert_equal(model.density, load_model(next(tmp_path.rglob("best.ckpt"))))
     other = fit(descents, str(own), explained_variance=0.999, final=False)
-    assert other.representation.decoder.dimension > found.representation.decoder.dimension
+    assert other.representation.decoder.dimension > model.representation.decoder.dimension
 
 
 def test_a_path_descents_in_memory_and_a_data_module_give_the_same(descents: Path) -> None:

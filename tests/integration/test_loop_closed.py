@@ -117,7 +117,7 @@ def test_reports_that_do_not_fit_are_refused(folder: Path, first: GapReport, tmp
         with pytest.raises(DataError, match=message):
             diagnose(real, added, previous=other)
     entries = content["details"]["measured_over"]
-    elsewhere = [{**one, "low_fl": one["low_fl"] + 7, "high_fl": one["high_fl"] + 7} for one in entries]
+    elsewhere = [{**entry, "low_fl": entry["low_fl"] + 7, "high_fl": entry["high_fl"] + 7} for entry in entries]
     other.write_text(json.dumps({**content, "details": {**content["details"], "measured_over": elsewhere}}))
     with pytest.raises(DataError, match=r"bands and quantities .* are measured now"):
         diagnose(real, added, catalogue=SMALL, previous=other)

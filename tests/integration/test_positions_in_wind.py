@@ -53,8 +53,8 @@ def test_distances_are_those_that_the_groundspeed_of_the_world_gives() -> None:
         travelled = np.concatenate([[0], np.cumsum(0.5 * (over_ground[1:] + over_ground[:-1]) * 4.0)])
         ends = np.interp(LEVELS.numpy()[[0, -1]] * FL_M, truth["altitude_m"].to_numpy()[::-1], travelled[::-1])
         flown = on_levels(truth)
-        found = place(flown, due_east, wind)
-        errors.append(found.top_of_descent_m[0] - (ends[0] - ends[1]))
+        placed = place(flown, due_east, wind)
+        errors.append(placed.top_of_descent_m[0] - (ends[0] - ends[1]))
         shares.append(place(flown).top_of_descent_m[0] / (ends[0] - ends[1]))
     assert len(errors) >= 6
     assert np.abs(errors).max() < 1

@@ -24,32 +24,32 @@ def near(found: pl.DataFrame, right: pl.DataFrame, name: str, within: float, sha
 def test_groundspeed_in_place_of_ias_is_left_out_by_its_name(cases: Path) -> None:
     folder = cases / "24_groundspeed_in_place_of_ias"
     with pytest.warns(DescentflowWarning, match=r"466 values of IAS that equal groundspeed to the digit"):
-        found = prepare(folder / "no_mach.parquet")
+        prepared = prepare(folder / "no_mach.parquet")
     right = prepare(folder / "right_no_mach.parquet")
-    assert found.frame["IAS"].max() < 280
-    near(found.frame, right.frame, "IAS", 3.0, 0.95)
+    assert prepared.frame["IAS"].max() < 280
+    near(prepared.frame, right.frame, "IAS", 3.0, 0.95)
 
 
 def test_a_rate_that_stands_for_none_costs_no_level(cases: Path) -> None:
     folder = cases / "25_rate_of_minus_64_where_none"
     with pytest.warns(DescentflowWarning, match=r"437 values of vertical_rate that are -64 among others"):
-        found = prepare(folder / "rows.parquet")
+        prepared = prepare(folder / "rows.parquet")
     right = prepare(folder / "right.parquet")
     assert right.frame.height == 1118
-    near(found.frame, right.frame, "vertical_rate", 150.0, 0.97)
+    near(prepared.frame, right.frame, "vertical_rate", 150.0, 0.97)
 
 
 def test_lines_of_pymodes_3_are_read_by_their_frames(cases: Path) -> None:
     pytest.importorskip("rs1090")
-    found = prepare(cases / "26_lines_of_pymodes_3" / "lines.jsonl", types={"4ca001": "A320"}, bottom_fl=50)
-    assert found.flights == {"A320": 1}
-    assert found.frame["IAS"].is_between(269, 271).all()
+    prepared = prepare(cases / "26_lines_of_pymodes_3" / "lines.jsonl", types={"4ca001": "A320"}, bottom_fl=50)
+    assert prepared.flights == {"A320": 1}
+    assert prepared.frame["IAS"].is_between(269, 271).all()
 
 
 @pytest.mark.parametrize(("name", "line"), [("last_cut", 256), ("one_a_line", 102)])
 def test_a_cut_snapshot_is_left_out_by_its_line(cases: Path, name: str, line: int) -> None:
-    found = prepare(cases / "27_a_snapshot_cut" / f"{name}.jsonl", bottom_fl=50)
-    (note,) = (note for note in found.report.notes if note.startswith("JSON lines"))
+    prepared = prepare(cases / "27_a_snapshot_cut" / f"{name}.jsonl", bottom_fl=50)
+    (note,) = (note for note in prepared.report.notes if note.startswith("JSON lines"))
     assert f"{name}.jsonl, line {line}: not JSON" in note
-    assert found.report.notes[note] == 1
-    assert found.frame.height > 190
+    assert prepared.report.notes[note] == 1
+    assert prepared.frame.height > 190

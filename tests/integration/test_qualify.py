@@ -135,9 +135,9 @@ def test_flights_of_the_same_world_are_not_outside(real: Path, tmp_path: Path) -
 
 def test_a_checkpoint_is_judged_by_its_samples(real: Path, tmp_path: Path) -> None:
     model = gap_toys.simulator(tmp_path, gap_toys.flights(tmp_path, 150, 6))
-    found = qualify(real, model, samples=300)
-    assert {row.quantity for row in found.rows} == {"airspeed", "rate"}
-    assert found.independence.startswith("The checkpoint names")
+    qualification = qualify(real, model, samples=300)
+    assert {row.quantity for row in qualification.rows} == {"airspeed", "rate"}
+    assert qualification.independence.startswith("The checkpoint names")
 
 
 def test_the_command_judges_a_type_by_limits_of_ones_own(
@@ -161,13 +161,13 @@ def test_a_table_of_times_is_judged_flight_by_flight(real: Path, predicted: pl.D
     """Times, as the error is the same share of each flight's own, scatter less than flights do."""
     (tmp_path / "ours.yaml").write_text("limits:\n- {quantity: time_ahead, minutes: 5, absolute: 90}\n")
     predicted.write_csv(tmp_path / "times.csv")
-    found = qualify(real, tmp_path / "times.csv", limits=tmp_path / "ours.yaml")
-    (row,) = found.rows
+    qualification = qualify(real, tmp_path / "times.csv", limits=tmp_path / "ours.yaml")
+    (row,) = qualification.rows
     assert row.difference is not None
     assert row.difference.estimate == pytest.approx((FASTER - 1) * 300.0, rel=0.03)
     assert row.verdict == "inside"
-    assert found.gap.dropped["predictions_of_other_flights"] == 1
-    assert "times.csv is inside the limits of ours" in str(found).lower()
+    assert qualification.gap.dropped["predictions_of_other_flights"] == 1
+    assert "times.csv is inside the limits of ours" in str(qualification).lower()
     assert "airspeed" not in {row.quantity for row in qualify(real, predicted).rows}
 
 

@@ -189,9 +189,9 @@ def test_sisters_of_other_levels_share_a_prior() -> None:
     """Few flights of a type take a place beside its sister's, which are of other levels."""
     few, many = df.simulate(open_aircraft("A319"), 25, seed=3), df.simulate(TRUE, 40, seed=4)
     both = pl.concat([df.prepare(few, bottom_fl=180).frame, df.prepare(many).frame])
-    found = df.repair(both, aircraft="A319")
-    assert tuple(found.flights) == ("A319", "A320")
-    assert abs(found.held_out.time.after) <= max(1.2 * found.held_out.time.floor, 1.5)
+    repair = df.repair(both, aircraft="A319")
+    assert tuple(repair.flights) == ("A319", "A320")
+    assert abs(repair.held_out.time.after) <= max(1.2 * repair.held_out.time.floor, 1.5)
 
 
 def test_one_held_path_does_not_keep_a_wrong_file(tmp_path: Path) -> None:
@@ -200,9 +200,9 @@ def test_one_held_path_does_not_keep_a_wrong_file(tmp_path: Path) -> None:
     write_opf(replace(true, cd0_cr=0.85 * true.cd0_cr), tmp_path / "E190__.OPF")
     write_apf(true, tmp_path / "E190__.APF")
     world = df.simulate(true, 81, seed=575260753, plant={"temperature": {"deviation_k": 2.2, "spread_k": 2.0}})
-    found = df.repair(df.prepare(world), aircraft="E190", bada_dir=tmp_path)
-    assert found.changed
-    assert found.held_out.gain > 2.0
+    repair = df.repair(df.prepare(world), aircraft="E190", bada_dir=tmp_path)
+    assert repair.changed
+    assert repair.held_out.gain > 2.0
 
 
 def test_a_right_file_keeps_its_place() -> None:
@@ -210,5 +210,5 @@ def test_a_right_file_keeps_its_place() -> None:
     world = df.simulate(TRUE, 60, seed=10)
     gauge = world.flights["mass_kg"].to_numpy().mean() / TRUE.mass_reference_kg
     truth = {"cd0_cr": TRUE.cd0_cr / gauge, "cd2_cr": TRUE.cd2_cr * gauge, "ct_des_high": TRUE.ct_des_high / gauge}
-    found = {one.name: one for one in df.repair(df.prepare(world), aircraft="A320").estimates}
+    found = {estimate.name: estimate for estimate in df.repair(df.prepare(world), aircraft="A320").estimates}
     assert all(found[name].low < value < found[name].high for name, value in truth.items())

@@ -88,10 +88,12 @@ def test_the_holders_file_is_changed_where_it_was_repaired_and_nowhere_else(foun
 
 
 def test_a_diagnosis_names_the_repair_of_the_model_itself(descents: Descents) -> None:
-    found = df.diagnose(descents, typecode=MODEL, bada_dir=dummies())
-    assert repair_command(found) == f"descentflow repair FLIGHTS --aircraft {MODEL} --bada-dir DUMMY --out {MODEL}.html"
+    report = df.diagnose(descents, typecode=MODEL, bada_dir=dummies())
+    assert (
+        repair_command(report) == f"descentflow repair FLIGHTS --aircraft {MODEL} --bada-dir DUMMY --out {MODEL}.html"
+    )
     again = f"descentflow diagnose --real FLIGHTS --bada-dir DUMMY --typecode {MODEL} --simulator"
-    assert next_command(found).startswith(again)
+    assert next_command(report).startswith(again)
 
 
 def test_what_cannot_be_written_is_refused(descents: Descents, tmp_path: Path) -> None:

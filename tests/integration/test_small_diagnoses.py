@@ -111,18 +111,18 @@ def some(descents: Path, count: int) -> Descents:
 
 
 def test_seven_flights_of_the_simulator_itself_show_no_certain_difference(descents: Path, tmp_path: Path) -> None:
-    found = diagnose(some(descents, 7), gap_toys.flights(tmp_path, 60, seed=9))
-    assert (found.verdict, found.causes) == ("none", [])
-    assert found.is_few
-    assert "No certain difference" in summary(replace(found, p_value=0.3))
-    assert "at least 13 more are needed" in " ".join(summary(found).split())
+    report = diagnose(some(descents, 7), gap_toys.flights(tmp_path, 60, seed=9))
+    assert (report.verdict, report.causes) == ("none", [])
+    assert report.is_few
+    assert "No certain difference" in summary(replace(report, p_value=0.3))
+    assert "at least 13 more are needed" in " ".join(summary(report).split())
 
 
 def test_seven_flights_show_a_wrong_polar_as_time_and_name_no_cause(descents: Path) -> None:
-    found = diagnose(some(descents, 7), "A320")  # nominal coefficients, which the world does not fly
-    assert found.verdict in ("none", "unknown")
-    assert found.causes == []
-    time = next(cost for cost in found.costs if cost.name == "time_at_speed")
+    report = diagnose(some(descents, 7), "A320")  # nominal coefficients, which the world does not fly
+    assert report.verdict in ("none", "unknown")
+    assert report.causes == []
+    time = next(cost for cost in report.costs if cost.name == "time_at_speed")
     assert time.before.ends
 
 

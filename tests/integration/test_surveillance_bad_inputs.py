@@ -193,8 +193,8 @@ def test_a_clock_that_jumps_cannot_bend_a_descent(prepare: Prepared) -> None:
         .otherwise("timestamp")
     )
     assert prepare(written(jumped, prepare.folder / "rows.parquet")) == 0
-    found = pl.read_parquet(prepare.out)
-    both = found.join(expected, on="level_fl", suffix="_expected")
+    table = pl.read_parquet(prepare.out)
+    both = table.join(expected, on="level_fl", suffix="_expected")
     assert len(both) > 0.95 * len(expected)
     # The row that left is bridged over 10 s, in which the rate hardly curves the path.
     assert (both["time_s"] - both["time_s_expected"]).abs().max() < 0.5

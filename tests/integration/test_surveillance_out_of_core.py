@@ -81,8 +81,8 @@ def test_descents_do_not_depend_on_memory_or_form(
     )
     partitions = [int(words.split()[-1]) for words in said if words.startswith("cleaning rows")]
     assert max(partitions) == 1 if number == 1 else max(partitions) >= number
-    found = read_descents(tmp_path / out)
-    same(found, whole)
+    descents = read_descents(tmp_path / out)
+    same(descents, whole)
     assert prepared.flights == dict(
         whole.frame.group_by("typecode").agg(pl.col("flight_id").n_unique()).sort("typecode").iter_rows()
     )
@@ -112,9 +112,9 @@ def test_types_of_any_name_stay_inside_the_store(tmp_path: Path) -> None:
     path = written(rows, tmp_path / "rows.parquet")
     prepare([path], out=tmp_path / "s")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["rows.parquet", "s"]
-    found = read_descents(tmp_path / "s").frame
-    assert_frame_equal(found, prepare([path]).frame)
-    assert set(found["typecode"]) == {name.upper() for name in names}
+    descents = read_descents(tmp_path / "s").frame
+    assert_frame_equal(descents, prepare([path]).frame)
+    assert set(descents["typecode"]) == {name.upper() for name in names}
 
 
 def test_a_finished_store_is_left_alone_and_another_refused(inputs: list[Path], tmp_path: Path) -> None:

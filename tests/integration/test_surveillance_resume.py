@@ -46,9 +46,9 @@ engine.clean = lambda *args, clean=engine.clean: (time.sleep(0.15), clean(*args)
 @pytest.fixture(scope="module")
 def rows(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Rows of sixty aircraft, braided in time."""
-    one = fleet(12)
+    dozen = fleet(12)
     many = pl.concat(
-        one.with_columns(icao24=pl.col("icao24").str.replace("4ca", f"{number:03x}")) for number in range(5)
+        dozen.with_columns(icao24=pl.col("icao24").str.replace("4ca", f"{number:03x}")) for number in range(5)
     )
     return written(many.sort("timestamp"), tmp_path_factory.mktemp("rows") / "rows.parquet")
 
@@ -91,9 +91,9 @@ def test_a_killed_run_leaves_its_parts_and_the_rerun_goes_on(out: str, rows: Pat
     assert not set(cleaned) & set(done)
     assert [path.name for path in tmp_path.iterdir()] == [out]
     whole = prepare([rows])
-    found = read_descents(target)
-    assert_frame_equal(found.frame, whole.frame, check_exact=True)
-    assert found.metadata["report"] == whole.report.as_dict()
+    descents = read_descents(target)
+    assert_frame_equal(descents.frame, whole.frame, check_exact=True)
+    assert descents.metadata["report"] == whole.report.as_dict()
 
 
 def test_groups_that_were_read_are_not_read_again(rows: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -206,8 +206,8 @@ def test_dask_workers_give_the_same_even_when_one_is_killed(rows: Path, tmp_path
         prepared = prepare([rows], out=tmp_path / "s", memory_bytes=MEMORY, engine=cluster.scheduler_address)
         killer.join()
     assert 3 <= killed[0] < 12
-    found = read_descents(tmp_path / "s")
-    assert_frame_equal(found.frame, whole.frame, check_exact=True)
+    descents = read_descents(tmp_path / "s")
+    assert_frame_equal(descents.frame, whole.frame, check_exact=True)
     assert prepared.report.as_dict() == whole.report.as_dict()
     assert [path.name for path in tmp_path.iterdir()] == ["s"]
 

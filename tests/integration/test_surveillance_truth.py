@@ -23,20 +23,20 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, pl.DataFrame]
 @pytest.mark.parametrize("rate", ["reported", "differenced"])
 def test_level_offs_and_held_rates_go_and_idle_descent_stays(rate: str, world: tuple[Path, pl.DataFrame]) -> None:
     rows = pl.read_parquet(world[0])
-    found = fates(rows if rate == "reported" else rows.drop("vertical_rate"), world[1])
+    fate = fates(rows if rate == "reported" else rows.drop("vertical_rate"), world[1])
 
     def share(label: str, *reasons: str) -> float:
-        of = found.filter(label=label)["reason"]
+        of = fate.filter(label=label)["reason"]
         return float(of.is_in(reasons).fill_null(False).mean() if reasons else of.is_not_null().mean())
 
-    assert len(found.filter(label="level_off")) > 200
+    assert len(fate.filter(label="level_off")) > 200
     assert share("level_off") > 0.99
-    level = found.filter(reason="not_descending")["label"]
+    level = fate.filter(reason="not_descending")["label"]
     assert level.is_in(["level_off", "transient"]).mean() > 0.99  # level flight, or on the way into and out of it
-    assert len(found.filter(label="constant_rate")) > 200
+    assert len(fate.filter(label="constant_rate")) > 200
     held = share("constant_rate", "constant_rate")
     lost = share("idle", "constant_rate")
-    taken = found.filter(reason="constant_rate")["label"]
+    taken = fate.filter(reason="constant_rate")["label"]
     precision = float((taken == "constant_rate").mean())
     # Measured on 1,500 flights: 0.78 and 0.001 (0.77 and 0.002 with rates from altitude), and of what is taken 0.78
     # (0.76) is held: held rates are 2 % of the rows. Few flights scatter.

@@ -59,15 +59,15 @@ def test_crps_and_the_energy_distance_of_empirical_distributions(one: list[float
 @given(st.data())
 def test_hidden_values_are_never_read(data: Any) -> None:
     # Integers counted from the bits of 2.0 would, for what is absent, end in those of NaN.
-    one, two = data.draw(SAMPLES | st.just([2.0, 3.0])), data.draw(SAMPLES | st.just([2.0]))
+    first, two = data.draw(SAMPLES | st.just([2.0, 3.0])), data.draw(SAMPLES | st.just([2.0]))
     junk = st.sampled_from([float("nan"), float("inf"), 1e300, 0.0])
     values, mask = [], []
-    for value in one:
+    for value in first:
         hidden = data.draw(st.lists(junk, max_size=2))
         values += [*hidden, value]
         mask += [False] * len(hidden) + [True]
     gappy = torch.tensor(values, dtype=torch.float64)[:, None], torch.tensor(mask)[:, None]
-    found, expected = level_distances(*gappy, *column(two)), level_distances(*column(one), *column(two))
+    found, expected = level_distances(*gappy, *column(two)), level_distances(*column(first), *column(two))
     for field in ("ks", "fewest"):
         assert torch.equal(found[field], expected[field])
     for field in ("wasserstein", "mae"):  # more terms, though zero, may be added in another order

@@ -104,9 +104,9 @@ def _gauged(aircraft, scale):
 @given(st.floats(0.5, 2.0), st.floats(0.75, 1.25), st.floats(-20.0, 30.0))
 def test_gauge_leaves_the_whole_nominal_descent_unchanged(scale, mass_share, deviation):
     mass = mass_share * JET.mass_reference_kg
-    one = nominal_descent(JET, GRID, mass, deviation)
+    nominal = nominal_descent(JET, GRID, mass, deviation)
     other = nominal_descent(_gauged(JET, scale), GRID, scale * mass, deviation)
-    torch.testing.assert_close(other.time_s, one.time_s, rtol=1e-11, atol=1e-9)
+    torch.testing.assert_close(other.time_s, nominal.time_s, rtol=1e-11, atol=1e-9)
 
 
 @settings(max_examples=15, deadline=None)
@@ -119,14 +119,14 @@ def test_gauge_leaves_decoded_trajectories_and_the_inference_unchanged(scale, ma
     cas = (140 + 8 * torch.sin(altitude / 2000))[None]
     wind = 0.002 * altitude if windy else None
     mass, entry = mass_share * JET.mass_reference_kg, torch.tensor([220])
-    one, other = (
+    first, other = (
         integrate(a, levels, altitude, d, cas, entry, m, deviation, wind_mps=wind, exact_energy_share=exact)
         for a, d, m in ((JET, drag, mass), (_gauged(JET, scale), scale * drag, scale * mass))
     )
-    torch.testing.assert_close(other.time_s, one.time_s, rtol=1e-11, atol=1e-9)
-    torch.testing.assert_close(other.rate_mps, one.rate_mps, rtol=1e-11, atol=0)
+    torch.testing.assert_close(other.time_s, first.time_s, rtol=1e-11, atol=1e-9)
+    torch.testing.assert_close(other.rate_mps, first.rate_mps, rtol=1e-11, atol=0)
     inferred, scaled = (
-        drag_at_idle_n(a, cas, one.rate_mps, altitude, m, deviation)
+        drag_at_idle_n(a, cas, first.rate_mps, altitude, m, deviation)
         for a, m in ((JET, mass), (_gauged(JET, scale), scale * mass))
     )
     torch.testing.assert_close(scaled, scale * inferred, rtol=1e-11, atol=0)

@@ -36,30 +36,30 @@ def test_every_printed_column_to_print_rounding(name: str, warmer: bool) -> None
     for (printed, configurations), mass in zip(tables, masses, strict=True):
         assert bool((printed["mass"] == round(mass)).all())
         altitude = printed["level"] * FL_M
-        found = nominal_state(model, altitude, mass, deviation)
-        assert found.configuration.tolist() == [NAMES[one] for one in configurations]
-        climbing = found.rate_mps * temperature_k(altitude, deviation) / temperature_k(altitude)
+        state = nominal_state(model, altitude, mass, deviation)
+        assert state.configuration.tolist() == [NAMES[configuration] for configuration in configurations]
+        climbing = state.rate_mps * temperature_k(altitude, deviation) / temperature_k(altitude)
         ours = {
             "T": temperature_k(altitude, deviation),
             "p": pressure_pa(altitude),
             "rho": density_kg_m3(altitude, deviation),
             "a": speed_of_sound_mps(altitude, deviation),
-            "TAS": found.tas_mps / KT_MPS,
-            "CAS": found.cas_mps / KT_MPS,
-            "M": found.mach,
-            "thrust": found.thrust_n,
-            "drag": found.drag_n,
-            "fuel": found.fuel_kg_s * 60,
-            "ESF": found.esf,
-            "rod": -found.rate_mps / FPM_MPS,
-            "gamma": torch.asin(climbing / found.tas_mps).rad2deg(),
+            "TAS": state.tas_mps / KT_MPS,
+            "CAS": state.cas_mps / KT_MPS,
+            "M": state.mach,
+            "thrust": state.thrust_n,
+            "drag": state.drag_n,
+            "fuel": state.fuel_kg_s * 60,
+            "ESF": state.esf,
+            "rod": -state.rate_mps / FPM_MPS,
+            "gamma": torch.asin(climbing / state.tas_mps).rad2deg(),
         }
         for column, value in ours.items():
             room = HALF[column] + CONSTANTS * value.abs()
             if column == "fuel" and isinstance(model.engines, Piston):
                 engines = model.engines
                 full = engines.power_hp * 745.7 * engines.consumption / engines.heating_value_j_kg * 60
-                room = room + (found.configuration > 0) * full * THROTTLE_STEP / 2
+                room = room + (state.configuration > 0) * full * THROTTLE_STEP / 2
             assert bool(((value - printed[column]).abs() <= room).all()), column
 
 
@@ -155,14 +155,14 @@ def test_fuel_agrees_with_pybada(side) -> None:
 
 def test_minimum_speeds_agree_with_pybada(side) -> None:
     for name in NAMES:
-        found = side.ours.minimum_cas_mps(side.altitude, side.mass, name)
+        slowest = side.ours.minimum_cas_mps(side.altitude, side.mass, name)
         limits = side.theirs.flightEnvelope
         lowest = side.each(lambda h, m, air, n=name, e=limits: e.VMin(n, air["theta"], air["delta"], m) or torch.nan)
         if name == "CR" and len(side.ours.wing.clean_lift) > 1:
             # pyBADA takes the first of Mach numbers in steps of 0.001 beyond the buffet, we the buffet itself.
-            step = mach_to_cas_mps(cas_to_mach(found, side.altitude) + 0.001, side.altitude) - found
+            step = mach_to_cas_mps(cas_to_mach(slowest, side.altitude) + 0.001, side.altitude) - slowest
             known = ~lowest.isnan()
-            assert bool(((lowest - found)[known] >= -1e-9).all())
-            assert bool(((lowest - found)[known] <= step[known] * 1.001).all())
+            assert bool(((lowest - slowest)[known] >= -1e-9).all())
+            assert bool(((lowest - slowest)[known] <= step[known] * 1.001).all())
         else:
-            agree(found, lowest)
+            agree(slowest, lowest)

@@ -81,11 +81,11 @@ def within(one: list[float], *, fair: bool = True) -> float:
 
 def test_crps_is_the_double_loop() -> None:
     samples, real = drawn(30, 0), drawn(20, 1)
-    found = level_distances(*samples, *real)["crps"]
+    distances = level_distances(*samples, *real)["crps"]
     for level in range(4):
-        one, two = seen(samples, level), seen(real, level)
-        expected = mean_difference(one, two) - within(one) / 2
-        assert float(found[level]) == pytest.approx(expected, abs=1e-12)
+        first, two = seen(samples, level), seen(real, level)
+        expected = mean_difference(first, two) - within(first) / 2
+        assert float(distances[level]) == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("pairs", [1, 50, 1 << 22])
@@ -96,13 +96,13 @@ def test_energy_score_is_the_double_loop(pairs: int, monkeypatch: pytest.MonkeyP
     among = sum(float((x - y).norm()) for x in samples for y in samples) / (30 * 29)
     everywhere = [torch.ones_like(values, dtype=torch.bool) for values in (samples, real)]
     # The root mean square over four levels is half of the Euclidean norm.
-    found = energy_scores((samples, everywhere[0]), (real, everywhere[1]))
-    assert 2 * float(found.mean()) == pytest.approx(across - among / 2, abs=1e-12)
+    scores = energy_scores((samples, everywhere[0]), (real, everywhere[1]))
+    assert 2 * float(scores.mean()) == pytest.approx(across - among / 2, abs=1e-12)
 
 
 def test_too_few_values_have_no_score() -> None:
-    one, two = torch.zeros(1, 1), torch.zeros(2, 1)
-    assert bool(level_distances(one, one == 0, two, two == 0)["crps"].isnan())
-    assert bool(level_distances(two, two == 0, one, one == 1)["crps"].isnan())
-    assert bool(energy_scores((one, one == 0), (two, two == 0)).isnan().all())
+    first, two = torch.zeros(1, 1), torch.zeros(2, 1)
+    assert bool(level_distances(first, first == 0, two, two == 0)["crps"].isnan())
+    assert bool(level_distances(two, two == 0, first, first == 1)["crps"].isnan())
+    assert bool(energy_scores((first, first == 0), (two, two == 0)).isnan().all())
     assert len(energy_scores((two, two == 0), (two[:0], two[:0] == 0))) == 0

@@ -107,12 +107,12 @@ def test_envelope(side):
 
 def test_configuration(side):
     for slower in (1.0, 0.95, 0.85, 0.7):
-        found = side.ours.descent_configuration(side.altitude, slower * side.cas, side.mass)
+        configuration = side.ours.descent_configuration(side.altitude, slower * side.cas, side.mass)
 
         def theirs(h, m, d, cas, _, s=slower):
             return NAMES[side.theirs.flightEnvelope.getConfig("Descent", h, m, s * cas, d)]
 
-        assert found.tolist() == side.each(theirs).int().tolist()
+        assert configuration.tolist() == side.each(theirs).int().tolist()
 
 
 def test_thrust_and_fuel(side):
@@ -156,9 +156,9 @@ def test_energy_share_and_rate(side, held):
 
     above = torch.tensor(held == "constM")
     numbers = side.each(lambda h, m, d, _, tas: mach(h, d, tas))
-    found = energy_share_factor(numbers, side.altitude, above, side.deviation)
-    agree(found, side.each(share))
-    flown = descent_rate_mps(side.ours, 4e4, 1e3, side.tas, found, side.altitude, side.deviation, side.mass)
+    factor = energy_share_factor(numbers, side.altitude, above, side.deviation)
+    agree(factor, side.each(share))
+    flown = descent_rate_mps(side.ours, 4e4, 1e3, side.tas, factor, side.altitude, side.deviation, side.mass)
     agree(flown, side.each(rate))
 
 

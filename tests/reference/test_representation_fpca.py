@@ -164,9 +164,9 @@ def test_profiles_that_are_all_alike_have_no_component_and_no_curve_beyond() -> 
 
 def test_no_loading_at_all_leaves_the_noise_alone() -> None:
     centred, mask = torch.tensor([[1.0, 2.0], [3.0, 0.0]]).double(), torch.tensor([[True, True], [True, False]])
-    found = ppca.log_likelihood(centred, mask, torch.zeros(2, 0).double(), torch.tensor(4.0).double())
+    likelihood = ppca.log_likelihood(centred, mask, torch.zeros(2, 0).double(), torch.tensor(4.0).double())
     expected = torch.distributions.Normal(0.0, 2.0).log_prob(centred)[mask].sum()
-    torch.testing.assert_close(found, expected.to(found))
+    torch.testing.assert_close(likelihood, expected.to(likelihood))
 
 
 def complete_curves(n: int, n_levels: int = 30, noise: float = 0.3) -> Tensor:
@@ -186,12 +186,12 @@ def test_the_closed_form_is_where_em_ends() -> None:
     parameters are then found; of slow EM some hundred times that are left."""
     values = complete_curves(300)
     mean, covariance = mean_and_covariance(values)
-    found = ppca.PPCA(*leading(covariance, 3), torch.zeros(30).double(), [], converged=True)
+    model = ppca.PPCA(*leading(covariance, 3), torch.zeros(30).double(), [], converged=True)
     centred = (values - mean) * (300 / 299) ** 0.5
     whole = torch.ones_like(centred, dtype=torch.bool)
     iterated = ppca.em(centred, whole, 3, max_iterations=5000, tolerance=1e-14)
     assert len(iterated.log_likelihood) > 2
-    torch.testing.assert_close(covariance_of(found), covariance_of(iterated), rtol=0, atol=1e-5)
+    torch.testing.assert_close(covariance_of(model), covariance_of(iterated), rtol=0, atol=1e-5)
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e3, 1e7])

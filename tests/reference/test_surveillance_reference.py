@@ -24,7 +24,7 @@ def test_local_slopes_are_those_of_polyfit_in_the_same_window() -> None:
     flight = np.repeat([0, 1, 2], 60)
     seconds = np.concatenate([np.cumsum(generator.exponential(scale, 60)) for scale in (0.8, 3.0, 9.0)])
     values = 30_000 - 30 * seconds + generator.normal(0, 10, len(seconds))
-    found = local_slope(flight, seconds, values)
+    slopes = local_slope(flight, seconds, values)
     expected = np.full(len(values), np.nan)
     for row in range(len(values)):
         for half in RATE_WINDOWS_S:
@@ -35,4 +35,4 @@ def test_local_slopes_are_those_of_polyfit_in_the_same_window() -> None:
                 expected[row] = np.polyfit(seconds[near] - seconds[row], values[near], 1)[0]
                 break
     assert np.isfinite(expected).sum() > 150
-    np.testing.assert_allclose(found, expected, rtol=1e-7)
+    np.testing.assert_allclose(slopes, expected, rtol=1e-7)

@@ -24,10 +24,10 @@ def runs() -> list[Run]:
 def test_a_predictor_knows_the_first_speed_alone(runs: list[Run]) -> None:
     """From above the crossover its Mach number and the type's CAS; from below it the CAS of its first level."""
     schedule = open_aircraft("A320")
-    for one in runs:
-        first, level = first_speed(one), float(one.levels_fl[-1])
+    for run in runs:
+        first, level = first_speed(run), float(run.levels_fl[-1])
         assert first.by_mach == (level * 30.48 > float(schedule.transition_altitude_m()))
-        held = schedule.des_cas_high_kt * KT_MPS if first.by_mach else float(one.cas_mps[-1])
+        held = schedule.des_cas_high_kt * KT_MPS if first.by_mach else float(run.cas_mps[-1])
         assert first.cas_mps == pytest.approx(held)
         assert 0.3 < first.mach < 0.85
 

@@ -33,19 +33,19 @@ def test_a_perfect_diagnosis_meets_every_goal() -> None:
 
 
 def test_faults_are_seen_where_they_are() -> None:
-    found = copy.deepcopy(PERFECT)
+    changed = copy.deepcopy(PERFECT)
     warm = PERFECT["withheld_temperature_flights"]["report"]["causes"]
     for outcome in outcomes(PLAN, MANIFEST, PERFECT):
-        report = found[outcome.job]["report"]
+        report = changed[outcome.job]["report"]
         if outcome.one.part == "withheld":
             continue
         if outcome.kind in ("null", "outside"):
-            found[outcome.job]["report"] = {"verdict": "effect", "causes": warm}
+            changed[outcome.job]["report"] = {"verdict": "effect", "causes": warm}
         elif outcome.kind == "single":
-            found[outcome.job]["report"] = {"verdict": "unknown", "causes": []}
+            changed[outcome.job]["report"] = {"verdict": "unknown", "causes": []}
         else:
-            found[outcome.job]["report"] = {**report, "causes": report["causes"][:1]}
-    rows = reached(found)
+            changed[outcome.job]["report"] = {**report, "causes": report["causes"][:1]}
+    rows = reached(changed)
     for column in ("own", "foreign", "bare"):
         alarms = rows[column, "false alarms"]
         assert (alarms["share"], alarms["met"]) == (1, False)
@@ -55,21 +55,21 @@ def test_faults_are_seen_where_they_are() -> None:
         assert rows[column, "outside the catalogue: unknown"]["share"] == 0
         assert 0 < rows[column, "one or two catalogued causes, wrongly unknown"]["share"] < 1
         assert rows[column, "a wrong name, of all"]["met"] is False
-    alarms = next(line for line in table(score(outcomes(PLAN, MANIFEST, found), {})).splitlines() if "alarms" in line)
+    alarms = next(line for line in table(score(outcomes(PLAN, MANIFEST, changed), {})).splitlines() if "alarms" in line)
     assert alarms.count("100.0%") == alarms.count("**missed**") == 3
 
 
 def test_intervals_are_judged_parameter_by_parameter() -> None:
-    found = copy.deepcopy(PERFECT)
+    changed = copy.deepcopy(PERFECT)
     warm = [o for o in outcomes(PLAN, MANIFEST, PERFECT) if "temperature" in o.one.causes and o.one.part == "blind"]
     for k, outcome in enumerate(warm):
-        for cause in found[outcome.job]["report"]["causes"]:
+        for cause in changed[outcome.job]["report"]["causes"]:
             if cause["effect"] == "temperature" and k % 10 == 0:
-                found[outcome.job]["report"] = copy.deepcopy(found[outcome.job]["report"])
-                for mine in found[outcome.job]["report"]["causes"]:
+                changed[outcome.job]["report"] = copy.deepcopy(changed[outcome.job]["report"])
+                for mine in changed[outcome.job]["report"]["causes"]:
                     if mine["effect"] == "temperature":
                         mine["parameters"]["deviation_k"]["low"] += 1.0
-    rows = {(row["column"], row["parameter"]): row for row in score(outcomes(PLAN, MANIFEST, found), {})["intervals"]}
+    rows = {(row["column"], row["parameter"]): row for row in score(outcomes(PLAN, MANIFEST, changed), {})["intervals"]}
     bare = rows["bare", "deviation_k"]
     assert 0.8 < bare["share"] < 1
     assert bare["met"] == (0.85 <= bare["share"] <= 0.95)

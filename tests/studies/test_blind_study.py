@@ -151,9 +151,9 @@ def test_the_package_finds_what_is_hidden(folder: Path, tmp_path: Path) -> None:
         (tmp_path / name).symlink_to(folder / name)
     (tmp_path / "diagnoses").mkdir()
     assert diagnose_all(tmp_path, progress=quiet) == 15
-    found = outcomes(*open_key(tmp_path))
-    assert [o.job for o in found if not o.exact] == []
-    intervals = {(row["column"], row["parameter"]): row for row in score(found, {})["intervals"]}
+    fates = outcomes(*open_key(tmp_path))
+    assert [o.job for o in fates if not o.exact] == []
+    intervals = {(row["column"], row["parameter"]): row for row in score(fates, {})["intervals"]}
     assert abs(intervals["own", "deviation_k"]["error"]) < 0.1
     assert abs(intervals["bare", "growth_kt"]["error"]) < 0.2
     for form in OF_CLOSURE:
@@ -173,8 +173,8 @@ def test_foreign_sets_are_flown_and_trained_with_another_types_coefficients(tmp_
     assert rows["flight_id"].n_unique() == 4
     assert rows["typecode"].unique().to_list() == ["F2TH"]
     assert "TAS" not in rows.columns
-    one = SimulatorPlan("s", 4, *foreign, flights=4)
-    write_simulator(one, "one", simulator_path(tmp_path, "s", "one"))
+    plan = SimulatorPlan("s", 4, *foreign, flights=4)
+    write_simulator(plan, "one", simulator_path(tmp_path, "s", "one"))
     flown = read_descents(tmp_path / "s_one.parquet").frame
     assert flown["flight_id"].n_unique() == 4
     # Of one planned speed, but for the autopilot's own error and the entry into each phase.

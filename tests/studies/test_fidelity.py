@@ -86,9 +86,9 @@ def test_a_spread_is_that_of_the_top_within_levels() -> None:
     seen = torch.ones(4_000, len(LEVELS), dtype=torch.bool)
     seen[:2_000, top] = False
     real[~seen] = torch.nan  # masked values are never read
-    found = top_spread(flown(drawn + 2 * level_means), flown(real + level_means, seen))
-    assert found["rate"] == pytest.approx(0.7, abs=0.01)
-    assert found["cas"] == pytest.approx(found["rate"])
+    spread = top_spread(flown(drawn + 2 * level_means), flown(real + level_means, seen))
+    assert spread["rate"] == pytest.approx(0.7, abs=0.01)
+    assert spread["cas"] == pytest.approx(spread["rate"])
 
 
 def study(folder: Path, over_floor: float, covered: list[float]) -> StudyPlan:

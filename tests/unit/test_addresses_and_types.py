@@ -69,9 +69,9 @@ EVEN = pl.int_range(pl.len()) % 2 == 0
 @pytest.mark.parametrize("without", [None, "UNKNOWN", "ZZZZ"])
 def test_a_type_that_only_some_rows_name_is_that_of_all(without: str | None) -> None:
     rows = FLEET.with_columns(typecode=pl.when(EVEN).then("typecode").otherwise(pl.lit(without)))
-    found = prepare(rows)
-    assert found.frame.equals(prepare(FLEET).frame)
-    assert found.report.notes[FILLED_TYPES] == len(FLEET) // 2
+    prepared = prepare(rows)
+    assert prepared.frame.equals(prepare(FLEET).frame)
+    assert prepared.report.notes[FILLED_TYPES] == len(FLEET) // 2
     first = pl.col("timestamp") < FLEET["timestamp"][-1] - pl.duration(hours=12)
     assert prepare(FLEET.with_columns(typecode=pl.when(first).then("typecode"))).flights == {"A320": 2}
 
@@ -83,21 +83,21 @@ def test_an_address_of_several_types_gives_none_to_other_flights() -> None:
 
 def test_two_types_within_a_flight_are_told_and_make_one_descent() -> None:
     with pytest.warns(DescentflowWarning, match="2 flights whose rows name several types.*correct the column typecode"):
-        found = prepare(
+        prepared = prepare(
             FLEET.with_columns(
                 typecode=pl.when(pl.int_range(pl.len()) % 3 == 0).then(pl.lit("A321")).otherwise("typecode")
             )
         )
-    assert found.flights == {"A320": 2}
-    assert found.report.notes[FLIGHTS_OF_SEVERAL_TYPES] == 2
-    assert found.frame.drop("typecode").equals(prepare(FLEET).frame.drop("typecode"))
+    assert prepared.flights == {"A320": 2}
+    assert prepared.report.notes[FLIGHTS_OF_SEVERAL_TYPES] == 2
+    assert prepared.frame.drop("typecode").equals(prepare(FLEET).frame.drop("typecode"))
 
 
 def test_a_part_of_the_types_that_matches_nothing_is_in_the_report(tmp_path: Path) -> None:
     rows = written(fleet(2), tmp_path / "rows.parquet")
     for out in (None, tmp_path / "store"):
-        found = prepare(rows, typecode="a320, B737-800,A321", out=out)
-        assert found.flights == {"A320": 2}
-        assert found.report.notes[f"{NONE_OF}B737-800, A321"] == 2
+        prepared = prepare(rows, typecode="a320, B737-800,A321", out=out)
+        assert prepared.flights == {"A320": 2}
+        assert prepared.report.notes[f"{NONE_OF}B737-800, A321"] == 2
     with pytest.raises(DataError, match="no row of type B737-800; expected one of A320"):
         prepare(rows, typecode="B737-800")

@@ -95,11 +95,11 @@ def test_numbers_that_do_not_fit_are_refused(value):
 
 
 def test_types_resolve_through_synonyms(dummy):
-    found = load_aircraft("b738", dummy)
-    assert found.typecode == "B738"
-    assert "J2M" in found.source
-    assert found.wing_area_m2 == load_aircraft("J2M", dummy).wing_area_m2
-    assert aircraft("B738", dummy) == found
+    model = load_aircraft("b738", dummy)
+    assert model.typecode == "B738"
+    assert "J2M" in model.source
+    assert model.wing_area_m2 == load_aircraft("J2M", dummy).wing_area_m2
+    assert aircraft("B738", dummy) == model
     assert aircraft("A320").source == open_aircraft("A320").source
 
 
@@ -251,6 +251,6 @@ def test_every_open_aircraft_flies_alike_from_a_directory_that_the_package_wrote
             # Five printed digits, four of a negative number.
             assert new == (pytest.approx(old, rel=5e-4 if old < 0 else 5e-5) if isinstance(old, int | float) else old)
     levels = torch.arange(0, int(ours.altitude_maximum_ft / 100), 10)
-    one, other = (nominal_descent(a, levels) for a in (ours, read))
+    first, other = (nominal_descent(a, levels) for a in (ours, read))
     # Coefficients rounded to 5e-5 of themselves, some of them amplified where thrust is near drag.
-    torch.testing.assert_close(other.time_s, one.time_s, rtol=5e-4, atol=0.01)
+    torch.testing.assert_close(other.time_s, first.time_s, rtol=5e-4, atol=0.01)

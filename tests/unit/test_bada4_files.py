@@ -36,10 +36,10 @@ def edit(file: Path, before: str, after: str) -> None:
 def test_a_folder_and_one_above_it_are_recognised_and_named(release: Path) -> None:
     for folder in (release, release.parent):
         for name, code in zip(DUMMIES, ("DUM2", "DUM2", "DUMT", "DUMP"), strict=True):
-            found = aircraft(name.lower(), folder)
-            assert isinstance(found, Bada4Aircraft)
-            assert found.typecode == code
-            assert found.source == f"BADA 4.3 file {name}"
+            model = aircraft(name.lower(), folder)
+            assert isinstance(model, Bada4Aircraft)
+            assert model.typecode == code
+            assert model.source == f"BADA 4.3 file {name}"
     assert aircraft("dumt", release).n_engines == 2
     assert every_aircraft(release).keys() == {"DUM2", "DUMT", "DUMP"}
     assert nearest_type("B738", release).typecode == "DUM2"
@@ -51,8 +51,8 @@ def test_a_list_of_types_names_the_model_of_each(release: Path) -> None:
         for code, name in (("A320", "Dummy-TWIN-plus"), ("AT76", "Dummy-TBP"), ("B744", "not there"))
     )
     (release / "aircraft_model_default.xml").write_text(f"<AIRCRAFT>{entries}</AIRCRAFT>")
-    found = aircraft("A320", release)
-    assert (found.typecode, found.source) == ("A320", "BADA 4.3 file Dummy-TWIN-plus")
+    model = aircraft("A320", release)
+    assert (model.typecode, model.source) == ("A320", "BADA 4.3 file Dummy-TWIN-plus")
     assert every_aircraft(release).keys() == {"A320", "AT76"}
 
 

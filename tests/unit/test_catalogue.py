@@ -48,9 +48,9 @@ def file(folder: Path, text: str) -> Path:
 
 
 def test_classes_and_instances_are_taken_and_what_is_imported_is_not(tmp_path: Path) -> None:
-    found = effects_of_file(file(tmp_path, GUSTS), frozenset(EFFECTS))
-    assert sorted(found) == ["gusts", "scaled"]
-    shift = found["scaled"].shift(example_flights(2), torch.tensor([0.5]))
+    effects = effects_of_file(file(tmp_path, GUSTS), frozenset(EFFECTS))
+    assert sorted(effects) == ["gusts", "scaled"]
+    shift = effects["scaled"].shift(example_flights(2), torch.tensor([0.5]))
     assert shift["slow"].tolist() == [1.5, 1.5]
 
 

@@ -93,8 +93,8 @@ def test_a_rate_that_grows_with_altitude_has_a_logarithm_for_its_time() -> None:
     # The midpoint rule is off by at most width^2 / 24 times the height and the largest second derivative.
     width = (HIGH_M - LOW_M) / 11
     bound = width**2 / 24 * (HIGH_M - LOW_M) * 2 * b**2 / (a + b * LOW_M) ** 3
-    found = by_name(costs_of(flying(rate), None, seed=0))["time"].flights
-    assert 0 < abs(found - exact) <= bound
+    costs = by_name(costs_of(flying(rate), None, seed=0))["time"].flights
+    assert 0 < abs(costs - exact) <= bound
 
 
 def test_what_a_cause_makes_is_gone_after_it() -> None:
@@ -118,11 +118,11 @@ def test_slower_flights_cost_time_by_their_speed() -> None:
     shift = torch.zeros_like(sides.y)
     shift[:, sides.columns("cas")] = 20.0
     shift = torch.where(sides.real[:, None], shift, 0.0)
-    found = by_name(costs_of(sides, sides.y - shift, seed=0))
-    assert found["cas"].before.estimate - found["cas"].after.estimate == pytest.approx(20.0)
-    assert found["tas"].after is None if "tas" not in found else found["tas"].after.estimate < found["tas"].flights
+    costs = by_name(costs_of(sides, sides.y - shift, seed=0))
+    assert costs["cas"].before.estimate - costs["cas"].after.estimate == pytest.approx(20.0)
+    assert costs["tas"].after is None if "tas" not in costs else costs["tas"].after.estimate < costs["tas"].flights
     # Twenty knots less: a longer descent, by the polar.
-    assert found["time"].after.estimate > found["time"].before.estimate
+    assert costs["time"].after.estimate > costs["time"].before.estimate
 
 
 def test_at_equal_speed_only_what_the_polar_does_not_say_counts() -> None:
@@ -160,8 +160,8 @@ def test_flights_that_begin_lower_down_do_not_shorten_the_descent() -> None:
     y = sides.y.clone()
     upper = torch.tensor([e.band >= 6 for e in sides.entries])
     y[120:, upper] = torch.nan
-    found = by_name(costs_of(replace(sides, y=y), None, seed=0))["time"]
-    assert found.flights == pytest.approx((HIGH_M - LOW_M) / 10)
+    costs = by_name(costs_of(replace(sides, y=y), None, seed=0))["time"]
+    assert costs.flights == pytest.approx((HIGH_M - LOW_M) / 10)
 
 
 def test_intervals_of_whole_aircraft_cover_the_truth() -> None:

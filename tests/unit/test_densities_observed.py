@@ -72,7 +72,7 @@ def test_the_likelihood_is_the_marginal_of_the_coordinates_seen() -> None:
 def test_the_posterior_is_the_conditional_of_the_joint_gaussian() -> None:
     mixture = truth()
     evidence, seen, mask = gappy(drawn(mixture, 20))
-    found = posteriors(mixture, evidence)
+    posterior = posteriors(mixture, evidence)
     for i in range(20):
         shown = mask[i]
         for k in range(K):
@@ -80,9 +80,9 @@ def test_the_posterior_is_the_conditional_of_the_joint_gaussian() -> None:
             marginal = covariance[shown][:, shown] + 0.01 * torch.eye(int(shown.sum()), dtype=torch.float64)
             gain = covariance[:, shown] @ torch.linalg.inv(marginal)
             expected = mixture.locs[k] + gain @ (seen[i][shown] - mixture.locs[k][shown])
-            torch.testing.assert_close(found.means[i, k], expected, rtol=1e-9, atol=1e-9)
+            torch.testing.assert_close(posterior.means[i, k], expected, rtol=1e-9, atol=1e-9)
             torch.testing.assert_close(
-                found.covariances[evidence.group[i], k], covariance - gain @ covariance[shown], rtol=1e-9, atol=1e-9
+                posterior.covariances[evidence.group[i], k], covariance - gain @ covariance[shown], rtol=1e-9, atol=1e-9
             )
 
 
@@ -116,7 +116,7 @@ def test_gradients_are_those_of_finite_differences(context: bool) -> None:
 def test_the_single_gaussian_is_the_one_that_direct_optimisation_finds() -> None:
     """L-BFGS on the likelihood written out coordinate by coordinate, from the standard normal."""
     evidence, seen, mask = gappy(drawn(truth(), 150))
-    one = one_gaussian(evidence, jitter=0.0)
+    gaussian = one_gaussian(evidence, jitter=0.0)
     loc, factor = torch.zeros(D).double().requires_grad_(), torch.eye(D).double().requires_grad_()
     optimizer = torch.optim.LBFGS([loc, factor], max_iter=300, line_search_fn="strong_wolfe", tolerance_grad=1e-9)
 
@@ -128,10 +128,10 @@ def test_the_single_gaussian_is_the_one_that_direct_optimisation_finds() -> None
 
     optimizer.step(closure)
     # EM ends when a step gains 1e-9 nats; parameters are known to the root of that.
-    torch.testing.assert_close(one.locs[0], loc.detach(), rtol=0, atol=1e-3)
+    torch.testing.assert_close(gaussian.locs[0], loc.detach(), rtol=0, atol=1e-3)
     covariance = factor.detach().tril() @ factor.detach().tril().T
-    torch.testing.assert_close(one.scale_trils[0] @ one.scale_trils[0].T, covariance, rtol=0, atol=3e-3)
-    ours = float(log_marginal(one, seen, mask).mean())
+    torch.testing.assert_close(gaussian.scale_trils[0] @ gaussian.scale_trils[0].T, covariance, rtol=0, atol=3e-3)
+    ours = float(log_marginal(gaussian, seen, mask).mean())
     assert ours == pytest.approx(-float(closure().detach()), abs=1e-6)
 
 
@@ -154,12 +154,12 @@ def test_spread_that_gaps_hide_is_recovered() -> None:
     mixture = truth()
     weights = drawn(mixture, 4000)
     evidence, _, _ = gappy(weights, noise=0.3)
-    one = one_gaussian(evidence)
-    fitted, _ = fit_mixture(drawn_weights(one, evidence, seed=0), K, seed=0)
+    gaussian = one_gaussian(evidence)
+    fitted, _ = fit_mixture(drawn_weights(gaussian, evidence, seed=0), K, seed=0)
     spread = _deviation(fitted)
     # Deviation of 2,000 normals: 1.6 %; three of that, and as much for two components that share it.
     assert float((spread / weights.std(0) - 1).abs().max()) < 0.06
-    filled = posteriors(one, evidence).means[:, 0].std(0)
+    filled = posteriors(gaussian, evidence).means[:, 0].std(0)
     assert float((filled / weights.std(0)).min()) < 0.9
 
 
@@ -181,12 +181,12 @@ def test_importance_sampling_meets_the_closed_form() -> None:
     opaque = opaque_truth()
     with torch.no_grad():
         none = torch.zeros(len(evidence), 0)
-        found = opaque.estimate_observed(evidence, none, opaque.wide_gaussian(none), 4000)
+        estimated = opaque.estimate_observed(evidence, none, opaque.wide_gaussian(none), 4000)
     expected = log_observed(truth(), evidence)
     # The error of each estimate is 1 / sqrt(effective draws); five of them, for 40 flights: once in 40,000.
-    error = 5 * (1 / (found.effective * 4000) - 1 / 4000).clamp(min=0).sqrt() + 1e-9
-    assert bool(((found.log_prob - expected).abs() < error).all())
-    assert float(found.effective.min()) > 0.05
+    error = 5 * (1 / (estimated.effective * 4000) - 1 / 4000).clamp(min=0).sqrt() + 1e-9
+    assert bool(((estimated.log_prob - expected).abs() < error).all())
+    assert float(estimated.effective.min()) > 0.05
 
 
 def test_the_bound_that_flows_are_trained_by_is_below_the_likelihood_and_rises_with_draws() -> None:
@@ -195,8 +195,8 @@ def test_the_bound_that_flows_are_trained_by_is_below_the_likelihood_and_rises_w
     bounds, none = [], torch.zeros(len(evidence), 0)
     for draws in (1, 8, 64):
         with torch.no_grad():
-            found = estimate(opaque.log_prob, opaque.wide_gaussian(none), evidence, draws, none, seed=1)
-        bounds.append(float(found.log_prob.mean()))
+            estimated = estimate(opaque.log_prob, opaque.wide_gaussian(none), evidence, draws, none, seed=1)
+        bounds.append(float(estimated.log_prob.mean()))
     assert bounds[0] < bounds[1] < bounds[2] < exact + 0.02
 
 

@@ -83,8 +83,8 @@ def test_longitudes_may_be_counted_from_0_to_360(turned: float, flown: pl.DataFr
     longitude = weather_toys.LONGITUDE
     data = weather(linear, linear_wind, hours=HOURS)
     other = data.assign_coords(longitude=np.where(longitude < 0, longitude + turned, longitude))
-    found = prepare(plain(flown), airspeeds_from=weather_toys.written(other, tmp_path / "other.nc")).frame
-    assert np.allclose(found["IAS"], prepare(plain(flown), airspeeds_from=nc).frame["IAS"], atol=1e-9)
+    prepared = prepare(plain(flown), airspeeds_from=weather_toys.written(other, tmp_path / "other.nc")).frame
+    assert np.allclose(prepared["IAS"], prepare(plain(flown), airspeeds_from=nc).frame["IAS"], atol=1e-9)
 
 
 def test_columns_of_the_rows_are_a_field(flown: pl.DataFrame) -> None:
@@ -131,9 +131,9 @@ def test_tables_of_the_prc_are_read_with_their_list_of_flights(flown: pl.DataFra
 
 
 def test_traces_without_airspeeds_are_read(flown: pl.DataFrame, nc: Path, tmp_path: Path) -> None:
-    one = flown.filter(pl.col("icao24") == "4ca000")
-    trace = trace_of(one)
-    for point, row in zip(trace["trace"], one.iter_rows(named=True), strict=True):
+    flight = flown.filter(pl.col("icao24") == "4ca000")
+    trace = trace_of(flight)
+    for point, row in zip(trace["trace"], flight.iter_rows(named=True), strict=True):
         point[1:3], point[4:6], point[12] = (
             [row["latitude"], row["longitude"]],
             [row["groundspeed"], row["track"]],
@@ -143,7 +143,7 @@ def test_traces_without_airspeeds_are_read(flown: pl.DataFrame, nc: Path, tmp_pa
             point[8] = {"type": "adsb_icao", "flight": "TST1    "}
     (tmp_path / "trace_full_4ca000.json").write_bytes(packed(trace))
     descents = prepare(tmp_path / "trace_full_4ca000.json", airspeeds_from=nc)
-    assert largest_error_kt(descents, one) < PER_LEVEL_KT + 0.3  # altitudes are whole feet, times centiseconds
+    assert largest_error_kt(descents, flight) < PER_LEVEL_KT + 0.3  # altitudes are whole feet, times centiseconds
 
 
 def test_rows_that_have_airspeeds_keep_them(flown: pl.DataFrame, nc: Path) -> None:
@@ -307,6 +307,6 @@ def test_a_diagnosis_leaves_out_what_the_field_made_and_names_its_error(flown: p
     with pytest.warns(
         DescentflowWarning, match=r"a.parquet: flights, 3 of its flights with derived airspeeds: .* field"
     ):
-        found = input_of_flights("a.parquet", mixed)
-    assert "is the error of the weather field that made them, or the simulator's" in found.kind
-    assert found.derived == 3
+        described = input_of_flights("a.parquet", mixed)
+    assert "is the error of the weather field that made them, or the simulator's" in described.kind
+    assert described.derived == 3

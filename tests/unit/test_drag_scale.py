@@ -49,8 +49,8 @@ def test_drag_comes_back(scale: DragScale) -> None:
 def test_what_hardly_descends_has_the_least_force() -> None:
     climbing = torch.tensor([[-5_000.0, 1_000.0]]).double()
     least = SCALE.thrust_n + LEAST_FORCE * SCALE.force_n
-    found = SCALE.drag_n(SCALE.scaled(climbing, SCALE.cas_mps), SCALE.cas_mps)
-    torch.testing.assert_close(found, least[None])
+    drag_n = SCALE.drag_n(SCALE.scaled(climbing, SCALE.cas_mps), SCALE.cas_mps)
+    torch.testing.assert_close(drag_n, least[None])
 
 
 def one_angle(speeds: list[float], mach: float) -> Profiles:

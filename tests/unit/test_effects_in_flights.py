@@ -67,10 +67,10 @@ def put(grid: LevelGrid, *names_and_theta: tuple[Effect, list[float]], seed: int
 
 def test_a_rate_doubled_halves_the_time_and_nothing_else() -> None:
     grid = flights()
-    found = put(grid, (FasterBy(), [float(torch.log(torch.tensor(2.0))), 1.0]))
-    torch.testing.assert_close(found.values["vertical_rate"], 2 * grid.values["vertical_rate"])
-    torch.testing.assert_close(found.time_s, grid.time_s / 2)
-    torch.testing.assert_close(found.values["IAS"], grid.values["IAS"])
+    changed = put(grid, (FasterBy(), [float(torch.log(torch.tensor(2.0))), 1.0]))
+    torch.testing.assert_close(changed.values["vertical_rate"], 2 * grid.values["vertical_rate"])
+    torch.testing.assert_close(changed.time_s, grid.time_s / 2)
+    torch.testing.assert_close(changed.values["IAS"], grid.values["IAS"])
 
 
 def test_what_a_flight_loses_in_a_gap_stays_lost() -> None:
@@ -78,9 +78,9 @@ def test_what_a_flight_loses_in_a_gap_stays_lost() -> None:
     grid = flights(gap=slice(100, 120))
     later = torch.where(torch.arange(201) < 100, 100.0, 0.0)
     grid = LevelGrid(grid.levels_fl, grid.time_s + later, grid.values, grid.airframe, grid.flight_ids)
-    found = put(grid, (FasterBy(), [float(torch.log(torch.tensor(2.0))), 1.0]))
-    torch.testing.assert_close(found.time_s[:, 0], (grid.time_s[:, 0] - 100.0) / 2 + 100.0)
-    assert float(gaps_of(found)["level"].mean()) == pytest.approx(100.0)
+    changed = put(grid, (FasterBy(), [float(torch.log(torch.tensor(2.0))), 1.0]))
+    torch.testing.assert_close(changed.time_s[:, 0], (grid.time_s[:, 0] - 100.0) / 2 + 100.0)
+    assert float(gaps_of(changed)["level"].mean()) == pytest.approx(100.0)
 
 
 def test_a_share_of_the_flights_has_it_whole_and_by_seed() -> None:
@@ -98,37 +98,37 @@ def test_a_share_of_the_flights_has_it_whole_and_by_seed() -> None:
 
 def test_warm_air_is_what_the_physics_says() -> None:
     grid = flights()
-    found = put(grid, (EFFECTS["temperature"], [10.0]))
+    changed = put(grid, (EFFECTS["temperature"], [10.0]))
     mach, altitude = grid.values["Mach"], grid.altitude_m
-    torch.testing.assert_close(found.values["TAS"] * KT_MPS, mach_to_tas_mps(mach, altitude, 10.0))
-    torch.testing.assert_close(found.values["Mach"], mach)
+    torch.testing.assert_close(changed.values["TAS"] * KT_MPS, mach_to_tas_mps(mach, altitude, 10.0))
+    torch.testing.assert_close(changed.values["Mach"], mach)
     state = state_of_levels(grid, A320, AddedEffects(EFFECTS, {}, 60e3, Cleaning(), 0))
     shift = EFFECTS["temperature"].shift(state, torch.tensor([10.0]).double())
-    torch.testing.assert_close((found.values["vertical_rate"] / grid.values["vertical_rate"]).log(), shift["rate"])
+    torch.testing.assert_close((changed.values["vertical_rate"] / grid.values["vertical_rate"]).log(), shift["rate"])
     # In still air the groundspeed stays the level part of the airspeed.
-    level = (found.values["TAS"] ** 2 - (found.values["vertical_rate"] * FPM_MPS / KT_MPS) ** 2).sqrt()
-    torch.testing.assert_close(found.values["groundspeed"], level)
+    level = (changed.values["TAS"] ** 2 - (changed.values["vertical_rate"] * FPM_MPS / KT_MPS) ** 2).sqrt()
+    torch.testing.assert_close(changed.values["groundspeed"], level)
 
 
 def test_a_tailwind_that_grows_shows_in_the_groundspeed() -> None:
     slope = 0.002
     grid = flights()
-    found = put(grid, (EFFECTS["wind_gradient"], [slope]))
-    level = (found.values["TAS"] ** 2 - (found.values["vertical_rate"] * FPM_MPS / KT_MPS) ** 2).sqrt()
-    wind = (found.values["groundspeed"] - level) * KT_MPS
+    changed = put(grid, (EFFECTS["wind_gradient"], [slope]))
+    level = (changed.values["TAS"] ** 2 - (changed.values["vertical_rate"] * FPM_MPS / KT_MPS) ** 2).sqrt()
+    wind = (changed.values["groundspeed"] - level) * KT_MPS
     torch.testing.assert_close(wind.diff(dim=1), torch.full_like(wind[:, 1:], slope * FL_M), rtol=1e-6, atol=1e-9)
-    assert float(found.values["vertical_rate"].mean()) > float(grid.values["vertical_rate"].mean())
+    assert float(changed.values["vertical_rate"].mean()) > float(grid.values["vertical_rate"].mean())
 
 
 def test_another_schedule_moves_mach_and_rate_along() -> None:
     grid = flights()
-    found = put(grid, (EFFECTS["speed_schedule"], [10.0, 0.0]))
+    changed = put(grid, (EFFECTS["speed_schedule"], [10.0, 0.0]))
     # Up to FL250; higher up the Mach number, which stays, holds the speed down.
-    torch.testing.assert_close(found.values["IAS"][:, :100], grid.values["IAS"][:, :100] + 10.0)
+    torch.testing.assert_close(changed.values["IAS"][:, :100], grid.values["IAS"][:, :100] + 10.0)
     torch.testing.assert_close(
-        found.values["Mach"], cas_to_mach(found.values["IAS"] * KT_MPS, grid.altitude_m), rtol=1e-9, atol=1e-12
+        changed.values["Mach"], cas_to_mach(changed.values["IAS"] * KT_MPS, grid.altitude_m), rtol=1e-9, atol=1e-12
     )
-    assert bool((found.values["vertical_rate"] < grid.values["vertical_rate"])[:, :100].all())
+    assert bool((changed.values["vertical_rate"] < grid.values["vertical_rate"])[:, :100].all())
 
 
 def test_sensors_change_reports_and_no_time() -> None:
@@ -155,8 +155,8 @@ def test_level_offs_are_given_and_taken_away() -> None:
 
 def test_levels_too_slow_for_the_cleaning_go() -> None:
     grid = flights(rate_fpm=-600.0)
-    found = put(grid, (FasterBy(), [-0.3, 1.0]))
-    assert not bool(found.mask.any())
+    changed = put(grid, (FasterBy(), [-0.3, 1.0]))
+    assert not bool(changed.mask.any())
 
 
 def test_missing_levels_are_filled_by_neighbours() -> None:

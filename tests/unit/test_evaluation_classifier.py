@@ -72,14 +72,14 @@ def test_it_looks_where_the_samples_are_wrong() -> None:
     samples, real = descents(400, 1), descents(300, 2)
     wrong = samples.rate_mps.clone()
     wrong[:, 4:6] -= 400 * FPM_MPS  # FL240 and FL250
-    found = detect(replace(samples, rate_mps=wrong), real)
-    assert found.auc > 0.9
-    first = found.most_looked_at()[0]
+    detection = detect(replace(samples, rate_mps=wrong), real)
+    assert detection.auc > 0.9
+    first = detection.most_looked_at()[0]
     assert (first.quantity, first.low_fl, first.high_fl) == ("rate", 240.0, 250.0)
-    cas, rate = found.importance[:2]
+    cas, rate = detection.importance[:2]
     assert rate.loss > 0.3
     assert abs(cas.loss) < 0.05
-    assert "rate FL240-250" in str(found)
+    assert "rate FL240-250" in str(detection)
 
 
 def test_a_wrong_dependence_is_seen_by_the_joint_scores_alone() -> None:

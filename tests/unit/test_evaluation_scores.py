@@ -123,7 +123,7 @@ def test_absent_numbers_are_empty_fields(tmp_path: Path) -> None:
     assert len(rest) == 22
     assert header.split(",")[:6] == ["quantity", "statistic", "unit", "score", "equal_size", "floor"]
     assert first.startswith("time_to_bottom_of_descent,ks,1,,,,,,,,40,3,1,0,,")
-    assert all(bool(one.score.isnan().all()) for one in table.levels)
+    assert all(bool(level.score.isnan().all()) for level in table.levels)
 
 
 def test_a_verdict_on_flights_that_are_all_alike_has_no_ratio() -> None:
@@ -152,8 +152,8 @@ TOYS = (
 
 @pytest.fixture
 def _registered(monkeypatch: pytest.MonkeyPatch) -> None:
-    for one in TOYS:
-        monkeypatch.setitem(STATISTICS, one.name, one)
+    for statistic in TOYS:
+        monkeypatch.setitem(STATISTICS, statistic.name, statistic)
 
 
 @pytest.mark.usefixtures("_registered")

@@ -72,10 +72,10 @@ def test_a_flight_over_midnight_is_one_in_the_traces_of_two_days(tmp_path: Path)
     one.mkdir()
     (one / "trace_full_4ca001.json").write_bytes(packed(trace_of(whole)))
     expected = prepare(one).frame
-    found = prepare([tmp_path / "2024-03-01", tmp_path / "2024-03-02"])
-    assert found.frame["flight_id"].unique().to_list() == expected["flight_id"].unique().to_list()
-    assert found.frame["level_fl"].equals(expected["level_fl"])
-    assert found.report.notes[OVER_MIDNIGHT] == 1
+    prepared = prepare([tmp_path / "2024-03-01", tmp_path / "2024-03-02"])
+    assert prepared.frame["flight_id"].unique().to_list() == expected["flight_id"].unique().to_list()
+    assert prepared.frame["level_fl"].equals(expected["level_fl"])
+    assert prepared.report.notes[OVER_MIDNIGHT] == 1
 
 
 def test_legs_of_one_day_and_after_silence_stay_apart() -> None:

@@ -61,24 +61,24 @@ def test_the_thrust_that_flew_a_rate_comes_back_and_is_never_below_idle(name: st
     drag, idle = model.drag_n(tas, altitude, deviation, mass), model.idle_thrust_n(altitude, tas, deviation)
     wanted = idle + torch.linspace(-0.3, 0.8, len(cas)).double() * (drag - idle)
     rate = descent_rate_mps(model, drag, wanted, tas, share, altitude, deviation, mass)
-    found = burn(model, cas, altitude, rate, slope, deviation, mass)
-    torch.testing.assert_close(found.thrust_n, wanted.maximum(idle), rtol=1e-9, atol=1e-6)
+    burnt = burn(model, cas, altitude, rate, slope, deviation, mass)
+    torch.testing.assert_close(burnt.thrust_n, wanted.maximum(idle), rtol=1e-9, atol=1e-6)
     idles = wanted <= idle
     flow = model.idle_fuel_flow_kg_s(altitude, tas, deviation)
-    assert torch.equal(found.flow_kg_s[idles], flow.expand(len(cas))[idles])
-    assert bool((found.flow_kg_s >= flow).all())
+    assert torch.equal(burnt.flow_kg_s[idles], flow.expand(len(cas))[idles])
+    assert bool((burnt.flow_kg_s >= flow).all())
 
 
 def test_level_flight_at_one_true_airspeed_takes_the_drag() -> None:
     model = model_of("A320")
-    found = burn(model, 140.0, 6000.0, 0.0)
+    burnt = burn(model, 140.0, 6000.0, 0.0)
     tas = cas_to_tas_mps(140.0, 6000.0)
-    assert found.thrust_n.item() == pytest.approx(model.drag_n(tas, 6000.0).item())
+    assert burnt.thrust_n.item() == pytest.approx(model.drag_n(tas, 6000.0).item())
     # In still, standard air one newton beyond it lifts the mass as a watt by the speed does.
     climbing = burn(model, 140.0, 6000.0, 1.0)
     share = energy_share_factor_local(140.0, 6000.0, 0.0).item()
     excess = model.mass_reference_kg * G0_MPS2 / tas.item() / share
-    assert (climbing.thrust_n - found.thrust_n).item() == pytest.approx(excess)
+    assert (climbing.thrust_n - burnt.thrust_n).item() == pytest.approx(excess)
 
 
 @pytest.mark.parametrize("warmer", [False, True], ids=["ISA", "ISA+20"])
@@ -87,15 +87,15 @@ def test_fuel_of_printed_rates_is_the_printed_fuel(name: str, warmer: bool) -> N
     """Of clean rows below the crossover: printed CAS and rate give the printed fuel again, at idle."""
     model = model_of(name)
     for printed, configurations in printed_descents(name, warmer):
-        clean = torch.tensor([one == "CR" for one in configurations])
+        clean = torch.tensor([configuration == "CR" for configuration in configurations])
         rows = clean & (printed["level"] * FL_M < model.transition_altitude_m())
         cas, altitude, rate = (
             printed["CAS"] * KT_MPS,
             printed["level"] * FL_M,
             -(printed["rod"] + 1) * FT_M / 60,  # a foot a minute steeper than printed, or rounding would ask for thrust
         )
-        found = burn(model, cas, altitude, rate, 0.0, 20.0 * warmer, printed["mass"])
-        assert bool(((found.flow_kg_s * 60 - printed["fuel"])[rows].abs() <= 0.0051).all())
+        burnt = burn(model, cas, altitude, rate, 0.0, 20.0 * warmer, printed["mass"])
+        assert bool(((burnt.flow_kg_s * 60 - printed["fuel"])[rows].abs() <= 0.0051).all())
 
 
 def test_tables_of_samples_have_thrust_fuel_and_co2(tmp_path: Path) -> None:
@@ -106,16 +106,16 @@ def test_tables_of_samples_have_thrust_fuel_and_co2(tmp_path: Path) -> None:
     flown = integrate(model, levels, levels * FL_M, drag, cas, torch.tensor([180, 180, 100]), exact_energy_share=True)
     table = to_frame(flown)
     for number in range(3):
-        one = table.filter(sample_id=number)
-        time, flow = one["time_s"].to_numpy(), one["fuel_flow_kg_s"].to_numpy()
-        assert one["fuel_kg"][-1] == pytest.approx(np.trapezoid(flow, time), rel=1e-12)
-        assert one["fuel_kg"][0] == 0.0
-        assert one["co2_kg"].to_numpy() == pytest.approx(CO2_PER_FUEL * one["fuel_kg"].to_numpy())
+        sample = table.filter(sample_id=number)
+        time, flow = sample["time_s"].to_numpy(), sample["fuel_flow_kg_s"].to_numpy()
+        assert sample["fuel_kg"][-1] == pytest.approx(np.trapezoid(flow, time), rel=1e-12)
+        assert sample["fuel_kg"][0] == 0.0
+        assert sample["co2_kg"].to_numpy() == pytest.approx(CO2_PER_FUEL * sample["fuel_kg"].to_numpy())
         # What slows the second and third down less than the polar is thrust; what is steeper is not.
         polar = model.drag_n(flown.tas_mps[number], levels * FL_M)
         idle = model.idle_thrust_n(levels * FL_M, flown.tas_mps[number])
-        wanted = (idle + (polar - drag[number]).clamp(min=0.0)).flip(0)[-len(one) :]
-        assert one["thrust_n"].to_numpy() == pytest.approx(wanted.numpy(), rel=1e-9)
+        wanted = (idle + (polar - drag[number]).clamp(min=0.0)).flip(0)[-len(sample) :]
+        assert sample["thrust_n"].to_numpy() == pytest.approx(wanted.numpy(), rel=1e-9)
     assert bool((table.filter(sample_id=2)["thrust_n"] < 0).all())
     assert set(COLUMNS_OF_FUEL) <= set(COLUMNS)
     write_samples(flown, tmp_path / "samples.nc")

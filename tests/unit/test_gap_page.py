@@ -62,11 +62,11 @@ class Elements(HTMLParser):
 
 
 def of_verdict(verdict: str) -> Findings:
-    found = finding_toys.findings()
+    findings = finding_toys.findings()
     if verdict in ("none", "unknown"):
-        costs = [replace(cost, after=None) for cost in found.costs]
-        return replace(found, verdict=verdict, causes=[], recipe=[], costs=costs, below_rounding=[])  # type: ignore[arg-type]
-    return replace(found, verdict=verdict)  # type: ignore[arg-type]
+        costs = [replace(cost, after=None) for cost in findings.costs]
+        return replace(findings, verdict=verdict, causes=[], recipe=[], costs=costs, below_rounding=[])  # type: ignore[arg-type]
+    return replace(findings, verdict=verdict)  # type: ignore[arg-type]
 
 
 @cache
@@ -138,8 +138,8 @@ def test_a_time_that_may_differ_stands_beside_no_certain_difference() -> None:
 
 @pytest.mark.parametrize("verdict", VERDICTS)
 def test_words_are_those_of_the_trade_and_sentences_are_short(verdict: str) -> None:
-    found = of_verdict(verdict)
-    for text in (words_of(page_of(verdict)), summary(found)):
+    findings = of_verdict(verdict)
+    for text in (words_of(page_of(verdict)), summary(findings)):
         for phrase in NOT_WORDS:
             assert phrase not in text, phrase
         lines = [
@@ -150,13 +150,13 @@ def test_words_are_those_of_the_trade_and_sentences_are_short(verdict: str) -> N
 
 
 def test_the_terminal_says_what_the_page_says() -> None:
-    found = of_verdict("partial")
-    assert summary(found).splitlines()[0] == (
+    findings = of_verdict("partial")
+    assert summary(findings).splitlines()[0] == (
         "The simulator and the 400 real A20N flights differ (p = 0.0005): two causes explain a part of it. "
         "Which effect it is stays open: see the alternatives."
     )
     words = words_of(page_of("partial"))
-    numbers = re.findall(r"[-+x]? ?[\d,.]*\d(?: %| s| NM| ft/min| kt)?", summary(found))
+    numbers = re.findall(r"[-+x]? ?[\d,.]*\d(?: %| s| NM| ft/min| kt)?", summary(findings))
     assert len(numbers) > 40
     assert [number for number in numbers if number.strip() not in words] == []
 
@@ -174,9 +174,9 @@ def test_a_file_that_was_not_written_is_not_said_to_be_there(made: str) -> None:
 
 
 def test_names_of_flights_never_become_markup() -> None:
-    found = of_verdict("unknown")
-    flight = replace(found.flights_worth_a_look[0], flight="<script>alert(1)</script>")
-    assert "<script" not in page(replace(found, flights_worth_a_look=[flight]))
+    findings = of_verdict("unknown")
+    flight = replace(findings.flights_worth_a_look[0], flight="<script>alert(1)</script>")
+    assert "<script" not in page(replace(findings, flights_worth_a_look=[flight]))
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)
@@ -246,10 +246,10 @@ def test_no_label_is_cut_or_over_another(name: str) -> None:
 
 def test_what_is_not_known_is_left_out() -> None:
     """No rate compared, inputs in memory, no curve, no score, no limit."""
-    found = of_verdict("partial")
-    bare = replace(found.details, curves={}, detection_limits=[], singles=[], subsets=[], profile=[], lacks=[])
-    causes = [replace(one, takes_away={}) for one in found.causes]
-    empty = replace(found, costs=[], causes=causes, details=bare, provenance=Provenance(), where=[])
+    findings = of_verdict("partial")
+    bare = replace(findings.details, curves={}, detection_limits=[], singles=[], subsets=[], profile=[], lacks=[])
+    causes = [replace(cause, takes_away={}) for cause in findings.causes]
+    empty = replace(findings, costs=[], causes=causes, details=bare, provenance=Provenance(), where=[])
     assert "No rate of descent is compared, so times and distances are not known." in page(empty)
     assert "<figure" not in page(empty)
     assert "Next: " not in summary(empty)
@@ -257,19 +257,19 @@ def test_what_is_not_known_is_left_out() -> None:
 
 
 def test_no_limit_of_the_air_is_claimed_where_a_field_made_airspeeds() -> None:
-    found = of_verdict("none")
-    sides = found.provenance or Provenance()
-    by_field = replace(found, provenance=replace(sides, real=replace(sides.real, derived=3)))
-    assert "ISA +1.2 K" in page(found)
+    findings = of_verdict("none")
+    sides = findings.provenance or Provenance()
+    by_field = replace(findings, provenance=replace(sides, real=replace(sides.real, derived=3)))
+    assert "ISA +1.2 K" in page(findings)
     assert "ISA +1.2 K" not in page(by_field)
 
 
 def test_still_air_is_stated_apart_and_the_rest_is_said_in_seconds_and_feet() -> None:
-    found = finding_toys.findings()
+    findings = finding_toys.findings()
     air = finding_toys.cause("temperature", {"deviation_k": ParameterEstimate(15.6, 14.0, 17.2, "K", "deviation")})
     size = ReportedSize("deviation_k", "ISA +15.6 K (+14 to +17.2)", "K", Measured(15.6))
     still = replace(air, of_air=True, sizes=[size])
-    alone = replace(found, verdict="effect", causes=[still], recipe=found.recipe[:1])
+    alone = replace(findings, verdict="effect", causes=[still], recipe=findings.recipe[:1])
     assert "differ (p = 0.0005): in their air, and in nothing else for certain." in summary(alone)
     assert "The air of these flights: ISA +15.6 K (+14 to +17.2). The simulator flies standard calm air." in summary(
         alone
@@ -280,7 +280,7 @@ def test_still_air_is_stated_apart_and_the_rest_is_said_in_seconds_and_feet() ->
     assert "no effect of the catalogue explains what their air leaves of it" in summary(
         replace(alone, verdict="unknown")
     )
-    both = replace(found, verdict="effect", causes=[still, finding_toys.brakes()])
+    both = replace(findings, verdict="effect", causes=[still, finding_toys.brakes()])
     assert "one cause and the air explain it." in summary(both)
     of_its_own = replace(still, on_both_sides=[OnBothSides("deviation_k", "K", 15.6, 5.0)])
     assert "standard calm air" not in summary(replace(alone, causes=[of_its_own]))

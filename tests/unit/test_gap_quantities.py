@@ -46,9 +46,9 @@ def test_noise_below_the_rounding_of_a_report_counts_as_that(tmp_path: Path) -> 
     """A simulator that writes a constant rate has the most that rounding of a steady change to 32 ft/min makes."""
     frame = read_descents(gap_toys.flights(tmp_path, 20, seed=5)).frame.with_columns(vertical_rate=pl.lit(-1500.0))
     grid = LevelGrid.of_frame(frame, 150, 340, ["IAS", "vertical_rate"])
-    found = short_scale_noise(grid)["noise_rate"]
-    assert found[found.isfinite()].exp().tolist() == pytest.approx([16.0] * int(found.isfinite().sum()))
-    assert int(found.isfinite().sum()) > 10
+    noise = short_scale_noise(grid)["noise_rate"]
+    assert noise[noise.isfinite()].exp().tolist() == pytest.approx([16.0] * int(noise.isfinite().sum()))
+    assert int(noise.isfinite().sum()) > 10
 
 
 def reported(mean_fpm: float, every_s: float, step_fpm: float = 0.0) -> LevelGrid:

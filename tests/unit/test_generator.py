@@ -52,18 +52,18 @@ def same(one: object, other: object) -> bool:
 
 @pytest.mark.parametrize("asked", ASKED)
 def test_a_batch_is_what_single_calls_give(asked: dict[str, object]) -> None:
-    one = generator()
+    own_generator = generator()
     together = generator().next_batch(23, **asked).trajectories
     for size in (1, 5, 17):
-        first = int(one._next)
-        part = one.next_batch(size, **asked).trajectories
+        first = int(own_generator._next)
+        part = own_generator.next_batch(size, **asked).trajectories
         assert same(part, together.subset(torch.arange(first, first + size)))
 
 
 def test_a_number_makes_the_descent_and_moves_nothing() -> None:
-    one = generator()
-    seventh = one.next(entry_fl=350, number=7)
-    assert one.next(entry_fl=350).first == 0
+    own_generator = generator()
+    seventh = own_generator.next(entry_fl=350, number=7)
+    assert own_generator.next(entry_fl=350).first == 0
     assert same(seventh.trajectories, generator().next_batch(8, entry_fl=350).trajectories.subset(torch.tensor([7])))
     assert not same(seventh.trajectories, generator(seed=6).next(entry_fl=350, number=7).trajectories)
     assert same(seventh.trajectories, generator(first=7).next(entry_fl=350).trajectories)
@@ -114,15 +114,15 @@ def test_another_process_draws_the_same(tmp_path: Path) -> None:
     ],
 )
 def test_what_no_descent_meets_is_an_error_that_names_the_nearest(asked: dict[str, object], name: str) -> None:
-    one = generator()
+    own_generator = generator()
     with pytest.raises(ImplausibleError, match=f"1,000 plausible draws have .* nearest of theirs, {name}") as caught:
-        one.next(entry_fl=350, **asked)
+        own_generator.next(entry_fl=350, **asked)
     error = pickle.loads(pickle.dumps(caught.value))
     assert error.constraint == name
     told = float(re.search(rf"nearest of theirs, {name} ([\d.]+)", str(error))[1])
     for value in (error.nearest, told):
-        found = one.next(entry_fl=350, **{**asked, name: {290: value} if name == "cas_kt" else value})
-        assert len(found) == 1
+        descent = own_generator.next(entry_fl=350, **{**asked, name: {290: value} if name == "cas_kt" else value})
+        assert len(descent) == 1
 
 
 @pytest.mark.parametrize(
@@ -188,13 +188,13 @@ def flown_table(number: int, down_to: int) -> tuple[pl.DataFrame, object]:
 def test_what_was_flown_conditions_as_prediction_does() -> None:
     """Times to the bottom against those of the predictor; p > 1e-4 fails one right sampler in 10,000."""
     table, real = flown_table(0, 300)
-    found = generator().next_batch(800, flown=table).trajectories
+    batch = generator().next_batch(800, flown=table).trajectories
     ahead = DescentPredictor(toy.mixture()).predict(real, 300.0, 800).trajectories
-    assert set(found.entry.tolist()) == {index(300)}
+    assert set(batch.entry.tolist()) == {index(300)}
     for level in (0, 20):
-        own, theirs = found.time_s[:, level].numpy(), ahead.time_s[:, level].numpy()
+        own, theirs = batch.time_s[:, level].numpy(), ahead.time_s[:, level].numpy()
         assert ks_2samp(own, theirs).pvalue > toy.RARE
-    assert float(found.time_s[:, 0].std()) < 0.5 * float(toy.samples(350).time_s[:, 0].std())
+    assert float(batch.time_s[:, 0].std()) < 0.5 * float(toy.samples(350).time_s[:, 0].std())
 
 
 def test_what_was_flown_and_a_time_and_a_speed_ahead() -> None:
@@ -205,9 +205,9 @@ def test_what_was_flown_and_a_time_and_a_speed_ahead() -> None:
     speed = float(cas_kt(ahead, 290).median())
     kept = (ahead.time_s[:, 5] > low) & (ahead.time_s[:, 5] < high) & ((cas_kt(ahead, 290) - speed).abs() < 0.3)
     brute = ahead.subset(kept)
-    found = generator().next_batch(600, flown=table, time_s=(low, high), level=275, cas_kt={290: speed}).trajectories
-    assert ks_2samp(found.time_s[:, 5].numpy(), brute.time_s[:, 5].numpy()).pvalue > toy.RARE
-    assert ks_2samp(cas_kt(found, 275).numpy(), cas_kt(brute, 275).numpy()).pvalue > toy.RARE
+    batch = generator().next_batch(600, flown=table, time_s=(low, high), level=275, cas_kt={290: speed}).trajectories
+    assert ks_2samp(batch.time_s[:, 5].numpy(), brute.time_s[:, 5].numpy()).pvalue > toy.RARE
+    assert ks_2samp(cas_kt(batch, 275).numpy(), cas_kt(brute, 275).numpy()).pvalue > toy.RARE
 
 
 def test_what_was_flown_may_be_a_sample_of_ours() -> None:
@@ -283,9 +283,9 @@ def test_a_corrected_checkpoint_takes_an_entry_and_nothing_that_its_correction_w
 
 
 def test_the_words_say_every_constraint_and_the_samples_do_what_samples_do() -> None:
-    found = generator().next(entry_fl=350, cas_kt=290, time_s=(100, None), level=300)
-    assert found.asked == ("entry at FL350", "cas_kt 290 at FL282", "time_s at least 100 at FL300")
-    assert "cas_kt 290 at FL282" in str(found)
-    assert "proposals" in str(found)
-    assert found.placed(end=(51.47, -0.45), track=270.0).to_polars()["latitude"].is_finite().all()
+    descent = generator().next(entry_fl=350, cas_kt=290, time_s=(100, None), level=300)
+    assert descent.asked == ("entry at FL350", "cas_kt 290 at FL282", "time_s at least 100 at FL300")
+    assert "cas_kt 290 at FL282" in str(descent)
+    assert "proposals" in str(descent)
+    assert descent.placed(end=(51.47, -0.45), track=270.0).to_polars()["latitude"].is_finite().all()
     assert generator().next(mach=(0.7, 0.8)).asked == ("mach 0.7 to 0.8 at the level of entry",)

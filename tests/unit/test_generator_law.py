@@ -18,10 +18,10 @@ N = 1500
 
 
 def compare(asked: dict[str, object], brute: Trajectories, *, n: int = N, within: float = 0.0) -> df.Generator:
-    found = df.Generator(toy.mixture(), seed=3).next_batch(n, **asked)
-    compared = comparisons(found.trajectories, brute)
+    batch = df.Generator(toy.mixture(), seed=3).next_batch(n, **asked)
+    compared = comparisons(batch.trajectories, brute)
     assert all(distance < within or p > toy.RARE for distance, p in compared.values()), compared
-    return found
+    return batch
 
 
 def test_nothing_asked_is_sampling() -> None:
@@ -34,28 +34,28 @@ def test_a_level_of_entry() -> None:
 
 def test_a_speed() -> None:
     brute = cut(samples(350), lambda t: (cas_kt(t, 290) - 290).abs() < 0.5)
-    found = compare({"entry_fl": 350, "cas_kt": {290: 290}}, brute)
-    assert float((cas_kt(found.trajectories, 290) - 290).abs().max()) < 1e-9
-    assert found.proposals == 1
+    compared = compare({"entry_fl": 350, "cas_kt": {290: 290}}, brute)
+    assert float((cas_kt(compared.trajectories, 290) - 290).abs().max()) < 1e-9
+    assert compared.proposals == 1
 
 
 def test_a_speed_within_a_band() -> None:
     brute = cut(samples(350), lambda t: (cas_kt(t, 290) > 280) & (cas_kt(t, 290) < 295))
-    found = compare({"entry_fl": 350, "cas_kt": {290: (280, 295)}}, brute)
-    assert found.proposals == 1
+    compared = compare({"entry_fl": 350, "cas_kt": {290: (280, 295)}}, brute)
+    assert compared.proposals == 1
 
 
 def test_two_speeds_and_one_side_open() -> None:
     def meets(t: Trajectories) -> torch.Tensor:
         return (cas_kt(t, 280) < 300) & (t.mach[:, index(350)] > 0.765) & (t.mach[:, index(350)] < 0.78)
 
-    found = compare(
+    compared = compare(
         {"entry_fl": 350, "cas_kt": {280: (None, 300)}, "mach": (0.765, 0.78)},
         cut(samples(350), meets),
         within=0.1,
     )
-    assert found.proposals > 1
-    assert float(found.effective.min()) >= 8
+    assert compared.proposals > 1
+    assert float(compared.effective.min()) >= 8
 
 
 def test_a_mach_number_at_whatever_level_the_descent_begins() -> None:
@@ -102,10 +102,10 @@ def test_a_level_within_a_band_at_a_time() -> None:
 
 def test_a_density_that_is_no_mixture() -> None:
     """Gaussians fitted to its draws propose, its log density decides."""
-    found = df.Generator(Opaque(toy.mixture()), seed=3)
-    free = found.next_batch(1000, entry_fl=350)
+    generator = df.Generator(Opaque(toy.mixture()), seed=3)
+    free = generator.next_batch(1000, entry_fl=350)
     assert min(p_values(free.trajectories, samples(350)).values()) > toy.RARE
     brute = cut(samples(350), lambda t: (cas_kt(t, 290) - 290).abs() < 0.5)
-    asked = found.next_batch(500, entry_fl=350, cas_kt={290: 290})
+    asked = generator.next_batch(500, entry_fl=350, cas_kt={290: 290})
     assert min(p_values(asked.trajectories, brute).values()) > toy.RARE
     assert asked.proposals > 1

@@ -48,31 +48,31 @@ def two(name: str) -> pl.DataFrame:
 @pytest.mark.parametrize("name", ["N1", "thrust", "fuel_flow"])
 def test_levels_above_idle_are_left_out_and_counted(name: str) -> None:
     plain = df.prepare(two(name))
-    found = df.prepare(two(name), cleaning=Cleaning(idle_only=5.0))
+    prepared = df.prepare(two(name), cleaning=Cleaning(idle_only=5.0))
     powered = (pl.col("level_fl") * 100).is_between(*POWERED_FT, closed="none") & (pl.col("flight_id") == "a")
-    step = next(one for one in found.report.steps if one.step == "above_idle")
+    step = next(one for one in prepared.report.steps if one.step == "above_idle")
     flown = two(name).filter((pl.col("flight_id") == "a") & pl.col("altitude").is_between(*POWERED_FT, closed="none"))
     assert step.rows_dropped == len(flown)
     assert len(plain.frame.filter(powered)) == 39
-    assert found.frame.filter(powered).is_empty()
+    assert prepared.frame.filter(powered).is_empty()
     # Nothing else goes but the levels between the last row at idle and the first above it.
-    assert len(plain.frame) - len(found.frame) <= 39 + 2 * 2
-    assert found.cleaning is not None
-    assert found.cleaning.idle_only == 5.0
+    assert len(plain.frame) - len(prepared.frame) <= 39 + 2 * 2
+    assert prepared.cleaning is not None
+    assert prepared.cleaning.idle_only == 5.0
 
 
 def test_idle_is_that_of_the_aircraft_and_the_band() -> None:
     other = rows("N1", "c", tail="b00002", powered=False).with_columns(pl.col("N1") + 10.0)
-    found = with_power(pl.concat([two("N1"), other]), 500.0)
-    above = found.filter(pl.col("flight_id") != "a")[ABOVE_IDLE]
+    powered = with_power(pl.concat([two("N1"), other]), 500.0)
+    above = powered.filter(pl.col("flight_id") != "a")[ABOVE_IDLE]
     assert above.min() > -1.0  # type: ignore[operator]
     assert above.max() < 1.5  # type: ignore[operator]
 
 
 def test_rows_that_do_not_tell_are_dropped_and_rows_without_a_column_refused() -> None:
     some = two("N1").with_columns(pl.when(pl.col("altitude") > 30_000).then("N1"))
-    found = df.prepare(some, cleaning=Cleaning(idle_only=5.0))
-    assert found.frame["level_fl"].min() >= 300  # type: ignore[operator]
+    prepared = df.prepare(some, cleaning=Cleaning(idle_only=5.0))
+    assert prepared.frame["level_fl"].min() >= 300  # type: ignore[operator]
     with pytest.raises(DataError, match=r"no column that tells thrust above idle.*--column N1="):
         df.prepare(two("N1").drop("N1"), cleaning=Cleaning(idle_only=5.0))
 
@@ -100,6 +100,6 @@ def test_free_descents_of_recorders_are_mostly_not_idle(
 
     rules = Cleaning(bottom_fl=bottom_fl)
     own = recorder_rows(shared / "real" / f"{file}.parquet")
-    found = above_of_levels(df.prepare(own, cleaning=rules).frame, own, rules)
-    assert len(found) == pytest.approx(levels, rel=0.02)
-    assert float((found[ABOVE_IDLE] <= 5).mean()) == pytest.approx(share, abs=0.02)  # type: ignore[arg-type]
+    above = above_of_levels(df.prepare(own, cleaning=rules).frame, own, rules)
+    assert len(above) == pytest.approx(levels, rel=0.02)
+    assert float((above[ABOVE_IDLE] <= 5).mean()) == pytest.approx(share, abs=0.02)  # type: ignore[arg-type]

@@ -88,11 +88,11 @@ def test_a_lag_is_exact_for_any_course_of_the_rate() -> None:
     # Downwards in time is downwards in altitude: the change is that from the band's lower to its upper edge.
     change = (reported[0] - reported[-1]) / (reported.mean() * BAND_S)
     state = example_flights(1)
-    found = LATE.shift(
+    shift = LATE.shift(
         replace(state, rate_change_per_s=torch.full_like(state.cas_mps, float(change))), torch.tensor([lag_s, 0.0])
     )
     # The sum over steps of 10 ms is the integral to 1e-3 of the 5 % that the report exceeds by.
-    torch.testing.assert_close(found["lag"][0, 0].exp(), reported.mean() / flown.mean(), rtol=1e-4, atol=0)
+    torch.testing.assert_close(shift["lag"][0, 0].exp(), reported.mean() / flown.mean(), rtol=1e-4, atol=0)
 
 
 def test_the_rate_itself_is_held_against_no_change_of_its_own() -> None:

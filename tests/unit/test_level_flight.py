@@ -86,11 +86,11 @@ def test_cruise_below_the_highest_altitude_begins_the_descent_later() -> None:
         altitude = 36_000 + np.cumsum(down) + 20.0
         rows = pl.DataFrame({"flight_id": "a", "timestamp": seconds, "altitude": altitude, "vertical_rate": 60 * down})
         rows = rows.with_columns(pl.from_epoch((pl.col("timestamp") * 1e6).cast(pl.Int64), "us"))
-        found = stretches(rows)
-        assert found.filter(kind="level")["seconds"].to_list() == wanted
+        segments = stretches(rows)
+        assert segments.filter(kind="level")["seconds"].to_list() == wanted
         assert (by_hand(rows)["a"][-1][0], len(by_hand(rows)["a"])) == (60.0, len(wanted))
         if len(wanted) == 1:
-            begin = found.filter(kind="descent")["timestamp"][0]
+            begin = segments.filter(kind="descent")["timestamp"][0]
             assert (begin - rows["timestamp"][0]).total_seconds() == 100 + held_s
 
 
@@ -194,8 +194,8 @@ def test_a_climb_is_no_descent_without_level_flight() -> None:
 
 def test_fuel_of_level_flight_is_that_of_its_drag_beside_idle(prepared, tmp_path) -> None:
     level = prepared.level_flight
-    found = with_fuel(level)
-    assert found.drop("fuel_kg", "idle_fuel_kg").equals(level)
+    fuelled = with_fuel(level)
+    assert fuelled.drop("fuel_kg", "idle_fuel_kg").equals(level)
     model = aircraft("A320")
     steady = level.with_columns(IAS_change=pl.lit(0.0))
     one = with_fuel(steady).filter(kind="level").row(0, named=True)
@@ -204,7 +204,7 @@ def test_fuel_of_level_flight_is_that_of_its_drag_beside_idle(prepared, tmp_path
     flow = model.fuel_flow_kg_s(one["altitude_ft"] * FT_M, tas, drag)
     assert one["fuel_kg"] == pytest.approx(one["seconds"] * float(flow), rel=1e-9)
     assert 0 < one["idle_fuel_kg"] < one["fuel_kg"]
-    assert by_flight(found)["fuel_kg"].sum() == pytest.approx(found["fuel_kg"].sum())
+    assert by_flight(fuelled)["fuel_kg"].sum() == pytest.approx(fuelled["fuel_kg"].sum())
     of_none = by_flight(with_fuel(level.with_columns(typecode=pl.lit("ZZZZ"))))
     assert of_none.filter(pl.col("segments") > 0)["fuel_kg"].null_count() > 0
     assert of_none.filter(segments=0)["fuel_kg"].to_list() == [0.0] * of_none.filter(segments=0).height
@@ -267,22 +267,22 @@ def test_samples_are_counted_as_rows_are() -> None:
     legs = (slowness[:, 1:] + slowness[:, :-1]) / 2
     time = torch.nn.functional.pad(legs.flip(1).cumsum(1).flip(1), (0, 1))
     same = torch.zeros_like(rate)
-    found = sampled_level_flight(DescentSet(levels, time, same, rate, same, same.bool().logical_not()))
-    assert (found[FLIGHTS], found[CONTINUOUS]) == (2, 1)
-    assert found["seconds level in descents from FL250"] == round(float(time[0, 99] - time[0, 103]))
-    (words,) = in_words(side_by_side({"samples": found}))
+    counts = sampled_level_flight(DescentSet(levels, time, same, rate, same, same.bool().logical_not()))
+    assert (counts[FLIGHTS], counts[CONTINUOUS]) == (2, 1)
+    assert counts["seconds level in descents from FL250"] == round(float(time[0, 99] - time[0, 103]))
+    (words,) = in_words(side_by_side({"samples": counts}))
     mean = round(float(time[0, 99] - time[0, 103])) / 2
     assert words == f"level flight in descents of samples (2): 50 % have none, {mean:.0f} s in the mean"
 
 
 def test_evaluate_has_flights_samples_and_a_simulator_side_by_side(world, prepared, tmp_path) -> None:
     model = df.fit(prepare(df.simulate("A320", 60, seed=1)), model="gaussian", final=False)
-    found = df.evaluate(model, world.rows, simulator=df.simulate("A320", 30, seed=2).rows, n=100, n_splits=2)
-    sides = dict(found.level_flight.select("side", "flights").unique().iter_rows())
+    evaluation = df.evaluate(model, world.rows, simulator=df.simulate("A320", 30, seed=2).rows, n=100, n_splits=2)
+    sides = dict(evaluation.level_flight.select("side", "flights").unique().iter_rows())
     own = prepared.report.notes[FLIGHTS]
     assert sides == {"flights": own, "samples": 100, "simulator": 30}
-    assert found.level_flight.filter(side="samples")["level_s"].sum() == 0
-    assert "level flight in descents of simulator (30)" in str(found)
-    found.write(tmp_path, figures=False)
-    assert pl.read_csv(tmp_path / "level_flight.csv").equals(found.level_flight)
-    assert "level_flight" in found.figures()
+    assert evaluation.level_flight.filter(side="samples")["level_s"].sum() == 0
+    assert "level flight in descents of simulator (30)" in str(evaluation)
+    evaluation.write(tmp_path, figures=False)
+    assert pl.read_csv(tmp_path / "level_flight.csv").equals(evaluation.level_flight)
+    assert "level_flight" in evaluation.figures()

@@ -71,10 +71,10 @@ def test_a_rate_in_an_air_is_that_of_the_energy_balance_itself() -> None:
     share = 1 / (1 + standard_tas / G0_MPS2 * slope_per_m(standard_tas, altitude_m))
     standard_thrust = toys.AIRCRAFT.idle_thrust_n(altitude_m, standard_tas)
     standard = descent_rate_mps(toys.AIRCRAFT, drag, standard_thrust, standard_tas, share, altitude_m)
-    found = rate_in_air(toys.AIRCRAFT, standard, drag, in_air(toys.AIRCRAFT, cas, altitude_m, air))
+    rate = rate_in_air(toys.AIRCRAFT, standard, drag, in_air(toys.AIRCRAFT, cas, altitude_m, air))
     # Both sides difference over 200 ft: of second order, and below 1e-4 away from the one-sided ends.
-    torch.testing.assert_close(found[:, 2:-2], expected[:, 2:-2], rtol=2e-4, atol=0)
-    assert float((found / standard - 1).abs().max()) > 0.05
+    torch.testing.assert_close(rate[:, 2:-2], expected[:, 2:-2], rtol=2e-4, atol=0)
+    assert float((rate / standard - 1).abs().max()) > 0.05
 
 
 def test_drag_comes_back_from_the_rate_flown_in_its_air() -> None:
@@ -193,16 +193,16 @@ def test_where_the_air_is_not_known_it_is_held_and_no_drag_is_inferred(frame: pl
 def test_the_table_of_air_is_within_its_errors_of_the_truth() -> None:
     """Of simulated days at ISA + 8 K in still air, by flight, level and time."""
     frame = df.prepare(df.simulate("A320", 40, seed=3, plant={"temperature": {"deviation_k": 8.0}})).frame
-    found = air_table(frame)
-    assert found["flight_id"].n_unique() > 30
+    table = air_table(frame)
+    assert table["flight_id"].n_unique() > 30
     for name, truth in (("deviation", 8.0), ("tailwind", 0.0)):
         value, error = (
-            found[f"{name}{end}"] for end in (("_k", "_error_k") if name == "deviation" else ("", "_error"))
+            table[f"{name}{end}"] for end in (("_k", "_error_k") if name == "deviation" else ("", "_error"))
         )
         # Errors of neighbouring levels are shared, so 95 % of all is known to some percent.
         assert ((value - truth).abs() < 2 * error).mean() > 0.9
         assert 0.1 < error.mean() < 1.0
-    own = frame.join(found, on=["flight_id", "level_fl"])
+    own = frame.join(table, on=["flight_id", "level_fl"])
     assert (own["timestamp"] == own["timestamp_right"]).all()
     still = air_table(frame.drop("groundspeed"))
     assert still["tailwind"].is_null().all()

@@ -62,12 +62,12 @@ def test_the_error_of_a_gap_is_that_between_samples() -> None:
 def test_the_interval_of_achieved_closure_is_the_delta_method() -> None:
     """Of (now - floor) / (then - floor) with independent errors, by 200,000 draws: to two hundredths of its width."""
     before, floor, error, now, error_now = 1.0, 0.1, 0.05, 0.3, 0.04
-    found = achieved_share(before, floor, error, now, floor, error_now)
+    share = achieved_share(before, floor, error, now, floor, error_now)
     generator = torch.Generator().manual_seed(0)
     draws = torch.randn(2, 200_000, generator=generator).double()
     shares = 1 - (now + error_now * draws[0] - floor) / (before + error * draws[1] - floor)
-    assert found.estimate == pytest.approx(1 - 0.2 / 0.9)
-    assert (found.high - found.low) / 2 == pytest.approx(1.645 * float(shares.std()), rel=0.02)
+    assert share.estimate == pytest.approx(1 - 0.2 / 0.9)
+    assert (share.high - share.low) / 2 == pytest.approx(1.645 * float(shares.std()), rel=0.02)
     assert achieved_share(0.1, 0.1, 0.0, 0.1, 0.1, 0.0).estimate is None
 
 
@@ -88,7 +88,7 @@ def test_the_uncertainty_of_a_quantity_is_that_of_rounding_its_fields() -> None:
     """Reports rounded to the steps, against the formula: a true airspeed over that of its Mach number."""
     sides = example_sides()
     profile = profile_of(sides)
-    found = rounding_of(sides, profile)[sides.columns("tas")]
+    rounding = rounding_of(sides, profile)[sides.columns("tas")]
     generator = torch.Generator().manual_seed(0)
     for at, here in ((0, profile[0]), (10, profile[10])):
         mach = float(sides.state.mach()[:, at].mean())
@@ -97,7 +97,7 @@ def test_the_uncertainty_of_a_quantity_is_that_of_rounding_its_fields() -> None:
         told = [torch.round(v / STEPS[n]) * STEPS[n] for v, n in ((tas, "TAS"), (ratio, "Mach"))]
         error = (told[0] / tas).log() - (told[1] / ratio).log()
         # Speeds within 5 % of the middle: their mean uncertainty is that of the middle to 1 %.
-        assert float(found[at]) == pytest.approx(float(error.std()), rel=0.01)
+        assert float(rounding[at]) == pytest.approx(float(error.std()), rel=0.01)
 
 
 def test_a_fifth_of_a_kelvin_is_measurable_and_no_gap_to_explain() -> None:

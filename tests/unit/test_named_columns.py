@@ -22,9 +22,9 @@ def test_a_column_of_another_name_is_the_same_column(suffix: str, tmp_path: Path
     path = tmp_path / f"rows.{suffix}"
     write = {"parquet": renamed.write_parquet, "csv": renamed.write_csv, "feather": renamed.write_ipc}
     write.get(suffix, renamed.write_json)(path)
-    found = prepare(path, columns={"altitude": "height, ft", "vertical_rate": "climb"})
+    prepared = prepare(path, columns={"altitude": "height, ft", "vertical_rate": "climb"})
     # JSON and CSV write numbers out to the last digit, so that all are the same numbers.
-    assert_frame_equal(found.frame, prepare(rows).frame)
+    assert_frame_equal(prepared.frame, prepare(rows).frame)
 
 
 def test_the_command_takes_names_and_says_which_are_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -75,12 +75,12 @@ def test_mach_is_computed_where_most_rows_lack_it(every: int | None) -> None:
     rows = fleet()
     whole, number = prepare(rows), pl.int_range(pl.len())
     has = pl.lit(False) if every is None else number % every == 0
-    found = prepare(rows.with_columns(Mach=pl.when(has).then("Mach")))
-    assert len(found.frame) == len(whole.frame)
-    assert (found.frame["Mach"] - whole.frame["Mach"]).abs().max() < 1e-4
-    assert found.computed == ["Mach"]
+    prepared = prepare(rows.with_columns(Mach=pl.when(has).then("Mach")))
+    assert len(prepared.frame) == len(whole.frame)
+    assert (prepared.frame["Mach"] - whole.frame["Mach"]).abs().max() < 1e-4
+    assert prepared.computed == ["Mach"]
     kept = 0 if every is None else len(rows.gather_every(every))
-    assert found.report.notes["values of Mach computed from IAS and altitude"] == len(rows) - kept
+    assert prepared.report.notes["values of Mach computed from IAS and altitude"] == len(rows) - kept
     some = prepare(rows.with_columns(Mach=pl.when(number % 3 > 0).then("Mach")))
     assert (some.computed, some.report.notes["rows without Mach"]) == ([], len(rows.gather_every(3)))
 

@@ -35,7 +35,7 @@ def test_sizes_are_those_of_openap() -> None:
     yaml = pytest.importorskip("yaml")
     for typecode, size in type_sizes().items():
         path = Path(openap.__file__).parent / "data" / "aircraft" / f"{typecode.lower()}.yml"
-        found = yaml.safe_load(path.read_text())
-        assert found["engine"]["type"] == "turbofan"
-        assert (size.engine, size.n_engines) == ("jet", found["engine"]["number"])
-        assert size.mass_maximum_kg == found["mtow"]
+        settings = yaml.safe_load(path.read_text())
+        assert settings["engine"]["type"] == "turbofan"
+        assert (size.engine, size.n_engines) == ("jet", settings["engine"]["number"])
+        assert size.mass_maximum_kg == settings["mtow"]

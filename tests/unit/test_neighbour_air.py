@@ -35,8 +35,8 @@ def mixed(flown: pl.DataFrame) -> pl.DataFrame:
 
 
 def test_airspeeds_by_neighbours_are_those_flown(flown: pl.DataFrame) -> None:
-    found = prepare(mixed(flown), airspeeds_from="neighbours")
-    both = found.frame.join(prepare(flown).frame, on=["icao24", "level_fl"], suffix="_flown")
+    prepared = prepare(mixed(flown), airspeeds_from="neighbours")
+    both = prepared.frame.join(prepare(flown).frame, on=["icao24", "level_fl"], suffix="_flown")
     made = both.filter(pl.col("icao24").is_in(SILENT))
     assert made["airspeed_source"].unique().to_list() == ["neighbours"]
     assert made["icao24"].n_unique() == len(SILENT)
@@ -46,7 +46,7 @@ def test_airspeeds_by_neighbours_are_those_flown(flown: pl.DataFrame) -> None:
     assert others["airspeed_source"].unique().to_list() == ["reported"]
     assert np.allclose(others["IAS"], others["IAS_flown"])
     assert float((others["derived_IAS"] - others["IAS"]).abs().max()) < 3.0
-    note, rows = next((note, rows) for note, rows in found.report.notes.items() if note.startswith("reported airsp"))
+    note, rows = next((note, rows) for note, rows in prepared.report.notes.items() if note.startswith("reported airsp"))
     assert "kt in the median" in note
     assert 0.6 < rows / len(flown.filter(~pl.col("icao24").is_in(SILENT))) <= 1
 
@@ -65,8 +65,8 @@ def test_an_aircrafts_own_reports_say_nothing_of_it(flown: pl.DataFrame) -> None
 
 def test_what_is_far_from_all_neighbours_is_left_out(flown: pl.DataFrame) -> None:
     late = pl.when(pl.col("icao24") == SILENT[0]).then(pl.duration(hours=8)).otherwise(pl.duration())
-    found = prepare(mixed(flown).with_columns(pl.col("timestamp") + late), airspeeds_from="neighbours")
-    left_out = next(step for step in found.report.steps if step.step == "outside_field_place")
+    prepared = prepare(mixed(flown).with_columns(pl.col("timestamp") + late), airspeeds_from="neighbours")
+    left_out = next(step for step in prepared.report.steps if step.step == "outside_field_place")
     assert left_out.rows_dropped == len(flown.filter(pl.col("icao24") == SILENT[0]))
 
 

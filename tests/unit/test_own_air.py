@@ -143,10 +143,10 @@ def test_each_flight_is_held_against_samples_in_its_own_air(checkpoint: Path, de
     n_levels, top = len(parts.decoder.levels_fl), len(parts.decoder.levels_fl) - 1
     airs = LevelAir(torch.tensor([[0.0], [30.0]]).double().expand(2, n_levels), torch.zeros(2, n_levels).double())
     entry = torch.tensor([top - 10, top])
-    found = sample_descents(density, parts, 50, 0, entry=entry, air=airs)
-    assert found.air is not None
-    warm = found.air.deviation_k[:, 0] == 30
-    assert torch.equal(found.trajectories.entry == top, warm), "an entry level comes with the air of its flight"
+    samples = sample_descents(density, parts, 50, 0, entry=entry, air=airs)
+    assert samples.air is not None
+    warm = samples.air.deviation_k[:, 0] == 30
+    assert torch.equal(samples.trajectories.entry == top, warm), "an entry level comes with the air of its flight"
     assert df.evaluate(checkpoint, descents, n=200, n_splits=2).rejections.accepted == 200
 
 
@@ -183,8 +183,8 @@ def test_a_diagnosis_does_not_name_the_weather_that_the_model_knows(tmp_path: Pa
         df.fit(DescentDataModule(learnt, air=air), model="gaussian", out=tmp_path / f"{air}.ckpt")
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
-            found = df.diagnose(warm, tmp_path / f"{air}.ckpt")
-        named = {cause.effect for cause in found.causes}
+            report = df.diagnose(warm, tmp_path / f"{air}.ckpt")
+        named = {cause.effect for cause in report.causes}
         assert bool(named & {"temperature", "wind_gradient"}) is weather_is_named
         assert any("compared in standard air" in str(one.message) for one in said) is not weather_is_named
 

@@ -100,8 +100,8 @@ def test_exact_factor_converges_with_the_square_of_the_spacing():
     def error(levels):
         altitude = torch.linspace(3000.0, 10900.0, levels, dtype=DOUBLE)
         exact = energy_share_factor(0.78, altitude, ABOVE)
-        found = energy_share_factor_exact(mach_to_cas_mps(0.78, altitude), altitude)
-        return (found - exact)[1:-1].abs().max().item()
+        factor = energy_share_factor_exact(mach_to_cas_mps(0.78, altitude), altitude)
+        return (factor - exact)[1:-1].abs().max().item()
 
     assert error(101) / error(201) == pytest.approx(4.0, rel=0.1)
 

@@ -43,8 +43,8 @@ def notes_of(rows: pl.DataFrame) -> tuple[pl.DataFrame, dict[str, int]]:
 def test_rounded_noisy_rows_are_left_as_they_are(every_s: float) -> None:
     rows = radar(every_s=every_s)
     assert (rows["IAS"] == rows["groundspeed"]).sum() > 0, "they cross"
-    found, notes = notes_of(rows)
-    assert found.equals(rows)
+    cleaned, notes = notes_of(rows)
+    assert cleaned.equals(rows)
     assert notes == {}
 
 
@@ -52,14 +52,14 @@ def test_rounded_noisy_rows_are_left_as_they_are(every_s: float) -> None:
 def test_values_of_another_column_are_left_out_by_their_name(name: str, other: str) -> None:
     rows = radar()
     wrong = some(rows)
-    found, notes = notes_of(rows.with_columns(pl.when(wrong).then(other).otherwise(name).alias(name)))
+    cleaned, notes = notes_of(rows.with_columns(pl.when(wrong).then(other).otherwise(name).alias(name)))
     (words, number), *rest = notes.items()
     assert words == f"values of {name} that equal {other} to the digit{TAKEN_FOR_MISSING}"
     assert not rest
     expected = rows.select(pl.when(~(wrong | (pl.col(name) == pl.col(other)))).then(name).alias(name)).to_series()
-    assert (found[name].null_count(), number) == (expected.null_count(), expected.null_count())
-    assert found[name].equals(expected)
-    assert found.drop(name).equals(rows.drop(name))
+    assert (cleaned[name].null_count(), number) == (expected.null_count(), expected.null_count())
+    assert cleaned[name].equals(expected)
+    assert cleaned.drop(name).equals(rows.drop(name))
 
 
 def test_a_column_that_is_another_one_is_refused() -> None:
@@ -75,10 +75,10 @@ def test_a_column_that_is_another_one_is_refused() -> None:
 def test_a_number_that_stands_for_none_is_left_out_and_named(name: str, value: float, share: float) -> None:
     rows = radar()
     wrong = some(rows, share)
-    found, notes = notes_of(rows.with_columns(pl.when(wrong).then(pl.lit(value)).otherwise(name).alias(name)))
+    cleaned, notes = notes_of(rows.with_columns(pl.when(wrong).then(pl.lit(value)).otherwise(name).alias(name)))
     left_out = rows.select(((pl.col(name) == value) | wrong).sum()).item()
     assert notes == {f"values of {name} that are {value:g} among others{TAKEN_FOR_MISSING}": left_out}
-    assert found[name].null_count() == left_out
+    assert cleaned[name].null_count() == left_out
 
 
 @pytest.mark.parametrize("name", MEASURED)
@@ -86,9 +86,9 @@ def test_spikes_of_all_kinds_are_left_to_the_cleaning(name: str) -> None:
     rows = radar()
     leap = {"Mach": 0.3, "vertical_rate": 4000.0}.get(name, 120.0)
     random = pl.Series(np.random.default_rng(2).uniform(0.7, 1.5, len(rows))) * leap
-    found, notes = notes_of(rows.with_columns(pl.when(some(rows, 0.05)).then(pl.col(name) + random).otherwise(name)))
+    cleaned, notes = notes_of(rows.with_columns(pl.when(some(rows, 0.05)).then(pl.col(name) + random).otherwise(name)))
     assert notes == {}
-    assert found[name].null_count() == 0
+    assert cleaned[name].null_count() == 0
 
 
 def test_stepped_descents_of_sparse_reports_are_none() -> None:

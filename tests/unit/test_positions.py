@@ -22,43 +22,43 @@ DESCENT_S = 200 * 30.48 / 10
 
 def test_constant_speed_in_still_air() -> None:
     """Speed over the ground is V cos(gamma); a sum of exact trapezia, so to rounding."""
-    found = place(steady_descents([200.0, 230.0]))
+    placed = place(steady_descents([200.0, 230.0]))
     expected = np.sqrt(np.array([200.0, 230.0]) ** 2 - 100.0) * DESCENT_S
-    np.testing.assert_allclose(found.distance_m[:, 0], expected, rtol=1e-12)
-    np.testing.assert_allclose(found.to_go_m[:, -1], expected, rtol=1e-12)
-    np.testing.assert_allclose(found.top_of_descent_m, expected, rtol=1e-12)
-    assert (found.to_go_m[:, 0] == 0).all()
-    assert (found.distance_m[:, -1] == 0).all()
+    np.testing.assert_allclose(placed.distance_m[:, 0], expected, rtol=1e-12)
+    np.testing.assert_allclose(placed.to_go_m[:, -1], expected, rtol=1e-12)
+    np.testing.assert_allclose(placed.top_of_descent_m, expected, rtol=1e-12)
+    assert (placed.to_go_m[:, 0] == 0).all()
+    assert (placed.distance_m[:, -1] == 0).all()
 
 
 def test_distance_is_counted_from_the_entry_and_to_go_from_the_end_point() -> None:
-    found = place(steady_descents([200.0], entry=100), to_go_m=5000.0)
+    placed = place(steady_descents([200.0], entry=100), to_go_m=5000.0)
     half = np.sqrt(200.0**2 - 100.0) * DESCENT_S / 2
-    np.testing.assert_allclose(found.distance_m[0, [0, 100]], [half, 0.0], atol=1e-6)
-    np.testing.assert_allclose(found.to_go_m[0, [0, 100]], [5000.0, 5000.0 + half])
-    np.testing.assert_allclose(found.top_of_descent_m, [5000.0 + half])
+    np.testing.assert_allclose(placed.distance_m[0, [0, 100]], [half, 0.0], atol=1e-6)
+    np.testing.assert_allclose(placed.to_go_m[0, [0, 100]], [5000.0, 5000.0 + half])
+    np.testing.assert_allclose(placed.top_of_descent_m, [5000.0 + half])
 
 
 @pytest.mark.parametrize(("direction", "along", "across"), [(270, 25.0, 0.0), (90, -25.0, 0.0), (0, 0.0, 25.0)])
 def test_constant_wind_along_the_equator(direction: int, along: float, across: float) -> None:
     """The equator is a geodesic of constant track, so the wind triangle holds all along it."""
     wind = wind_of_text(f"{direction}/{25 / KT_MPS}")
-    found = place(steady_descents([200.0]), path_to((0.0, 10.0), track=90.0), wind)
+    placed = place(steady_descents([200.0]), path_to((0.0, 10.0), track=90.0), wind)
     groundspeed = np.sqrt(200.0**2 - 100.0 - across**2) + along
-    np.testing.assert_allclose(found.groundspeed_mps, groundspeed, rtol=1e-9)
-    np.testing.assert_allclose(found.top_of_descent_m, groundspeed * DESCENT_S, rtol=1e-9)
+    np.testing.assert_allclose(placed.groundspeed_mps, groundspeed, rtol=1e-9)
+    np.testing.assert_allclose(placed.top_of_descent_m, groundspeed * DESCENT_S, rtol=1e-9)
     # A degree of the equator of WGS84 is 2 pi a / 360.
-    degrees = found.top_of_descent_m / (2 * np.pi * 6378137.0 / 360)
-    np.testing.assert_allclose(found.longitude[:, -1], 10.0 - degrees, rtol=1e-9)
+    degrees = placed.top_of_descent_m / (2 * np.pi * 6378137.0 / 360)
+    np.testing.assert_allclose(placed.longitude[:, -1], 10.0 - degrees, rtol=1e-9)
 
 
 def test_wind_that_grows_with_height() -> None:
     """At a constant rate the mean of a linear profile is its value in the middle; no track change on the equator."""
     wind = WindByLevel(np.array([150.0, 350.0]), np.array([10.0, 50.0]), np.zeros(2))
-    found = place(steady_descents([200.0]), path_to((0.0, 0.0), track=90.0), wind)
+    placed = place(steady_descents([200.0]), path_to((0.0, 0.0), track=90.0), wind)
     still = np.sqrt(200.0**2 - 100.0)
-    np.testing.assert_allclose(found.top_of_descent_m, (still + 30.0) * DESCENT_S, rtol=1e-9)
-    np.testing.assert_allclose(found.groundspeed_mps[0, [0, 50, 200]], still + np.array([10.0, 20.0, 50.0]))
+    np.testing.assert_allclose(placed.top_of_descent_m, (still + 30.0) * DESCENT_S, rtol=1e-9)
+    np.testing.assert_allclose(placed.groundspeed_mps[0, [0, 50, 200]], still + np.array([10.0, 20.0, 50.0]))
 
 
 @pytest.mark.parametrize("wind", [None, "310/45"])
@@ -94,8 +94,8 @@ def test_a_route_is_flown_from_fix_to_fix() -> None:
     path = path_along(fixes)
     legs = [WGS84.inv(a[1], a[0], b[1], b[0])[2] for a, b in pairwise(fixes)]
     for left, (latitude, longitude) in zip([0.0, legs[2], legs[2] + legs[1], sum(legs)], fixes[::-1], strict=True):
-        found = path.at(np.array([left]))
-        np.testing.assert_allclose([found[0][0], found[1][0]], [latitude, longitude], atol=1e-9)
+        position = path.at(np.array([left]))
+        np.testing.assert_allclose([position[0][0], position[1][0]], [latitude, longitude], atol=1e-9)
     before = path.at(np.array([sum(legs) + 10_000.0]))
     assert WGS84.inv(before[1][0], before[0][0], 3.0, 51.0)[2] == pytest.approx(10_000.0, abs=1e-3)
     on_first = WGS84.inv(3.0, 51.0, 3.4, 51.6)[0]

@@ -39,12 +39,12 @@ def test_a_level_that_no_flight_shows_has_no_loadings_and_changes_no_other() -> 
     mask[:, 7] = False
     centred = torch.where(mask, values, 0.0)
     others = torch.arange(20) != 7
-    found = ppca.em(centred, mask, 2, max_iterations=3000, tolerance=1e-13)
+    model = ppca.em(centred, mask, 2, max_iterations=3000, tolerance=1e-13)
     without = ppca.em(centred[:, others], mask[:, others], 2, max_iterations=3000, tolerance=1e-13)
-    assert torch.equal(found.loadings[7], torch.zeros(2, dtype=torch.float64))
-    product, same = found.loadings[others], without.loadings
+    assert torch.equal(model.loadings[7], torch.zeros(2, dtype=torch.float64))
+    product, same = model.loadings[others], without.loadings
     torch.testing.assert_close(product @ product.T, same @ same.T, rtol=1e-3, atol=1e-3)
-    torch.testing.assert_close(found.noise_variance, without.noise_variance, rtol=1e-3, atol=0)
+    torch.testing.assert_close(model.noise_variance, without.noise_variance, rtol=1e-3, atol=0)
 
 
 def generator(seed: int = 0) -> torch.Generator:

@@ -16,9 +16,9 @@ NO_FLIGHTS = MeanOfFlights(0.0, 0.0, 0, 0)
 
 def test_the_mean_of_independent_flights_has_the_variance_of_the_textbook() -> None:
     values = np.random.default_rng(0).normal(size=40)
-    found = mean_of(values, np.arange(40), np.arange(40))
-    assert found.variance == pytest.approx(values.var(ddof=1) / 40)
-    assert found.freedom == 39
+    mean = mean_of(values, np.arange(40), np.arange(40))
+    assert mean.variance == pytest.approx(values.var(ddof=1) / 40)
+    assert mean.freedom == 39
 
 
 def test_flights_of_one_aircraft_and_of_one_day_count_once() -> None:
@@ -96,9 +96,9 @@ def test_the_published_limits() -> None:
 
 
 def test_look_ahead_judges_nothing_until_a_limit_is_given() -> None:
-    found = read_limits("look_ahead")
-    assert found.minutes == [5.0, 10.0, 20.0]
-    assert {limit.width(1.0) for limit in found.limits} == {None}
+    limits = read_limits("look_ahead")
+    assert limits.minutes == [5.0, 10.0, 20.0]
+    assert {limit.width(1.0) for limit in limits.limits} == {None}
 
 
 @pytest.mark.parametrize(

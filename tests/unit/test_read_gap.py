@@ -23,21 +23,28 @@ def written(folder: Path, **changed: Any) -> Path:
 
 
 def test_what_was_found_is_read_back_as_it_was(tmp_path: Path) -> None:
-    found = finding_toys.findings()
+    findings = finding_toys.findings()
     # A field that the toys leave empty would be read back right by chance.
-    for part in (found, found.details, found.causes[1], found.provenance, found.provenance.real, found.previous):
+    for part in (
+        findings,
+        findings.details,
+        findings.causes[1],
+        findings.provenance,
+        findings.provenance.real,
+        findings.previous,
+    ):
         empty = [one.name for one in fields(part) if getattr(part, one.name) in ([], {}, None, "")]
         assert empty in ([], ["group", "alternatives"], ["corrections"])  # what writes files is not in one
-    assert read_gap(written(tmp_path)) == found
+    assert read_gap(written(tmp_path)) == findings
 
 
 def test_fields_with_a_default_may_be_absent(tmp_path: Path) -> None:
     optional = [f for f in fields(Findings) if f.default is not MISSING or f.default_factory is not MISSING]
     assert len(optional) >= 8
-    found = read_gap(written(tmp_path, **{f.name: ... for f in optional}))
-    assert found.costs == []
-    assert found.provenance.real.name == ""
-    assert found.causes == finding_toys.findings().causes
+    gap = read_gap(written(tmp_path, **{f.name: ... for f in optional}))
+    assert gap.costs == []
+    assert gap.provenance.real.name == ""
+    assert gap.causes == finding_toys.findings().causes
 
 
 @pytest.mark.parametrize(

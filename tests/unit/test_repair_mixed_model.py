@@ -55,13 +55,13 @@ def test_posterior_and_marginal_likelihood_are_those_of_dense_matrices() -> None
     prior = type_covariance(flights.groups, SIZES)
     whole = noise + columns @ prior @ columns.T
     gain = prior @ columns.T @ np.linalg.inv(whole)
-    found = posterior(flights, SIZES)
-    np.testing.assert_allclose(found.mean.ravel(), gain @ y, atol=1e-9)
+    fitted = posterior(flights, SIZES)
+    np.testing.assert_allclose(fitted.mean.ravel(), gain @ y, atol=1e-9)
     for kind in range(flights.types):
         at = slice(3 * kind, 3 * kind + 3)
-        np.testing.assert_allclose(found.of(kind)[1], (prior - gain @ columns @ prior)[at, at], atol=1e-9)
+        np.testing.assert_allclose(fitted.of(kind)[1], (prior - gain @ columns @ prior)[at, at], atol=1e-9)
     constant = -0.5 * len(y) * np.log(2 * np.pi)
-    assert found.log_likelihood + constant == pytest.approx(multivariate_normal(cov=whole).logpdf(y), abs=1e-6)
+    assert fitted.log_likelihood + constant == pytest.approx(multivariate_normal(cov=whole).logpdf(y), abs=1e-6)
 
 
 def test_predictive_density_is_the_ratio_of_two_marginal_likelihoods() -> None:
@@ -69,8 +69,8 @@ def test_predictive_density_is_the_ratio_of_two_marginal_likelihoods() -> None:
     new = flights.tail == flights.tail[-1]
     old = posterior(flights.rows(np.flatnonzero(~new)), SIZES)
     whole = posterior(flights, SIZES).log_likelihood
-    found = predictive_log_density(flights.rows(np.flatnonzero(new)), old)
-    assert found[0] == pytest.approx(whole - old.log_likelihood, abs=1e-6)
+    log_density = predictive_log_density(flights.rows(np.flatnonzero(new)), old)
+    assert log_density[0] == pytest.approx(whole - old.log_likelihood, abs=1e-6)
 
 
 @pytest.mark.parametrize(("apart", "pooled"), [(0.0, True), (0.6, False)])
@@ -87,8 +87,8 @@ def test_pooling_of_sisters_is_learnt(apart: float, pooled: bool) -> None:
     one = np.ones(y.shape)
     groups = np.array([[0] * types])
     flights = Flights(y, x, 0 * one, one > 0, kind, np.arange(types * n), 700.0 * np.arange(bands), groups)
-    found = fit(flights.rows(kept))
-    assert (found.sizes.weights[0] > 0.7) is pooled
+    model = fit(flights.rows(kept))
+    assert (model.sizes.weights[0] > 0.7) is pooled
 
 
 def test_few_flights_are_no_worse_than_the_prior_on_average() -> None:

@@ -20,18 +20,18 @@ def test_a_second_run_of_the_same_addresses_and_times_is_no_copy() -> None:
     rows = fleet(3)
     second = rows.with_columns(pl.col("IAS") + 10)
     with pytest.warns(DescentflowWarning, match=f"{len(rows)} rows with the address and time of another row"):
-        found = prepare([rows, second])
-    assert found.report.notes[OTHER_VALUES] == len(rows)
-    assert found.frame.equals(prepare(rows).frame), "the first are kept"
+        prepared = prepare([rows, second])
+    assert prepared.report.notes[OTHER_VALUES] == len(rows)
+    assert prepared.frame.equals(prepare(rows).frame), "the first are kept"
 
 
 def test_copies_are_duplicates_and_nothing_more() -> None:
     rows = fleet(3)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = prepare([rows, rows, rows.with_columns(vertical_rate=pl.lit(None, pl.Float64))])
-    assert OTHER_VALUES not in found.report.notes
-    assert next(s.rows_dropped for s in found.report.steps if s.step == "duplicate") == 2 * len(rows)
+        prepared = prepare([rows, rows, rows.with_columns(vertical_rate=pl.lit(None, pl.Float64))])
+    assert OTHER_VALUES not in prepared.report.notes
+    assert next(s.rows_dropped for s in prepared.report.steps if s.step == "duplicate") == 2 * len(rows)
 
 
 def test_most_rows_of_many_small_files_do_not_go_in_silence() -> None:
@@ -46,9 +46,10 @@ def test_most_rows_of_many_small_files_do_not_go_in_silence() -> None:
 def test_what_stands_for_no_type_is_none() -> None:
     rows = fleet(3)
     first = pl.col("icao24") == "4ca000"
-    found = prepare(rows.with_columns(typecode=pl.when(first).then(pl.lit("zzzz")).otherwise("typecode")))
+    prepared = prepare(rows.with_columns(typecode=pl.when(first).then(pl.lit("zzzz")).otherwise("typecode")))
     assert (
-        next(s.rows_dropped for s in found.report.steps if s.step == "unknown_type") == rows.select(first.sum()).item()
+        next(s.rows_dropped for s in prepared.report.steps if s.step == "unknown_type")
+        == rows.select(first.sum()).item()
     )
     with pytest.raises(DataError, match="rows without any typecode"):
         prepare(rows.with_columns(typecode=pl.lit("XXXX")))

@@ -57,9 +57,9 @@ def cause(name: str, theta: list[float], error: list[float]) -> Cause:
 def test_noise_that_an_effect_makes_of_itself_is_told_and_not_entered(
     name: str, theta: list[float], error: list[float], entered: list[str]
 ) -> None:
-    found = cause(name, theta, error)
-    (step,) = recipe_of([found], EFFECTS, (150, 350))
+    sized = cause(name, theta, error)
+    (step,) = recipe_of([sized], EFFECTS, (150, 350))
     assert [number.label for number in step.numbers] == entered
-    noisy = any("noise" in size.text for size in found.sizes)
+    noisy = any("noise" in size.text for size in sized.sizes)
     assert noisy
     assert "noise" not in step.text

@@ -37,12 +37,12 @@ def residuals(entry: Tensor) -> Residuals:
 def test_numbers_are_those_of_the_nearest_flights_as_scipy_finds_them() -> None:
     held, weights = residuals(torch.zeros(M)), normal(3000, D, seed=2)
     uniform = torch.rand(3000, generator=torch.Generator().manual_seed(3), dtype=torch.float64)
-    found = held.draw(weights, torch.zeros(3000), uniform)
+    numbers = held.draw(weights, torch.zeros(3000), uniform)
     _, near = cKDTree(held.weights.numpy()).query(weights.numpy(), NEIGHBOURS)
-    rank = (near == found[:, :1].numpy()).argmax(1)
-    np.testing.assert_array_equal(near[np.arange(3000), rank], found[:, 0].numpy())
+    rank = (near == numbers[:, :1].numpy()).argmax(1)
+    np.testing.assert_array_equal(near[np.arange(3000), rank], numbers[:, 0].numpy())
     np.testing.assert_array_equal(rank, (uniform * NEIGHBOURS).long().numpy())
-    assert torch.equal(held.draw(weights[7:8], torch.zeros(1), uniform[7:8]), found[7:8]), "alone as among others"
+    assert torch.equal(held.draw(weights[7:8], torch.zeros(1), uniform[7:8]), numbers[7:8]), "alone as among others"
 
 
 def test_a_known_line_is_found_again() -> None:

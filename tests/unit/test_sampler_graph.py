@@ -68,10 +68,10 @@ def test_components_are_as_frequent_as_their_proportions() -> None:
 def test_levels_between_and_beyond_the_grid() -> None:
     graph = DescentGraph(PARTS)
     levels = torch.tensor([149.9, 150.0, 250.4, 370.0, 370.1, torch.nan], dtype=torch.float64)
-    found = graph(torch.zeros(6, D, dtype=torch.float64), levels)
-    assert found["broken"][:, -1].tolist() == [True, False, False, False, True, True]
-    assert not bool(found["accepted"][[0, 4, 5]].any())
-    assert float(found["level_fl"][~found["time_s"][2].isnan()].max()) == 250
+    graphed = graph(torch.zeros(6, D, dtype=torch.float64), levels)
+    assert graphed["broken"][:, -1].tolist() == [True, False, False, False, True, True]
+    assert not bool(graphed["accepted"][[0, 4, 5]].any())
+    assert float(graphed["level_fl"][~graphed["time_s"][2].isnan()].max()) == 250
 
 
 def test_what_cannot_be_a_graph_is_refused() -> None:

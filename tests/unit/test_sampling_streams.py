@@ -99,8 +99,8 @@ def test_a_forked_process_does_not_wait_for_threads_that_it_has_not() -> None:
     environment = {**os.environ, "OMP_NUM_THREADS": "2"}
     folder = str(Path(descentflow.__file__).parents[1])
     words = [sys.executable, "-W", "ignore::DeprecationWarning", "-c", FORKED]
-    found = subprocess.run(words, capture_output=True, text=True, check=True, env=environment, cwd=folder, timeout=120)
-    assert found.stdout.split() == ["1", "0"], "the parent keeps its own"
+    done = subprocess.run(words, capture_output=True, text=True, check=True, env=environment, cwd=folder, timeout=120)
+    assert done.stdout.split() == ["1", "0"], "the parent keeps its own"
 
 
 FORKED_AFTER_POLARS = """
@@ -122,10 +122,10 @@ def test_a_forked_process_refuses_tables_that_polars_would_wait_for(tmp_path: Pa
     script.write_text(FORKED_AFTER_POLARS)
     environment = {**os.environ, "PYTHONPATH": str(Path(descentflow.__file__).parents[1])}
     words = [sys.executable, "-W", "ignore::DeprecationWarning", str(script), str(descents)]
-    found = subprocess.run(words, capture_output=True, text=True, env=environment, timeout=120)
-    assert found.stdout.startswith("[{'A320': ")
-    assert found.stdout.count("\n") == 1, "only the process that was begun afresh answers"
-    assert "a process begun afresh" in found.stderr
+    done = subprocess.run(words, capture_output=True, text=True, env=environment, timeout=120)
+    assert done.stdout.startswith("[{'A320': ")
+    assert done.stdout.count("\n") == 1, "only the process that was begun afresh answers"
+    assert "a process begun afresh" in done.stderr
 
 
 RANDOM = {"rand", "randn", "randint", "randperm", "multinomial", "normal", "bernoulli", "rand_like", "randn_like"}

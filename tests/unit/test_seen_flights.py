@@ -55,9 +55,9 @@ def test_evaluation_leaves_out_what_the_model_saw_under_other_names(
     change: dict, model: Gaussian, descents: Descents
 ) -> None:
     split = model.representation.split
-    found = evaluate(model, renamed(descents, **change), n=60, n_splits=1)
-    assert found.n_seen == len(split.train) + len(split.validation)
-    assert len(found.real) == len(split.test)
+    evaluation = evaluate(model, renamed(descents, **change), n=60, n_splits=1)
+    assert evaluation.n_seen == len(split.train) + len(split.validation)
+    assert len(evaluation.real) == len(split.test)
 
 
 def test_predictions_are_of_unseen_flights_under_other_names(model: Gaussian, descents: Descents) -> None:

@@ -160,7 +160,7 @@ def test_airframes_start_on_days_of_their_own_within_the_season() -> None:
     world = simulate(A320, 200, 0, replace(CALM, days=92, bottom_fl=270.0, low_top_share=0.0))
     by_airframe = world.flights.with_columns(day=pl.col("start").dt.ordinal_day()).sort("start").group_by("icao24")
     days = by_airframe.agg(pl.col("day"))["day"].to_list()
-    assert all(np.diff(one).tolist() == [1, 1, 1, 1] for one in days)
-    assert len({one[0] for one in days}) > 25
+    assert all(np.diff(day).tolist() == [1, 1, 1, 1] for day in days)
+    assert len({day[0] for day in days}) > 25
     assert world.flights["start"].dt.date().n_unique() > 60
     assert (world.flights["start"].max() - world.flights["start"].min()).days < 92

@@ -59,10 +59,10 @@ def test_the_optimum_is_that_of_a_general_optimiser(flown: tuple[FlightState, to
     best = minimize(
         lambda x: float(minus_log_posterior(torch.tensor(x))), [0.0] * 15, method="BFGS", options={"gtol": 1e-4}
     )
-    found = simulator_coefficients(state, seen, alone)
+    coefficients = simulator_coefficients(state, seen, alone)
     # Differences of the optimiser's gradient limit it to some 1e-3 of a prior's spread.
-    torch.testing.assert_close(found.ln_factors, torch.tensor(best.x[:4]), atol=3e-3, rtol=0)
-    spread = found.covariance.diagonal().sqrt()
+    torch.testing.assert_close(coefficients.ln_factors, torch.tensor(best.x[:4]), atol=3e-3, rtol=0)
+    spread = coefficients.covariance.diagonal().sqrt()
     curvature = hessian(minus_log_posterior, torch.tensor(best.x))
     # Gauss and Newton leave out the second derivatives of ln rate.
     torch.testing.assert_close(spread, torch.linalg.inv(curvature).diagonal()[:4].sqrt(), rtol=0.1, atol=0)
@@ -71,19 +71,19 @@ def test_the_optimum_is_that_of_a_general_optimiser(flown: tuple[FlightState, to
 def test_the_common_scale_stays_as_open_as_before(flown: tuple[FlightState, torch.Tensor]) -> None:
     """No rate tells the scale of mass, drag and thrust: along it the data add nothing to the prior."""
     state, seen = flown
-    found = simulator_coefficients(state, seen, torch.arange(100))
+    coefficients = simulator_coefficients(state, seen, torch.arange(100))
     gauge = torch.tensor([1.0, 1.0, -1.0, 1.0], dtype=torch.float64)
     torch.testing.assert_close(log_rate(scaled(state, gauge * 0.2)), log_rate(state))
     prior = torch.diag(torch.tensor(ASSUMED.coefficient_spread, dtype=torch.float64) ** -2)
-    known = gauge @ torch.linalg.inv(found.covariance) @ gauge
+    known = gauge @ torch.linalg.inv(coefficients.covariance) @ gauge
     assert float(known) == pytest.approx(float(gauge @ prior @ gauge), rel=1e-3)
 
 
 def test_flights_of_which_no_rate_was_seen_leave_the_prior() -> None:
     state = example_flights(5)
     blank = torch.full((5, 11), torch.nan, dtype=torch.float64)
-    found = simulator_coefficients(state, blank, torch.arange(5))
-    torch.testing.assert_close(found.covariance, SimulatorCoefficients.unknown().covariance)
+    coefficients = simulator_coefficients(state, blank, torch.arange(5))
+    torch.testing.assert_close(coefficients.covariance, SimulatorCoefficients.unknown().covariance)
 
 
 def test_one_trajectory_flies_the_polars_rate_on_both_sides_of_its_crossover() -> None:
@@ -92,16 +92,16 @@ def test_one_trajectory_flies_the_polars_rate_on_both_sides_of_its_crossover() -
     quiet = replace(WorldConfig(), **still, cas_spread_kt=0.0, wander_kt=0.0, rate_smoothing_s=0.0)
     one = replace(quiet, operators=(Operator("ONE", 1.0, 289.0, 0.797),), mass_range=(0.875, 0.875))
     frame = prepare(simulate("B738", 40, 3, one)).frame
-    found = quantities_of(frame, 150, 360, ["IAS", "Mach", "vertical_rate"])
-    physics = found.physics
+    quantities = quantities_of(frame, 150, 360, ["IAS", "Mach", "vertical_rate"])
+    physics = quantities.physics
     cas = physics["cas_mps"]
-    middles = (150 + (torch.arange(cas.shape[1], dtype=torch.float64) + 0.5) * found.band_fl) * 30.48
+    middles = (150 + (torch.arange(cas.shape[1], dtype=torch.float64) + 0.5) * quantities.band_fl) * 30.48
     mass_kg = 0.875 * 66_349
     state = FlightState(
         aircraft("B738"),
         mass_kg,
         middles,
-        found.band_fl * 30.48,
+        quantities.band_fl * 30.48,
         cas,
         physics["cas_slope_per_s"],
         torch.zeros_like(cas),

@@ -42,11 +42,11 @@ def test_tables_in_every_packing(kind: str, packing: str, tmp_path: Path) -> Non
     if packing.startswith("tar"):
         whole = tar_of([("./day/rows", whole), ("README.md", b"not rows")])
     path = written_to(tmp_path / "rows", gzip.compress(whole) if packing.endswith("gz") or packing == "gzip" else whole)
-    found, notes = rows_of(path)
-    assert_frame_equal(found, FLIGHT, check_exact=not kind.startswith("json"))
+    decoded, notes = rows_of(path)
+    assert_frame_equal(decoded, FLIGHT, check_exact=not kind.startswith("json"))
     assert set(notes) <= {"members of archives left out: no rows by its name"}
     named, _ = rows_of(path, format="json-rows" if kind.startswith("json") else kind)
-    assert_frame_equal(named, found)
+    assert_frame_equal(named, decoded)
 
 
 @pytest.mark.parametrize("form", ["list", "list over lines", "one after the other", "indented", "one aircraft a line"])
@@ -62,8 +62,8 @@ def test_snapshots_in_any_arrangement(form: str, tmp_path: Path) -> None:
             json.dumps({"now": whole["now"], **whole["aircraft"][0]}) for whole in map(json.loads, lines)
         ),
     }[form]
-    found, notes = rows_of(written_to(tmp_path / "aircraft", text))
-    assert_same_flight(found)
+    decoded, notes = rows_of(written_to(tmp_path / "aircraft", text))
+    assert_same_flight(decoded)
     assert notes == {}
     if form.startswith("one"):
         cut, notes = rows_of(written_to(tmp_path / "cut", text[:-40]))
@@ -114,25 +114,25 @@ def test_state_vectors_that_opensky_repeats_are_left_out(tmp_path: Path) -> None
         mach="Mach",
     )
     vectors.write_parquet(tmp_path / "states.parquet")
-    found, notes = rows_of(tmp_path / "states.parquet")
+    decoded, notes = rows_of(tmp_path / "states.parquet")
     assert notes == {"state vectors without a message for 2 s, left out": 10}
-    assert np.allclose(found["altitude"], FLIGHT["altitude"][10:])
-    assert np.allclose(found["vertical_rate"], FLIGHT["vertical_rate"][10:], atol=1e-6)
-    assert np.allclose(found["groundspeed"], 400.0)
-    assert found["track"].to_list() == FLIGHT["track"][10:].to_list()
+    assert np.allclose(decoded["altitude"], FLIGHT["altitude"][10:])
+    assert np.allclose(decoded["vertical_rate"], FLIGHT["vertical_rate"][10:], atol=1e-6)
+    assert np.allclose(decoded["groundspeed"], 400.0)
+    assert decoded["track"].to_list() == FLIGHT["track"][10:].to_list()
 
 
 def test_scat_with_its_clearances(tmp_path: Path) -> None:
-    found, notes = rows_of(written_to(tmp_path / "100002.json", json.dumps(scat_of(FLIGHT), indent=1)))
+    decoded, notes = rows_of(written_to(tmp_path / "100002.json", json.dumps(scat_of(FLIGHT), indent=1)))
     assert notes == {}
-    assert_same_flight(found.with_columns(icao24=FLIGHT["icao24"]), altitude=1e-6, vertical_rate=1e-9)
-    assert set(found["icao24"]) == set(found["flight_id"]) == {"scat7"}
-    assert found["groundspeed"].to_list() == pytest.approx([400.0] * len(FLIGHT))
-    assert found["track"].to_list() == pytest.approx([90.0] * len(FLIGHT))
+    assert_same_flight(decoded.with_columns(icao24=FLIGHT["icao24"]), altitude=1e-6, vertical_rate=1e-9)
+    assert set(decoded["icao24"]) == set(decoded["flight_id"]) == {"scat7"}
+    assert decoded["groundspeed"].to_list() == pytest.approx([400.0] * len(FLIGHT))
+    assert decoded["track"].to_list() == pytest.approx([90.0] * len(FLIGHT))
     rest = len(FLIGHT) - 60
-    assert found["cleared_flight_level"].to_list() == [350.0] * 20 + [190.0] * 20 + [40.0] * (20 + rest)
-    assert found["cleared_mach"].to_list() == [None] * 20 + [0.77] * 20 + [None] * (20 + rest)
-    assert found["cleared_speed_kt"].to_list() == [None] * 40 + [280.0] * 20 + [None] * rest
+    assert decoded["cleared_flight_level"].to_list() == [350.0] * 20 + [190.0] * 20 + [40.0] * (20 + rest)
+    assert decoded["cleared_mach"].to_list() == [None] * 20 + [0.77] * 20 + [None] * (20 + rest)
+    assert decoded["cleared_speed_kt"].to_list() == [None] * 40 + [280.0] * 20 + [None] * rest
 
 
 def test_values_from_json_are_numbers_text_or_missing() -> None:

@@ -33,8 +33,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def without_settings(path: Path, target: Path) -> Path:
     """A prepared file that does not say how it was cleaned."""
-    found = read_descents(path)
-    write_descents(Descents(found.frame, {k: v for k, v in found.metadata.items() if k != "settings"}), target)
+    descents = read_descents(path)
+    write_descents(Descents(descents.frame, {k: v for k, v in descents.metadata.items() if k != "settings"}), target)
     return target
 
 

@@ -85,22 +85,22 @@ def test_tracks_and_plots_of_asterix(tmp_path: Path) -> None:
             0x50: register_50(0.0, 90.0, 400, 420),
         }
         plots += cat048("4ca001", seconds, level, registers) + bytes([34, 0, 4, 0])
-    found, notes = rows_of(written_to(tmp_path / "2024-03-01_tracks.ast", tracks))
+    decoded, notes = rows_of(written_to(tmp_path / "2024-03-01_tracks.ast", tracks))
     assert notes == {}
-    typed = found.with_columns(typecode=pl.lit("A320"))
+    typed = decoded.with_columns(typecode=pl.lit("A320"))
     assert_same_flight(typed, timestamp=0.005, altitude=12.5, vertical_rate=3.2, IAS=0.5, Mach=0.0041)
-    assert found["heading"].to_list() == pytest.approx([88.0] * len(FLIGHT), abs=0.01)
-    assert found["groundspeed"].to_list() == pytest.approx([399.95] * len(FLIGHT), abs=0.01)
-    assert found["track"].to_list() == [90.0] * len(FLIGHT)
-    assert found["latitude"].to_list() == pytest.approx([45.5] * len(FLIGHT), abs=1e-5)
+    assert decoded["heading"].to_list() == pytest.approx([88.0] * len(FLIGHT), abs=0.01)
+    assert decoded["groundspeed"].to_list() == pytest.approx([399.95] * len(FLIGHT), abs=0.01)
+    assert decoded["track"].to_list() == [90.0] * len(FLIGHT)
+    assert decoded["latitude"].to_list() == pytest.approx([45.5] * len(FLIGHT), abs=1e-5)
     expected = {"selected_altitude": 11_000, "wind_speed": 35, "wind_direction": 270, "temperature": 233.15}
     for name, value in expected.items():
-        assert found[name].to_list() == pytest.approx([value] * len(FLIGHT))
-    found, notes = rows_of(written_to(tmp_path / "plots_20240301.ast", plots))
+        assert decoded[name].to_list() == pytest.approx([value] * len(FLIGHT))
+    decoded, notes = rows_of(written_to(tmp_path / "plots_20240301.ast", plots))
     assert notes == {"ASTERIX blocks of other categories": len(FLIGHT)}
-    typed = found.with_columns(typecode=pl.lit("A320"))
+    typed = decoded.with_columns(typecode=pl.lit("A320"))
     assert_same_flight(typed, timestamp=0.005, altitude=12.5, vertical_rate=16.1, IAS=0.5, Mach=0.0021)
-    assert set(found["TAS"]) == {420.0}
+    assert set(decoded["TAS"]) == {420.0}
 
 
 def test_a_track_of_another_encoder_is_read(tmp_path: Path) -> None:
@@ -108,9 +108,9 @@ def test_a_track_of_another_encoder_is_read(tmp_path: Path) -> None:
     pytest.importorskip("pyasteryx")
     record = "010246504000816c17001777770191ff36e905810c4ca001513531820820400001c2ff1001f4010e0062007b0579ff10"
     block = bytes.fromhex(f"3e{3 + 3 + len(record) // 2:04x}9b1924{record}")
-    found, notes = rows_of(written_to(tmp_path / "a.ast", block))
+    decoded, notes = rows_of(written_to(tmp_path / "a.ast", block))
     assert notes == {"files of ASTERIX without a day in their name, put on 1970-01-01": 1}
-    row = found.row(0, named=True)
+    row = decoded.row(0, named=True)
     expected = {"altitude": 35_025, "IAS": 270, "Mach": 0.784, "TAS": 450, "heading": 90, "vertical_rate": -1500}
     assert {name: row[name] for name in expected} == pytest.approx(expected)
     assert (row["icao24"], row["callsign"]) == ("4ca001", "TST1")
@@ -132,8 +132,8 @@ def test_a_track_of_another_encoder_is_read(tmp_path: Path) -> None:
 )
 def test_days_of_six_and_eight_digits_in_names_of_asterix(name: str, day: str, tmp_path: Path) -> None:
     pytest.importorskip("pyasteryx")
-    found, notes = rows_of(written_to(tmp_path / name, cat062("4ca001", 36_000, 350, 270, 0.8, -500)))
-    assert str(found["timestamp"][0]) == f"{day} 10:00:00+00:00"
+    decoded, notes = rows_of(written_to(tmp_path / name, cat062("4ca001", 36_000, 350, 270, 0.8, -500)))
+    assert str(decoded["timestamp"][0]) == f"{day} 10:00:00+00:00"
     assert bool(notes) == (day == "1970-01-01")
 
 
@@ -153,8 +153,8 @@ def test_asterix_of_other_categories_is_refused_by_their_numbers(tmp_path: Path)
     blocks = bytes([10, 0, 4, 0, 21, 0, 5, 0, 0, 10, 0, 4, 0])
     with pytest.raises(DataError, match="ASTERIX without airspeeds, of category 010 and 021 alone"):
         rows_of(written_to(tmp_path / "240301.ast", blocks))
-    found, notes = rows_of(written_to(tmp_path / "240301.ast", blocks + cat062("4ca001", 1, 350, 270, 0.8, -500)))
-    assert len(found) == 1
+    decoded, notes = rows_of(written_to(tmp_path / "240301.ast", blocks + cat062("4ca001", 1, 350, 270, 0.8, -500)))
+    assert len(decoded) == 1
     assert notes == {"ASTERIX blocks of other categories": 3}
 
 
@@ -179,12 +179,12 @@ def apart(own: tuple[str, ...], others: tuple[str, ...]) -> pl.DataFrame:
 
 def test_values_of_rows_in_between_are_joined_as_those_of_raw_mode_s() -> None:
     rows = apart(("IAS", "Mach"), ("TAS", "groundspeed", "track"))
-    found = prepare(rows)
+    prepared = prepare(rows)
     expected = prepare(WHOLE.filter(EVEN))
-    assert found.frame["level_fl"].equals(expected.frame["level_fl"])
+    assert prepared.frame["level_fl"].equals(expected.frame["level_fl"])
     for name in ("TAS", "groundspeed", "track"):
-        assert (found.frame[name] - expected.frame[name]).abs().max() < 0.05, name
-        assert found.report.notes[JOINED_VALUES.format(name=name)] > 100
+        assert (prepared.frame[name] - expected.frame[name]).abs().max() < 0.05, name
+        assert prepared.report.notes[JOINED_VALUES.format(name=name)] > 100
     assert (
         with_values_of_other_rows(rows, DropReport())
         .drop("TAS", "groundspeed", "track")
@@ -193,8 +193,8 @@ def test_values_of_rows_in_between_are_joined_as_those_of_raw_mode_s() -> None:
 
 
 def test_altitudes_of_rows_in_between_are_interpolated() -> None:
-    found = prepare(apart(("IAS", "Mach"), ("altitude",))).frame
-    assert found.height == pytest.approx(prepare(WHOLE.filter(EVEN)).frame.height, abs=2)
+    prepared = prepare(apart(("IAS", "Mach"), ("altitude",))).frame
+    assert prepared.height == pytest.approx(prepare(WHOLE.filter(EVEN)).frame.height, abs=2)
 
 
 def test_tables_whose_rows_have_both_stay_as_they_are() -> None:
@@ -208,7 +208,7 @@ def test_tables_whose_rows_have_both_stay_as_they_are() -> None:
 def test_what_is_too_far_in_time_is_told() -> None:
     far = pl.col("timestamp") + pl.when(~EVEN).then(pl.duration(hours=2)).otherwise(pl.duration(hours=0))
     with pytest.warns(DescentflowWarning, match=r"320 rows with TAS but without IAS.*values of TAS stand in"):
-        found = prepare(apart(("IAS", "Mach"), ("TAS",)).with_columns(timestamp=far))
-    assert VALUES_APART.format(name="TAS") in found.report.notes
+        prepared = prepare(apart(("IAS", "Mach"), ("TAS",)).with_columns(timestamp=far))
+    assert VALUES_APART.format(name="TAS") in prepared.report.notes
     with pytest.raises(DataError, match="values of altitude stand in other rows than IAS: put into each row"):
         prepare(apart(("IAS", "Mach"), ("altitude",)).with_columns(timestamp=far))

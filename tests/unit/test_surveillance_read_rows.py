@@ -115,9 +115,9 @@ def test_rows_in_memory_are_prepared_like_those_of_a_file(tmp_path: Path) -> Non
     whole = prepare(path)
     table = pandas.DataFrame({name: rows[name].to_list() for name in rows.columns})
     for source in (rows, rows.lazy(), table, arrow.Table.from_arrow(rows), [rows.head(1000), rows.tail(-1000)]):
-        found = prepare(source)
-        assert_frame_equal(found.frame, whole.frame, check_exact=True)
-        assert found.report.as_dict() == whole.report.as_dict()
+        prepared = prepare(source)
+        assert_frame_equal(prepared.frame, whole.frame, check_exact=True)
+        assert prepared.report.as_dict() == whole.report.as_dict()
     described = prepare(rows).metadata["inputs"]
     assert described == prepare(rows, out=tmp_path / "d.parquet").metadata["inputs"]
     assert described != prepare(rows.tail(-1)).metadata["inputs"]
@@ -143,9 +143,9 @@ def test_empty_files_beside_others_are_left_out_and_counted(tmp_path: Path) -> N
     for name in ("_SUCCESS", "_committed_123", "day.parquet"):
         (tmp_path / name).touch()
     assert [file.name for file in files_of([tmp_path])] == ["day.parquet", "rows.parquet"]
-    found = prepare(tmp_path)
-    assert found.flights == {"A320": 1}
-    assert found.report.notes["empty files (0 bytes) besides others, left out"] == 1
+    prepared = prepare(tmp_path)
+    assert prepared.flights == {"A320": 1}
+    assert prepared.report.notes["empty files (0 bytes) besides others, left out"] == 1
     refuses(DataError, r"day.parquet is empty.*take it out", prepare, tmp_path / "day.parquet")
     (tmp_path / "rows.parquet").unlink()
     (tmp_path / "other.parquet").touch()

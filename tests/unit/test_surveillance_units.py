@@ -173,9 +173,9 @@ def test_rates_without_a_sign_are_known_by_climbs(rows: pl.DataFrame) -> None:
 
 def test_numbers_that_stand_for_none_are_no_rates_and_counted(rows: pl.DataFrame) -> None:
     half = pl.when(pl.int_range(pl.len()) % 2 == 0).then(9999.0).otherwise("vertical_rate")
-    found = prepare(rows.with_columns(half.alias("vertical_rate")))
-    assert found.report.notes["values 9999 of vertical_rate taken for missing"] == len(rows) // 2 + len(rows) % 2
-    assert found.flights == prepare(rows).flights
+    prepared = prepare(rows.with_columns(half.alias("vertical_rate")))
+    assert prepared.report.notes["values 9999 of vertical_rate taken for missing"] == len(rows) // 2 + len(rows) % 2
+    assert prepared.flights == prepare(rows).flights
     check_units(
         rows.with_columns(altitude=pl.when(pl.int_range(pl.len()) % 5 == 0).then(9999.0).otherwise("altitude")), "r"
     )

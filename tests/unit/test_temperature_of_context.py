@@ -48,11 +48,11 @@ def given(value: float | None) -> dict[str, float | None]:
 def test_true_airspeed_and_distance_are_those_of_the_given_temperature(deviation_k: float) -> None:
     table = df.sample(model(), 20, seed=1, entry_fl=350, context=given(deviation_k)).to_polars()
     assert table["TAS"].to_numpy() == pytest.approx(tas_kt(table, deviation_k), rel=1e-4)
-    one = table.filter(sample_id=3)
-    level = np.sqrt(one["TAS"].to_numpy() ** 2 - (one["vertical_rate"].to_numpy() * 0.3048 / 60 / KT_MPS) ** 2)
-    assert one["groundspeed"].to_numpy() == pytest.approx(level)
-    flown = (0.5 * (level[1:] + level[:-1]) * KT_MPS * np.diff(one["time_s"])).sum() / NM_M
-    assert one["distance_nm"][-1] == pytest.approx(flown)
+    sample = table.filter(sample_id=3)
+    level = np.sqrt(sample["TAS"].to_numpy() ** 2 - (sample["vertical_rate"].to_numpy() * 0.3048 / 60 / KT_MPS) ** 2)
+    assert sample["groundspeed"].to_numpy() == pytest.approx(level)
+    flown = (0.5 * (level[1:] + level[:-1]) * KT_MPS * np.diff(sample["time_s"])).sum() / NM_M
+    assert sample["distance_nm"][-1] == pytest.approx(flown)
 
 
 def test_nothing_else_changes_and_each_sample_has_its_own_temperature() -> None:

@@ -49,9 +49,9 @@ def test_one_clock_for_all_rows_is_taken_in_any_order(tmp_path: Path) -> None:
 @pytest.mark.parametrize("begin_s", [0.0, 468_000.0, 600_000_000.0], ids=["start", "GPS week", "1989"])
 def test_a_clock_without_a_date_is_read_and_said(begin_s: float) -> None:
     rows = flight().with_columns(timestamp=SECONDS + begin_s)
-    found = prepare(rows)
-    assert found.flights == {"A320": 1}
-    assert found.report.notes[BEFORE_1990] == len(rows)
+    prepared = prepare(rows)
+    assert prepared.flights == {"A320": 1}
+    assert prepared.report.notes[BEFORE_1990] == len(rows)
     assert BEFORE_1990 not in prepare(flight()).report.notes
 
 
@@ -123,8 +123,8 @@ def test_flights_longer_than_the_shift_are_separated_row_by_row() -> None:
 
 def test_alike_flights_of_an_aircraft_an_hour_apart_are_all_kept(recwarn: pytest.WarningsRecorder) -> None:
     other = flight(top_ft=34_000.0, start_s=3600.0).with_columns(pl.col("altitude") * 0.99)
-    found = prepare(pl.concat([flight(), other]))
-    assert found.flights == {"A320": 2}
+    prepared = prepare(pl.concat([flight(), other]))
+    assert prepared.flights == {"A320": 2}
     assert not recwarn.list
 
 

@@ -40,8 +40,8 @@ def test_a_radar_feed_is_read_as_it_is(ending: str, feed: pl.DataFrame, rows: pl
     write = {"parquet": frame.write_parquet, "csv": frame.write_csv, "feather": frame.write_ipc}
     write.get(ending, frame.write_json)(path)
     report = DropReport()
-    found = read_rows([path], report)
-    both = (one.select(sorted(rows.columns)).with_columns(cs.float().round(6)) for one in (found, rows))
+    rows_read = read_rows([path], report)
+    both = (one.select(sorted(rows.columns)).with_columns(cs.float().round(6)) for one in (rows_read, rows))
     assert_frame_equal(*both, check_exact=True)
     assert report.notes == {
         "rows whose columns are not used: SQUAWK, MODE": len(rows),

@@ -46,17 +46,17 @@ def circling(bank_deg: float, tas_mps: float, **channels: Tensor) -> LevelGrid:
 
 @pytest.mark.parametrize("bank_deg", [0.0, 15.0, 30.0])
 def test_the_bank_follows_from_the_change_of_heading(bank_deg: float) -> None:
-    found = induced_by_turns(circling(bank_deg, 220.0))
-    assert found is not None
+    of_turns = induced_by_turns(circling(bank_deg, 220.0))
+    assert of_turns is not None
     exact = torch.tan(torch.deg2rad(torch.tensor(bank_deg, dtype=torch.float64))) ** 2
-    torch.testing.assert_close(found, exact.expand_as(found), rtol=1e-5, atol=1e-12)
+    torch.testing.assert_close(of_turns, exact.expand_as(of_turns), rtol=1e-5, atol=1e-12)
 
 
 def test_headings_that_are_rounded_and_noisy_are_no_turn() -> None:
     heading = 359.5 + torch.randn(len(LEVELS), generator=torch.Generator().manual_seed(3), dtype=torch.float64)
-    found = induced_by_turns(circling(0.0, 220.0, heading=heading % 360))
-    assert found is not None
-    assert float(found.mean()) < 0.002
+    of_turns = induced_by_turns(circling(0.0, 220.0, heading=heading % 360))
+    assert of_turns is not None
+    assert float(of_turns.mean()) < 0.002
 
 
 def test_the_track_says_it_where_no_heading_does_and_a_misread_one_says_nothing() -> None:
@@ -71,10 +71,10 @@ def test_the_track_says_it_where_no_heading_does_and_a_misread_one_says_nothing(
     assert induced_by_turns(replace(grid, values={"heading": track})) is None
     misread = track.clone()
     misread[0, 100] += 180.0
-    found = induced_by_turns(replace(grid, values={"heading": misread, "TAS": speed}))
-    assert found is not None
-    assert bool(found[0, 98:103].isnan().all())
-    assert bool(found[0, :90].isfinite().all())
+    of_turns = induced_by_turns(replace(grid, values={"heading": misread, "TAS": speed}))
+    assert of_turns is not None
+    assert bool(of_turns[0, 98:103].isnan().all())
+    assert bool(of_turns[0, :90].isfinite().all())
 
 
 def flown(n: int, seed: int, causes: dict[str, Any] | None = None) -> Quantities:

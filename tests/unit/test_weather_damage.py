@@ -32,9 +32,9 @@ def whole() -> xarray.Dataset:
 def read(path: Path) -> tuple[np.ndarray, ...]:
     points, _ = some_points(24)
     with weather_field(path) as field:
-        found = field.at(points)
+        values = field.at(points)
         field.check(points)
-    return found
+    return values
 
 
 def expected() -> tuple[object, ...]:
@@ -157,9 +157,9 @@ def test_a_globe_is_one_whether_its_first_meridian_ends_it_or_not(longitude: np.
     path = written(weather(lambda *at: 10 * np.cos(np.radians(at[3])), longitude=longitude), tmp_path / "globe.nc")
     place = np.array([-177.5, -2.5, 2.5, 177.5, 182.5])
     with weather_field(path) as field:
-        found = field.at(Points(START.astype(float), 250.0, np.full(5, 50.0), place))[0]
+        values = field.at(Points(START.astype(float), 250.0, np.full(5, 50.0), place))[0]
     near = [(np.cos(np.radians(x - 2.5)) + np.cos(np.radians(x + 2.5))) * 5 for x in place]
-    np.testing.assert_allclose(found, near, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(values, near, rtol=0, atol=1e-9)
 
 
 def test_one_component_is_refused_wherever_winds_are_asked_for(tmp_path: Path) -> None:

@@ -69,8 +69,8 @@ def test_files_of_other_times_and_variables_are_one_field(tmp_path: Path) -> Non
     (tmp_path / "a.nc").unlink()
     written(data[["t"]].isel(valid_time=slice(22, None)), tmp_path / "a.nc")
     with weather_field([tmp_path / "a.nc", tmp_path / "b.nc"]) as field:
-        found = field.at(points)[0]
-    np.testing.assert_array_equal(np.isnan(found), (hours > 13 * 6) & (hours < 22 * 6))
+        values = field.at(points)[0]
+    np.testing.assert_array_equal(np.isnan(values), (hours > 13 * 6) & (hours < 22 * 6))
 
 
 @pytest.mark.parametrize("west", [-10.0, 0.0, 170.0, 350.0])

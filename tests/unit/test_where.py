@@ -239,10 +239,10 @@ def test_identifiers_stay_with_their_flights() -> None:
     )
     # The second flight shows nothing on the grid.
     frame = frame.filter((pl.col("flight_id") != "f1") | (pl.col("level_fl") < 152))
-    found = quantities_of(frame, 150, 189, CHANNELS)
-    assert found.names == ("f0", "f2")
-    assert found.day is not None
-    assert found.day.diff().tolist() == [2]
-    assert found.values["cas"].nanmean(1).tolist() == pytest.approx([280.0, 282.0])
-    assert found.rows(torch.tensor([False, True])).names == ("f2",)
-    assert found.rows(torch.tensor([1, 0, 1])).names == ("f2", "f0", "f2")
+    quantities = quantities_of(frame, 150, 189, CHANNELS)
+    assert quantities.names == ("f0", "f2")
+    assert quantities.day is not None
+    assert quantities.day.diff().tolist() == [2]
+    assert quantities.values["cas"].nanmean(1).tolist() == pytest.approx([280.0, 282.0])
+    assert quantities.rows(torch.tensor([False, True])).names == ("f2",)
+    assert quantities.rows(torch.tensor([1, 0, 1])).names == ("f2", "f0", "f2")

@@ -39,13 +39,13 @@ def summary(samples: Samples) -> dict[str, float]:
         samples: Of a model.
     """
     flown = samples.trajectories
-    found = {"time": float(flown.time_s[:, 0].mean()), "sd of time": float(flown.time_s[:, 0].std())}
+    numbers = {"time": float(flown.time_s[:, 0].mean()), "sd of time": float(flown.time_s[:, 0].std())}
     for level in LEVELS_FL:
         at = int((flown.levels_fl - level).abs().argmin())
         seen = flown.mask[:, at]
         cas, drag = flown.cas_mps[seen, at] / KT_MPS, flown.drag_n[seen, at]
-        found |= {f"sd of CAS, FL{level}": float(cas.std()), f"correlation, FL{level}": _correlation(cas, drag)}
-    return found
+        numbers |= {f"sd of CAS, FL{level}": float(cas.std()), f"correlation, FL{level}": _correlation(cas, drag)}
+    return numbers
 
 
 def judged(descents: Descents, real: Descents, seed: int, **options: Any) -> dict[str, float]:
@@ -60,22 +60,22 @@ def judged(descents: Descents, real: Descents, seed: int, **options: Any) -> dic
     model = df.fit(descents, model="gaussian", **options)
     scores = df.evaluate(model, real, n=DRAWN, seed=seed).scores
     named = {"CAS": ("cas_profile", "energy"), "joint": ("descent", "joint_energy"), "AUC": ("descent", "auc")}
-    found = {name: scores.get(*place).score for name, place in named.items()}
-    return {**summary(df.sample(model, DRAWN, seed=seed)), **found}
+    scored = {name: scores.get(*place).score for name, place in named.items()}
+    return {**summary(df.sample(model, DRAWN, seed=seed)), **scored}
 
 
-def _correlation(one: torch.Tensor, other: torch.Tensor) -> float:
-    return float(torch.corrcoef(torch.stack([one.double(), other.double()]))[0, 1])
+def _correlation(first: torch.Tensor, other: torch.Tensor) -> float:
+    return float(torch.corrcoef(torch.stack([first.double(), other.double()]))[0, 1])
 
 
-def row_of(name: str, found: dict[str, float], true: dict[str, float]) -> str:
+def row_of(name: str, numbers: dict[str, float], true: dict[str, float]) -> str:
     """A row of the record: times, spread and correlation next to those of reported airspeeds, and scores."""
-    spread = np.array([found[key] / true[key] - 1 for key in true if key.startswith("sd of CAS")])
-    apart = np.array([found[key] - true[key] for key in true if key.startswith("correlation")])
+    spread = np.array([numbers[key] / true[key] - 1 for key in true if key.startswith("sd of CAS")])
+    apart = np.array([numbers[key] - true[key] for key in true if key.startswith("correlation")])
     return (
-        f"| {name} | {found['time']:.1f} +- {found['sd of time']:.1f} | {100 * spread.mean():+.1f} "
+        f"| {name} | {numbers['time']:.1f} +- {numbers['sd of time']:.1f} | {100 * spread.mean():+.1f} "
         f"({100 * spread.min():+.1f} to {100 * spread.max():+.1f}) | {apart.mean():+.3f} ({apart.min():+.3f} to "
-        f"{apart.max():+.3f}) | {found['CAS']:.2f} | {found['joint']:.3f} | {found['AUC']:.2f} |"
+        f"{apart.max():+.3f}) | {numbers['CAS']:.2f} | {numbers['joint']:.3f} | {numbers['AUC']:.2f} |"
     )
 
 
@@ -88,12 +88,12 @@ def by_neighbours(name: str, rows: Path, bottom_fl: int, types: Path | None = No
         bottom_fl: Lowest level.
         types: Of the aircraft.
     """
-    found = df.prepare(rows, types=types, bottom_fl=bottom_fl, airspeeds_from="neighbours").frame
-    found = found.drop_nulls(["derived_IAS", "IAS", "Mach"])
-    of_mach = cas_of_mach_kt(found["Mach"].to_numpy(), 100.0 * found["level_fl"].to_numpy())
-    found = found.with_columns(of_mach=pl.Series(of_mach), band=pl.col("level_fl") // 50 * 50)
+    levels = df.prepare(rows, types=types, bottom_fl=bottom_fl, airspeeds_from="neighbours").frame
+    levels = levels.drop_nulls(["derived_IAS", "IAS", "Mach"])
+    of_mach = cas_of_mach_kt(levels["Mach"].to_numpy(), 100.0 * levels["level_fl"].to_numpy())
+    levels = levels.with_columns(of_mach=pl.Series(of_mach), band=pl.col("level_fl") // 50 * 50)
     lines = []
-    for band, some in [("all", found), *((f"FL{part['band'][0]}", part) for part in bands(found))]:
+    for band, some in [("all", levels), *((f"FL{part['band'][0]}", part) for part in bands(levels))]:
         derived = some["derived_IAS"].to_numpy()
         off, from_mach = (derived - some[column].to_numpy() for column in ("IAS", "of_mach"))
         lines.append(
@@ -118,18 +118,18 @@ def by_era5(rows: Path) -> list[str]:
     mach = np.hypot(level, table["vertical_rate"].to_numpy() * FPM_MPS) / sound
     off = cas_of_mach_kt(mach, table["altitude"].to_numpy()) - table["IAS"].to_numpy()
     falls, straight = pl.col("vertical_rate") < -300, pl.col("roll").abs() < STEEPEST_DEG
-    found = table.with_columns(off=pl.Series(off), band=(pl.col("altitude") // 5000 * 50).cast(int)).filter(straight)
-    descent = found.filter(falls, pl.col("altitude") >= 10_000)
-    cruise = found.filter(pl.col("vertical_rate").abs() < 300, pl.col("altitude") > 30_000)
+    rows_off = table.with_columns(off=pl.Series(off), band=(pl.col("altitude") // 5000 * 50).cast(int)).filter(straight)
+    descent = rows_off.filter(falls, pl.col("altitude") >= 10_000)
+    cruise = rows_off.filter(pl.col("vertical_rate").abs() < 300, pl.col("altitude") > 30_000)
     named = [("cruise", cruise), ("descent", descent), *((f"FL{part['band'][0]}", part) for part in bands(descent))]
     return [
         f"| {name} | {len(part)} | {np.mean(part['off']):+.1f} +- {np.std(part['off']):.1f} |" for name, part in named
     ]
 
 
-def bands(found: pl.DataFrame) -> list[pl.DataFrame]:
+def bands(table: pl.DataFrame) -> list[pl.DataFrame]:
     """Levels by band, the lowest first."""
-    return found.sort("band").partition_by("band", maintain_order=True)
+    return table.sort("band").partition_by("band", maintain_order=True)
 
 
 def real_rows(folder: Path) -> list[str]:

@@ -175,15 +175,15 @@ def judged(repair: Repair, judge: Any, out: Path, began: float) -> dict[str, Any
     }
 
 
-def summary(found: list[dict[str, Any]]) -> str:
+def summary(cases: list[dict[str, Any]]) -> str:
     """Shares of what the issue asks for."""
-    good = [case for case in found if "error" not in case]
+    good = [case for case in cases if "error" not in case]
     inside = [flag for case in good for k, flag in enumerate(case["inside"]) if k in case["planted"]]
     every = [flag for case in good for flag in case["inside"]]
     close = [case["time_over_floor"] <= 1.2 for case in good]
     return "\n".join(
         [
-            f"{len(good)} of {len(found)} files repaired",
+            f"{len(good)} of {len(cases)} files repaired",
             f"fresh diagnosis says none: {np.mean([case['verdict'] == 'none' for case in good]):.0%}",
             f"time within 1.2 floors, aircraft not used: {np.mean(close):.0%}",
             f"planted coefficients inside their 90 % intervals: {np.mean(inside):.0%} of {len(inside)}",

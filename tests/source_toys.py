@@ -24,30 +24,15 @@ def trace_of(flight: pl.DataFrame, *, details_every: int = 4, extended: bool = T
     begin = flight["timestamp"][0].timestamp()
     points = []
     for number, row in enumerate(flight.iter_rows(named=True)):
+        rate, altitude = round(row["vertical_rate"]), round(row["altitude"])
         details = {
-            "type": "adsb_icao",
-            "flight": f"{row['callsign']:<8}",
-            "mach": round(row["Mach"], 3),
-            "tas": 420,
-            "mag_heading": 88.5,
-            "baro_rate": round(row["vertical_rate"]),
-            "oat": -40,
-            "wd": 350,
-            "ws": 20,
-            "nav_altitude_mcp": 6000,
-        }
-        point = [
-            round(row["timestamp"].timestamp() - begin, 2),
-            52.0,
-            4.0,
-            round(row["altitude"]),
-            400.5,
-            row["track"],
-            0,
-            round(row["vertical_rate"]),
-            details if number % details_every == 0 else None,
-        ]
-        points.append(point + (["adsb_icao", round(row["altitude"]) + 800, -16, round(row["IAS"]), -0.4] * extended))
+            "type": "adsb_icao", "flight": f"{row['callsign']:<8}", "mach": round(row["Mach"], 3), "tas": 420,
+            "mag_heading": 88.5, "baro_rate": rate, "oat": -40, "wd": 350, "ws": 20, "nav_altitude_mcp": 6000,
+        }  # fmt: skip
+        after_s = round(row["timestamp"].timestamp() - begin, 2)
+        known = details if number % details_every == 0 else None
+        point = [after_s, 52.0, 4.0, altitude, 400.5, row["track"], 0, rate, known]
+        points.append(point + (["adsb_icao", altitude + 800, -16, round(row["IAS"]), -0.4] * extended))
     return {"icao": flight["icao24"][0], "r": "EI-TST", "t": flight["typecode"][0], "timestamp": begin, "trace": points}
 
 

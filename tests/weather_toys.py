@@ -30,11 +30,7 @@ def standard_k(level_fl: np.ndarray) -> np.ndarray:
 
 
 def weather(
-    deviation: Formula,
-    wind: Formula | None = None,
-    *,
-    hours: np.ndarray = HOURS,
-    longitude: np.ndarray = LONGITUDE,
+    deviation: Formula, wind: Formula | None = None, *, hours: np.ndarray = HOURS, longitude: np.ndarray = LONGITUDE
 ) -> xarray.Dataset:
     """Temperature and wind of formulas of (hours, flight level, latitude, longitude)."""
     axes = {NAMES[0]: START + hours.astype("timedelta64[h]"), NAMES[1]: PRESSURE_HPA}

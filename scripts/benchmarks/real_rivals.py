@@ -41,44 +41,44 @@ class FirstSpeed:
     cas_mps: float
 
 
-def first_speed(one: Run) -> FirstSpeed:
+def first_speed(run: Run) -> FirstSpeed:
     """The speeds that are held from the run's first level on."""
-    altitude, kind = one.levels_fl * FL_M, open_aircraft(one.typecode)
+    altitude, kind = run.levels_fl * FL_M, open_aircraft(run.typecode)
     by_mach = float(kind.transition_altitude_m()) < float(altitude[-1])
-    cas = float(kind.des_cas_high_kt) * KT_MPS if by_mach else float(one.cas_mps[-1])
-    return FirstSpeed(float(cas_to_mach(one.cas_mps, altitude)[-1]), by_mach, cas)
+    cas = float(kind.des_cas_high_kt) * KT_MPS if by_mach else float(run.cas_mps[-1])
+    return FirstSpeed(float(cas_to_mach(run.cas_mps, altitude)[-1]), by_mach, cas)
 
 
-def openap_own_speeds(one: Run) -> float:
+def openap_own_speeds(run: Run) -> float:
     """OpenAP's polar and idle thrust at our reference mass, at the flight's own speeds in its own air."""
     openap: Any = importlib.import_module("openap")
-    altitude = one.levels_fl * FL_M
-    share = energy_share_factor_exact(one.cas_mps, altitude, one.deviation_k, one.tailwind_mps)
-    tas = mach_to_tas_mps(cas_to_mach(one.cas_mps, altitude), altitude, one.deviation_k)
-    mass = float(open_aircraft(one.typecode).mass_reference_kg)
+    altitude = run.levels_fl * FL_M
+    share = energy_share_factor_exact(run.cas_mps, altitude, run.deviation_k, run.tailwind_mps)
+    tas = mach_to_tas_mps(cas_to_mach(run.cas_mps, altitude), altitude, run.deviation_k)
+    mass = float(open_aircraft(run.typecode).mass_reference_kg)
     speed, height = (tas / KT_MPS).numpy(), (altitude / FT_M).numpy()
-    if one.typecode == JET_INSTEAD:
+    if run.typecode == JET_INSTEAD:
         return float("nan")
     with warnings.catch_warnings(action="ignore"):  # an A20N's polar stands for the A21N
-        drag = openap.Drag(one.typecode, use_synonym=True).clean(mass, speed, height)
-        idle = openap.Thrust(one.typecode, use_synonym=True).descent_idle(speed, height)
+        drag = openap.Drag(run.typecode, use_synonym=True).clean(mass, speed, height)
+        idle = openap.Thrust(run.typecode, use_synonym=True).descent_idle(speed, height)
     excess = torch.from_numpy(np.asarray(drag - idle)) / (mass * G0_MPS2)
-    rate = excess * tas * share * isa_fraction(altitude, one.deviation_k)
-    return float(torch.trapezoid(1 / rate.clamp(min=SLOWEST_MPS), altitude)) / one.seconds - 1.0
+    rate = excess * tas * share * isa_fraction(altitude, run.deviation_k)
+    return float(torch.trapezoid(1 / rate.clamp(min=SLOWEST_MPS), altitude)) / run.seconds - 1.0
 
 
-def openap_schedule(one: Run) -> float:
+def openap_schedule(run: Run) -> float:
     """OpenAP's descent of mean kinematics between the run's levels."""
     openap: Any = importlib.import_module("openap")
-    if one.typecode == JET_INSTEAD:
+    if run.typecode == JET_INSTEAD:
         return float("nan")
     with warnings.catch_warnings(action="ignore"):  # an A320's means stand for the A20N and the A21N
-        table_of = openap.FlightGenerator(ac=one.typecode, use_synonym=True).descent(dt=1)
-    ends = one.levels_fl[[0, -1]].numpy() * FL_M
+        table_of = openap.FlightGenerator(ac=run.typecode, use_synonym=True).descent(dt=1)
+    ends = run.levels_fl[[0, -1]].numpy() * FL_M
     height, seconds = table_of["h"].to_numpy(), table_of["t"].to_numpy()
     falling = np.concatenate([[True], np.diff(height) < 0])
     bottom, top = np.interp(ends, height[falling][::-1], seconds[falling][::-1])
-    return float(bottom - top) / one.seconds - 1.0
+    return float(bottom - top) / run.seconds - 1.0
 
 
 @cache
@@ -93,23 +93,23 @@ def _node_fdm_model(typecode: str) -> Any:
     return kind.FlightDynamicsModelProd(folder).eval()
 
 
-def node_fdm(one: Run) -> float:
+def node_fdm(run: Run) -> float:
     """node-fdm from the run's first state: its own speed held, as Mach until the type's CAS; no selected rate.
 
     Its selected values are those that a predictor can know. Temperature and wind are the flight's own by level.
     """
-    model = _node_fdm_model(one.typecode)
+    model = _node_fdm_model(run.typecode)
     if model is None:
         return float("nan")
     columns: Any = importlib.import_module("node_fdm.architectures.opensky_2025.columns")
-    altitude = (one.levels_fl * FL_M).numpy()
-    kelvin = temperature_k(one.levels_fl * FL_M, one.deviation_k).numpy()
-    wind = one.tailwind_mps.numpy()
+    altitude = (run.levels_fl * FL_M).numpy()
+    kelvin = temperature_k(run.levels_fl * FL_M, run.deviation_k).numpy()
+    wind = run.tailwind_mps.numpy()
     top, bottom = altitude[-1], altitude[0]
-    held = first_speed(one)
+    held = first_speed(run)
     mach, by_mach, limit = held.mach, held.by_mach, held.cas_mps
-    tas = float(mach_to_tas_mps(mach, float(top), one.deviation_k[-1]))
-    first_rate = float(np.median(one.rows["vertical_rate"].to_numpy()[:5])) * FT_M / 60
+    tas = float(mach_to_tas_mps(mach, float(top), run.deviation_k[-1]))
+    first_rate = float(np.median(run.rows["vertical_rate"].to_numpy()[:5])) * FT_M / 60
     state = {
         columns.col_dist: 0.0,
         columns.col_alt: float(top),
@@ -135,13 +135,13 @@ def node_fdm(one: Run) -> float:
         by_mach = by_mach and float(ahead[columns.col_cas]) < limit
         rate = float(ahead[columns.col_vz])
         if height + STEP_S * rate < bottom:
-            return (seconds + (height - bottom) / max(-rate, SLOWEST_MPS)) / one.seconds - 1.0
+            return (seconds + (height - bottom) / max(-rate, SLOWEST_MPS)) / run.seconds - 1.0
         state[columns.col_alt] = height + STEP_S * rate
         state[columns.col_dist] += STEP_S * float(ahead[columns.col_gs])
         state[columns.col_gamma] += STEP_S * float(ahead[columns.col_gamma.derivative])
         state[columns.col_tas] += STEP_S * float(ahead[columns.col_tas.derivative])
         seconds += STEP_S
-    return seconds / one.seconds - 1.0
+    return seconds / run.seconds - 1.0
 
 
 def bluesky(runs: Sequence[Run]) -> list[float]:
@@ -157,10 +157,10 @@ def bluesky(runs: Sequence[Run]) -> list[float]:
     return errors
 
 
-def _plan(one: Run, name: str) -> FlightPlan:
-    held, levels, first = first_speed(one), one.levels_fl, one.rows["timestamp"].min()
+def _plan(run: Run, name: str) -> FlightPlan:
+    held, levels, first = first_speed(run), run.levels_fl, run.rows["timestamp"].min()
     mach = held.mach if held.by_mach else float("nan")
     cas_kt = held.cas_mps / KT_MPS
     return FlightPlan(
-        name, name, one.typecode, first, float(levels[-1]), float(levels[0]), mach, cas_kt, (EVERY_S,), ()
+        name, name, run.typecode, first, float(levels[-1]), float(levels[0]), mach, cas_kt, (EVERY_S,), ()
     )

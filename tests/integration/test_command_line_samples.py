@@ -78,17 +78,17 @@ def test_the_bands_of_a_figure_are_the_quantiles_of_the_table(run: Path) -> None
     bottom = levels.filter(level_fl=150).select("sample_id", bottom_s="time_s")
     levels = levels.join(bottom, on="sample_id").with_columns(left=(pl.col("bottom_s") - pl.col("time_s")) / 60)
     for ax, column in zip(figure.axes, ("CAS", "vertical_rate", "left"), strict=True):
-        told = levels.group_by("level_fl").agg(
+        quantiles = levels.group_by("level_fl").agg(
             *(pl.col(column).quantile(q, "linear").alias(str(q)) for q in (0.05, 0.5, 0.95))
         ).sort("level_fl")  # fmt: skip
         (median,) = [line for line in ax.lines if line.get_label() == "median"]
-        np.testing.assert_allclose(median.get_xdata(), told["0.5"], rtol=1e-9, atol=1e-9)
-        np.testing.assert_array_equal(median.get_ydata(), told["level_fl"])
+        np.testing.assert_allclose(median.get_xdata(), quantiles["0.5"], rtol=1e-9, atol=1e-9)
+        np.testing.assert_array_equal(median.get_ydata(), quantiles["level_fl"])
         corners = ax.collections[0].get_paths()[0].vertices
-        low = [corners[corners[:, 1] == level, 0].min() for level in told["level_fl"]]
-        high = [corners[corners[:, 1] == level, 0].max() for level in told["level_fl"]]
-        np.testing.assert_allclose(low, told["0.05"], rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(high, told["0.95"], rtol=1e-9, atol=1e-9)
+        low = [corners[corners[:, 1] == level, 0].min() for level in quantiles["level_fl"]]
+        high = [corners[corners[:, 1] == level, 0].max() for level in quantiles["level_fl"]]
+        np.testing.assert_allclose(low, quantiles["0.05"], rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(high, quantiles["0.95"], rtol=1e-9, atol=1e-9)
 
 
 def test_netcdf_and_csv_hold_the_same_samples(run: Path, tmp_path: Path) -> None:
@@ -183,10 +183,7 @@ def test_a_conditional_model_from_fit_to_samples(tmp_path: Path, descents: Path,
     words += ["--flight", reaching["flight_id"][0]]
     assert main([*words, "--out", str(tmp_path / "p.parquet")]) == 0
     capsys.readouterr()
-    for bad, message in (
-        ([], "a conditional model without a context"),
-        (["--given", "operator"], "NAME=VALUE"),
-    ):
+    for bad, message in (([], "a conditional model without a context"), (["--given", "operator"], "NAME=VALUE")):
         assert main(["sample", checkpoint, "-n", "3", *bad, "--out", str(out)]) == 2
         assert message in capsys.readouterr().err
 

@@ -42,18 +42,9 @@ def flown_by_both(flown: Flown, p: FlightParameters, i: int, exact: bool) -> tup
     def on_levels(curve: CubicSpline) -> torch.Tensor:
         return torch.from_numpy(curve(altitude.numpy()))[None]
 
-    decoded = integrate(
-        AIRCRAFT,
-        levels,
-        altitude,
-        on_levels(drag),
-        on_levels(cas),
-        torch.tensor([len(levels) - 1]),
-        p.mass_kg[i],
-        p.deviation_k[i],
-        wind_mps=on_levels(tailwind),
-        exact_energy_share=exact,
-    )
+    path = (levels, altitude, on_levels(drag), on_levels(cas), torch.tensor([len(levels) - 1]))
+    options = {"wind_mps": on_levels(tailwind), "exact_energy_share": exact}
+    decoded = integrate(AIRCRAFT, *path, p.mass_kg[i], p.deviation_k[i], **options)
     true = seconds(altitude.numpy())
     return decoded.time_s[0].numpy(), true - true[-1]
 

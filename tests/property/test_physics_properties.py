@@ -18,12 +18,7 @@ from descentflow.physics.airspeed import (
     tas_to_mach,
 )
 from descentflow.physics.atmosphere import pressure_altitude_m, pressure_pa
-from descentflow.physics.energy import (
-    descent_rate_mps,
-    energy_share_factor,
-    energy_share_factor_local,
-    inferred_drag_n,
-)
+from descentflow.physics.energy import descent_rate_mps, energy_share_factor, energy_share_factor_local, inferred_drag_n
 from descentflow.physics.nominal_descent import nominal_descent
 from descentflow.representation.decoder.trajectories import integrate
 from descentflow.representation.profiles import drag_at_idle_n

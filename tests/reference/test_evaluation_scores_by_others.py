@@ -37,11 +37,7 @@ def assert_as_scipy(found: Distances, first: tuple[Tensor, Tensor], second: tupl
         if min(len(one), len(two)) == 0:
             assert all(bool(d[level].isnan()) for d in paper(found))
             continue
-        expected = (
-            ks_statistic(one, two),
-            stats.wasserstein_distance(one, two),
-            abs(one.mean() - two.mean()),
-        )
+        expected = (ks_statistic(one, two), stats.wasserstein_distance(one, two), abs(one.mean() - two.mean()))
         np.testing.assert_allclose([float(d[level]) for d in paper(found)], expected, rtol=TOLERANCE, atol=TOLERANCE)
 
 

@@ -15,39 +15,12 @@ from descentflow.physics.nominal_descent import nominal_descent
 
 LEVELS = {"J2M": 24, "J2H": 26, "J4H": 28, "BZJT": 28, "TP2M": 18, "GA": 11}
 COLUMNS = (
-    "level",
-    "T",
-    "p",
-    "rho",
-    "a",
-    "TAS",
-    "CAS",
-    "M",
-    "mass",
-    "thrust",
-    "drag",
-    "fuel",
-    "ESF",
-    "rod",
-    "excess",
-    "gamma",
-)
+    "level", "T", "p", "rho", "a", "TAS", "CAS", "M", "mass", "thrust", "drag", "fuel", "ESF", "rod", "excess", "gamma",
+)  # fmt: skip
 HALF = {
-    "T": 0.5,
-    "p": 0.5,
-    "rho": 0.0005,
-    "a": 0.5,
-    "TAS": 0.005,
-    "CAS": 0.005,
-    "M": 0.005,
-    "thrust": 0.5,
-    "drag": 0.5,
-    "fuel": 0.05,
-    "ESF": 0.005,
-    "rod": 0.5,
-    "excess": 0.5,
-    "gamma": 0.005,
-}
+    "T": 0.5, "p": 0.5, "rho": 0.0005, "a": 0.5, "TAS": 0.005, "CAS": 0.005, "M": 0.005, "thrust": 0.5, "drag": 0.5,
+    "fuel": 0.05, "ESF": 0.005, "rod": 0.5, "excess": 0.5, "gamma": 0.005,
+}  # fmt: skip
 """Half a unit of each column's last printed digit."""
 CONSTANTS = 1.5e-6
 """Relative room for constants of the printing program that differ in the seventh digit; measured up to 5e-7."""

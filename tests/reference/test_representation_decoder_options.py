@@ -23,18 +23,8 @@ WIND_MPS = 5 + 15 * torch.sin(ALTITUDE_M / 4000)
 def test_the_exact_energy_share_closes_the_energy_balance() -> None:
     """Thr - D = m g dh/dt / V + m d(V + w)/dt at every level, the derivatives taken along the flown trajectory."""
     deviation = 10.0
-    flown = integrate(
-        toys.AIRCRAFT,
-        LEVELS,
-        ALTITUDE_M,
-        DRAG_N,
-        CAS_MPS,
-        TOP,
-        None,
-        deviation,
-        wind_mps=WIND_MPS,
-        exact_energy_share=True,
-    )
+    path = (LEVELS, ALTITUDE_M, DRAG_N, CAS_MPS, TOP)
+    flown = integrate(toys.AIRCRAFT, *path, None, deviation, wind_mps=WIND_MPS, exact_energy_share=True)
     mass = toys.AIRCRAFT.mass_reference_kg
     inside = slice(3, -3)
     for i in range(3):
@@ -94,35 +84,16 @@ def test_gradients_of_time_and_rate(exact: bool, windy: bool) -> None:
     mass, deviation = (torch.tensor(v, dtype=torch.float64, requires_grad=True) for v in (62_000.0, 8.0))
 
     def outputs(drag: Tensor, cas: Tensor, wind: Tensor, mass: Tensor, deviation: Tensor) -> tuple[Tensor, Tensor]:
-        flown = integrate(
-            toys.AIRCRAFT,
-            LEVELS[coarse],
-            h,
-            drag,
-            cas,
-            entry,
-            mass,
-            deviation,
-            wind_mps=wind if windy else None,
-            exact_energy_share=exact,
-        )
+        options = {"wind_mps": wind if windy else None, "exact_energy_share": exact}
+        flown = integrate(toys.AIRCRAFT, LEVELS[coarse], h, drag, cas, entry, mass, deviation, **options)
         return flown.time_s[:, 0], flown.rate_mps
 
     # Finite differences of numbers near 1e5 with eps 1e-4 are good to about 1e-6 relative.
     assert torch.autograd.gradcheck(outputs, (drag, cas, wind, mass, deviation), eps=1e-4, atol=1e-6, rtol=1e-5)
 
 
-COEFFICIENTS = (
-    "ct1",
-    "ct2",
-    "ct3",
-    "ct5",
-    "ct_des_low",
-    "ct_des_high",
-    "altitude_des_ft",
-    "des_mach",
-    "des_cas_high_kt",
-)
+OF_THRUST = ("ct1", "ct2", "ct3", "ct5", "ct_des_low", "ct_des_high")
+COEFFICIENTS = (*OF_THRUST, "altitude_des_ft", "des_mach", "des_cas_high_kt")
 """All that the decoder takes of a type; the last three move the jumps of the rate."""
 
 
@@ -137,18 +108,9 @@ def test_gradients_with_respect_to_every_coefficient(engine: str, exact: bool) -
 
     def outputs(*factors: Tensor) -> tuple[Tensor, Tensor]:
         changed = {name: getattr(aircraft, name) * factor for name, factor in zip(COEFFICIENTS, factors, strict=True)}
-        flown = integrate(
-            replace(aircraft, **changed),
-            LEVELS[coarse],
-            ALTITUDE_M[coarse],
-            DRAG_N[:2, coarse],
-            CAS_MPS[:2, coarse],
-            torch.full((2,), 11),
-            61_000.0,
-            12.0,
-            wind_mps=WIND_MPS[coarse],
-            exact_energy_share=exact,
-        )
+        path = (LEVELS[coarse], ALTITUDE_M[coarse], DRAG_N[:2, coarse], CAS_MPS[:2, coarse], torch.full((2,), 11))
+        options = {"wind_mps": WIND_MPS[coarse], "exact_energy_share": exact}
+        flown = integrate(replace(aircraft, **changed), *path, 61_000.0, 12.0, **options)
         return flown.time_s[:, 0], flown.rate_mps
 
     factors = tuple(torch.ones((), dtype=torch.float64, requires_grad=True) for _ in COEFFICIENTS)

@@ -14,14 +14,7 @@ from torch import Tensor
 
 import descentflow as df
 from benchmarks import real_fidelity
-from benchmarks.fidelity_vectors import (
-    Vectors,
-    altitude_noise_ft,
-    auc,
-    energy_distance,
-    reported,
-    vectors_of,
-)
+from benchmarks.fidelity_vectors import Vectors, altitude_noise_ft, auc, energy_distance, reported, vectors_of
 from benchmarks.real_fidelity import BASELINE, BOTTOM_FL, Scores, judge, longest, pooled, scored, shown_by_some
 from descentflow.evaluation.metrics.descent_set import DescentSet
 from studies.paper.fidelity_goals import GOALS, judged, of_types

@@ -4,11 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from descentflow.diagnosis.inference.flight_mixture import (
-    FlightWindows,
-    fit_mixture,
-    flight_windows,
-)
+from descentflow.diagnosis.inference.flight_mixture import FlightWindows, fit_mixture, flight_windows
 from descentflow.effects import EFFECTS
 from descentflow.effects._example_flights import example_flights
 

@@ -119,8 +119,8 @@ def test_what_no_descent_meets_is_an_error_that_names_the_nearest(asked: dict[st
         own_generator.next(entry_fl=350, **asked)
     error = pickle.loads(pickle.dumps(caught.value))
     assert error.constraint == name
-    told = float(re.search(rf"nearest of theirs, {name} ([\d.]+)", str(error))[1])
-    for value in (error.nearest, told):
+    printed = float(re.search(rf"nearest of theirs, {name} ([\d.]+)", str(error))[1])
+    for value in (error.nearest, printed):
         descent = own_generator.next(entry_fl=350, **{**asked, name: {290: value} if name == "cas_kt" else value})
         assert len(descent) == 1
 

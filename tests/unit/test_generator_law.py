@@ -50,9 +50,7 @@ def test_two_speeds_and_one_side_open() -> None:
         return (cas_kt(t, 280) < 300) & (t.mach[:, index(350)] > 0.765) & (t.mach[:, index(350)] < 0.78)
 
     compared = compare(
-        {"entry_fl": 350, "cas_kt": {280: (None, 300)}, "mach": (0.765, 0.78)},
-        cut(samples(350), meets),
-        within=0.1,
+        {"entry_fl": 350, "cas_kt": {280: (None, 300)}, "mach": (0.765, 0.78)}, cut(samples(350), meets), within=0.1
     )
     assert compared.proposals > 1
     assert float(compared.effective.min()) >= 8

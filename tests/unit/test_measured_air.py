@@ -98,9 +98,7 @@ def _true_growth(world: World, names: tuple[str, ...]) -> tuple[Tensor, Tensor]:
 
 
 def test_temperature_and_wind_are_found_within_their_errors(
-    world: World,
-    airs: FlightAirs,
-    frame: pl.DataFrame,
+    world: World, airs: FlightAirs, frame: pl.DataFrame
 ) -> None:
     deviation, growth = _true_growth(world, airs.flight_ids)
     seen = profiles_from_frame(frame, toys.AIRCRAFT, 150, 340).mask

@@ -94,8 +94,8 @@ def test_the_uncertainty_of_a_quantity_is_that_of_rounding_its_fields() -> None:
         mach = float(sides.state.mach()[:, at].mean())
         tas = here.tas_kt + 40 * torch.rand(200_000, generator=generator, dtype=torch.float64) - 20
         ratio = mach + 0.1 * torch.rand(200_000, generator=generator, dtype=torch.float64) - 0.05
-        told = [torch.round(v / STEPS[n]) * STEPS[n] for v, n in ((tas, "TAS"), (ratio, "Mach"))]
-        error = (told[0] / tas).log() - (told[1] / ratio).log()
+        reported = [torch.round(v / STEPS[n]) * STEPS[n] for v, n in ((tas, "TAS"), (ratio, "Mach"))]
+        error = (reported[0] / tas).log() - (reported[1] / ratio).log()
         # Speeds within 5 % of the middle: their mean uncertainty is that of the middle to 1 %.
         assert float(rounding[at]) == pytest.approx(float(error.std()), rel=0.01)
 

@@ -107,8 +107,7 @@ def test_what_the_system_refuses_to_a_thread_is_a_line(capsys: pytest.CaptureFix
 
 
 @pytest.mark.parametrize(
-    ("reads", "status", "said"),
-    [(True, 1, "a process that the command began, has ended early"), (False, 0, "")],
+    ("reads", "status", "said"), [(True, 1, "a process that the command began, has ended early"), (False, 0, "")]
 )
 def test_a_broken_pipe_ends_a_command_well_only_where_nobody_reads_its_output(
     reads: bool, status: int, said: str

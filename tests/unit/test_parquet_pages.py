@@ -35,14 +35,7 @@ def smallest() -> bytes:
     return whole.replace(ONE_VALUE, MINUS_ONE)
 
 
-@pytest.mark.parametrize(
-    "read",
-    [
-        lambda path: read_rows([path], DropReport()),
-        read_descents,
-        read_table,
-    ],
-)
+@pytest.mark.parametrize("read", [lambda path: read_rows([path], DropReport()), read_descents, read_table])
 def test_a_page_of_less_than_nothing(read: Callable[[Path], object], tmp_path: Path) -> None:
     path = tmp_path / "rows.parquet"
     path.write_bytes(smallest())

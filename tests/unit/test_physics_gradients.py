@@ -7,12 +7,7 @@ import torch
 
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.physics.airspeed import cas_to_mach, cas_to_tas_mps, tas_to_cas_mps
-from descentflow.physics.energy import (
-    descent_rate_mps,
-    energy_share_factor,
-    energy_share_factor_exact,
-    inferred_drag_n,
-)
+from descentflow.physics.energy import descent_rate_mps, energy_share_factor, energy_share_factor_exact, inferred_drag_n
 from descentflow.physics.nominal_descent import nominal_descent
 
 ALTITUDE = torch.tensor([3000.0, 6500.0, 9800.0, 11000.0, 12300.0], dtype=torch.float64)

@@ -15,11 +15,7 @@ from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.generation.rejection import sample_descents
-from descentflow.representation.fit_representation import (
-    RepresentationSettings,
-    fit_representation,
-    fit_residuals,
-)
+from descentflow.representation.fit_representation import RepresentationSettings, fit_representation, fit_residuals
 from descentflow.representation.profiles import Profiles
 from descentflow.representation.representation import Representation, Split
 from descentflow.representation.residuals import NEIGHBOURS, ResidualLine, Residuals

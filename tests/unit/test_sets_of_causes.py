@@ -10,12 +10,8 @@ from descentflow.diagnosis.inference._candidates import FlightsEffect
 from descentflow.diagnosis.inference._naming import Named, name_effects
 from descentflow.diagnosis.inference._sets import Search, SetFit, SetFits
 from descentflow.diagnosis.inference.explain import changed_surely
-from descentflow.diagnosis.inference.flight_mixture import (
-    LearntLaw,
-)
-from descentflow.diagnosis.inference.moments import (
-    Moments,
-)
+from descentflow.diagnosis.inference.flight_mixture import LearntLaw
+from descentflow.diagnosis.inference.moments import Moments
 from descentflow.diagnosis.inference.signatures import linearised
 from descentflow.diagnosis.sides.assumptions import Assumptions
 from descentflow.effects import EFFECTS

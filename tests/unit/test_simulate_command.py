@@ -130,12 +130,7 @@ def test_days_are_not_written_without_airspeeds(capsys: pytest.CaptureFixture[st
 
 
 @pytest.mark.parametrize(
-    "word",
-    [
-        "temperature:deviation_k",
-        "temperature:deviation_k=10,deviation_k=12",
-        "temperature=10",
-    ],
+    "word", ["temperature:deviation_k", "temperature:deviation_k=10,deviation_k=12", "temperature=10"]
 )
 def test_words_that_are_none_are_refused(word: str) -> None:
     refuses(ConfigError, r"--plant .*expected .*=(NUMBER|VALUE)", planted, [word])

@@ -84,7 +84,7 @@ def test_flights_obey_the_equation_of_motion_in_layered_air(windy: World) -> Non
 
 def test_rates_are_of_pressure_altitude_in_the_air_of_the_level(windy: World) -> None:
     height = windy.truth.with_columns(
-        climbed=(pl.col("altitude_m").shift(-1) - pl.col("altitude_m").shift(1)).over("flight_id") / 2,
+        climbed=(pl.col("altitude_m").shift(-1) - pl.col("altitude_m").shift(1)).over("flight_id") / 2
     ).drop_nulls()
     assert (height["climbed"] - height["rate_mps"]).abs().max() < 0.5
     assert (height["climbed"] - height["rate_mps"]).abs().median() < 0.01

@@ -103,10 +103,7 @@ def test_a_held_rate_is_found_and_idle_rates_are_free() -> None:
         (managed(-2000.0, seconds=0.0, after_s=400.0), "idle all the way"),
         (flown(TIME, 32 * np.round(np.where(TIME < 100, -3000.0, -2100 + 80 * (TIME - 100) / 60) / 32)), "Mach to CAS"),
         *(
-            (
-                flown(TIME, np.where(before_s > TIME, rate_fpm - 600, rate_fpm)),
-                "one CAS, or Mach before it",
-            )
+            (flown(TIME, np.where(before_s > TIME, rate_fpm - 600, rate_fpm)), "one CAS, or Mach before it")
             for before_s, rate_fpm in product((0.0, 100.0), (-1800.0, -2100.0, -2400.0))
         ),
     ],

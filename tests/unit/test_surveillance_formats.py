@@ -9,15 +9,7 @@ import numpy as np
 import polars as pl
 import pytest
 from polars.testing import assert_frame_equal
-from source_toys import (
-    FLIGHT,
-    assert_same_flight,
-    rows_of,
-    scat_of,
-    snapshots_of,
-    tar_of,
-    written_to,
-)
+from source_toys import FLIGHT, assert_same_flight, rows_of, scat_of, snapshots_of, tar_of, written_to
 
 from descentflow.core.errors import DataError
 from descentflow.surveillance.formats._json_rows import numbers, table, texts

@@ -41,13 +41,7 @@ def without_settings(path: Path, target: Path) -> Path:
 def test_rows_files_stores_descents_and_tables_open_alike(folder: Path) -> None:
     expected = FlightSource(folder / "rows.parquet").descents()
     frame = read_descents(folder / "descents.parquet").frame
-    for source in (
-        str(folder / "descents.parquet"),
-        folder / "store",
-        [folder / "descents.parquet"],
-        expected,
-        frame,
-    ):
+    for source in (str(folder / "descents.parquet"), folder / "store", [folder / "descents.parquet"], expected, frame):
         assert FlightSource(source).descents().frame.equals(expected.frame, null_equal=True)
     assert expected.cleaning == Cleaning()
     assert FlightSource(folder / "store").descents().cleaning == Cleaning()

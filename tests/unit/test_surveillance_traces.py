@@ -9,15 +9,7 @@ import fsspec
 import polars as pl
 import pytest
 from polars.testing import assert_frame_equal
-from source_toys import (
-    FLIGHT,
-    assert_same_flight,
-    packed,
-    rows_of,
-    tar_of,
-    trace_of,
-    written_to,
-)
+from source_toys import FLIGHT, assert_same_flight, packed, rows_of, tar_of, trace_of, written_to
 from surveillance_toys import fleet, flight, written
 
 import descentflow as df

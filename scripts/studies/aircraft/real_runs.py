@@ -127,11 +127,11 @@ def _airs(frame: pl.DataFrame, levels: Tensor) -> tuple[dict[str, Tensor], dict[
 
 def _smoothed(level: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Lines through the values about each level."""
-    found = np.empty(len(values))
+    smooth = np.empty(len(values))
     for i in range(len(values)):
         near = slice(max(0, i - HALF_WINDOW), i + HALF_WINDOW + 1)
-        found[i] = np.polyval(np.polyfit(level[near], values[near], 1), level[i])
-    return found
+        smooth[i] = np.polyval(np.polyfit(level[near], values[near], 1), level[i])
+    return smooth
 
 
 def own_speed_error(run: Run, aircraft: PerformanceModel) -> float:
@@ -164,7 +164,7 @@ def by_aircraft(errors: Sequence[float], tails: Sequence[str], draws: int = 2000
 
 def table(runs: Sequence[Run], errors: dict[str, Sequence[float]]) -> list[list[str]]:
     """Rows by place and type: number of runs, then median error with its interval for each model."""
-    found = []
+    rows = []
     for key in sorted({(run.source, run.typecode) for run in runs}):
         mine = [i for i, run in enumerate(runs) if (run.source, run.typecode) == key]
         tails = [runs[i].icao24 for i in mine]
@@ -175,5 +175,5 @@ def table(runs: Sequence[Run], errors: dict[str, Sequence[float]]) -> list[list[
                 row.append("{:+.0f} ({:+.0f} to {:+.0f})".format(*interval))
             else:
                 row.append("no such type")
-        found.append(row)
-    return found
+        rows.append(row)
+    return rows

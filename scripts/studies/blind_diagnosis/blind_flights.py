@@ -20,11 +20,11 @@ BASIC = (*NEVER, "TAS", "groundspeed", "track", "heading", "geoaltitude")
 """Columns that a set with the basic channels lacks."""
 
 
-def write_set(one: SetPlan, path: Path) -> None:
+def write_set(plan: SetPlan, path: Path) -> None:
     """Fly the flights of a set and write their rows.
 
     Args:
-        one: What to plant, and in whose flights.
+        plan: What to plant, and in whose flights.
         path: Parquet file of rows.
 
     Example:
@@ -33,15 +33,15 @@ def write_set(one: SetPlan, path: Path) -> None:
         >>> [name for name in pl.read_parquet("blind_0000.parquet").columns if name in (*BASIC, "IAS", "Mach")]
         ['IAS', 'Mach']
     """
-    rows = _rows("flights", one.world, one.model, one.flights, one.seed, one.causes)
-    write_table(rows.drop(BASIC if one.channels == "basic" else NEVER), path)
+    rows = _rows("flights", plan.world, plan.model, plan.flights, plan.seed, plan.causes)
+    write_table(rows.drop(BASIC if plan.channels == "basic" else NEVER), path)
 
 
-def write_simulator(one: SimulatorPlan, form: Form, path: Path) -> None:
+def write_simulator(plan: SimulatorPlan, form: Form, path: Path) -> None:
     """Fly a simulator's flights in a form and write them, prepared; or train it on them and write its checkpoint.
 
     Args:
-        one: Seed, type and number of its flights.
+        plan: Seed, type and number of its flights.
         form: Whether it has weather, noise and spreads, and whether it is a checkpoint.
         path: File of prepared descents, or the checkpoint; a checkpoint is trained on the ``flights`` next to it.
 
@@ -57,12 +57,12 @@ def write_simulator(one: SimulatorPlan, form: Form, path: Path) -> None:
     if form == "checkpoint":
         from descentflow.training.fit import fit
 
-        flights = simulator_path(path.parent, one.name, "flights")
-        fit(flights, "gaussian", out=path, aircraft=reference_type(one.world, one.model), device="cpu")
+        flights = simulator_path(path.parent, plan.name, "flights")
+        fit(flights, "gaussian", out=path, aircraft=reference_type(plan.world, plan.model), device="cpu")
         return
     with TemporaryDirectory() as folder:
         rows = Path(folder) / "rows.parquet"
-        _rows(form, one.world, one.model, one.flights, one.seed, {}).drop(NEVER).write_parquet(rows)
+        _rows(form, plan.world, plan.model, plan.flights, plan.seed, {}).drop(NEVER).write_parquet(rows)
         write_descents(prepare(rows), path)
 
 

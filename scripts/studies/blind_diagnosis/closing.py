@@ -22,7 +22,7 @@ FRESH_SEED: Final = 2**31
 """Added to the seed of a simulator: no seed of a study is that large."""
 
 
-def fly_fresh(one: SimulatorPlan, form: Form, folder: Path) -> Path:
+def fly_fresh(plan: SimulatorPlan, form: Form, folder: Path) -> Path:
     """Flights of a simulator that no diagnosis has seen, flown if they are not in the folder.
 
     Example:
@@ -31,9 +31,9 @@ def fly_fresh(one: SimulatorPlan, form: Form, folder: Path) -> Path:
         >>> fly_fresh(one, "bare", Path(".")).name
         'a_fresh_bare.parquet'
     """
-    path = simulator_path(folder, f"{one.name}_fresh", form)
+    path = simulator_path(folder, f"{plan.name}_fresh", form)
     if not path.is_file():
-        write_simulator(replace(one, seed=one.seed + FRESH_SEED), form, path)
+        write_simulator(replace(plan, seed=plan.seed + FRESH_SEED), form, path)
     return path
 
 

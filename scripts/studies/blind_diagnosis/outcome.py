@@ -18,7 +18,7 @@ class Outcome:
 
     Attributes:
         job: Name of the diagnosis.
-        one: The set.
+        plan: The set.
         form: How the simulator was given.
         without: Effect left out of the catalogue, if any.
         verdict: ``none``, ``effect``, ``partial``, ``unknown``, or ``refused`` where it raised a clear error.
@@ -111,33 +111,33 @@ def outcomes(
     ]
 
 
-def _outcome(job: Mapping[str, Any], one: SetPlan, found: Mapping[str, Any]) -> Outcome:
-    report = found["report"] or {}
+def _outcome(job: Mapping[str, Any], plan: SetPlan, answer: Mapping[str, Any]) -> Outcome:
+    report = answer["report"] or {}
     form: Form = job["form"]
-    shown = [name for name in one.causes if nameable(name, one) and name != job["without"]]
+    shown = [name for name in plan.causes if nameable(name, plan) and name != job["without"]]
     lacks = {lack["quantity"] for lack in report.get("details", {}).get("lacks", [])}
     # A simulator without any level flight lacks it, which is listed apart from the causes.
     planted = [name for name in shown if not (name == "level_off" and form in BARE and "level" in lacks)]
     return Outcome(
         job=job["name"],
-        one=one,
+        one=plan,
         form=form,
         without=job["without"],
         verdict=report.get("verdict", REFUSED),
         groups=tuple(frozenset({cause["effect"], *cause["group"]}) for cause in report.get("causes", [])),
         planted=tuple(planted),
-        hidden=tuple(name for name in one.causes if name not in shown),
+        hidden=tuple(name for name in plan.causes if name not in shown),
         report=report,
-        seconds=float(found["cpu_s"]),
+        seconds=float(answer["cpu_s"]),
     )
 
 
-def nameable(cause: str, one: SetPlan) -> bool:
+def nameable(cause: str, plan: SetPlan) -> bool:
     """Test for causes in the catalogue, in sets with the channels that they need.
 
     Args:
         cause: Its name.
-        one: The set.
+        plan: The set.
 
     Example:
         >>> from dataclasses import replace
@@ -145,7 +145,7 @@ def nameable(cause: str, one: SetPlan) -> bool:
         >>> nameable("turn", rich), nameable("turn", replace(rich, channels="basic")), nameable("kept_thrust", rich)
         (True, False, False)
     """
-    lacked = BASIC if one.channels == "basic" else ()
+    lacked = BASIC if plan.channels == "basic" else ()
     return cause in EFFECTS and not set(EFFECTS[cause].needs) & set(lacked)
 
 

@@ -94,11 +94,11 @@ GOALS: Final = (
 )
 
 
-def score(found: Sequence[Outcome], closures: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+def score(outcomes: Sequence[Outcome], closures: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     """Score every sealed diagnosis of one or several studies.
 
     Args:
-        found: Outcomes.
+        outcomes: Outcomes.
         closures: By diagnosis, see :func:`studies.blind_diagnosis.closing.closing`.
 
     Returns:
@@ -108,7 +108,7 @@ def score(found: Sequence[Outcome], closures: Mapping[str, Mapping[str, Any]]) -
         >>> score([], {})["rows"][0]["n"]
         0
     """
-    blind = [o for o in found if o.one.part == "blind"]
+    blind = [o for o in outcomes if o.one.part == "blind"]
     columns: dict[Column, list[Outcome]] = {column: [o for o in blind if column_of(o) == column] for column in COLUMNS}
     truth = {o.one.name: true_sizes(o.one) for o in blind if o.groups}
     rows = [goal.row(column, columns[column]) for goal in GOALS for column in COLUMNS]
@@ -116,7 +116,7 @@ def score(found: Sequence[Outcome], closures: Mapping[str, Mapping[str, Any]]) -
     return {
         "rows": rows,
         "intervals": [row for column in COLUMNS for row in _intervals(column, columns[column], truth)],
-        "withheld": [_withheld(o) for o in found if o.without is not None],
+        "withheld": [_withheld(o) for o in outcomes if o.without is not None],
         "answers": [_answer(o) for o in blind],
     }
 
@@ -212,11 +212,11 @@ def table(scored: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _cell(one: Mapping[str, Any]) -> str:
-    if one["share"] is None:
+def _cell(share_of: Mapping[str, Any]) -> str:
+    if share_of["share"] is None:
         return "-"
-    met = {True: "", False: " **missed**", None: ""}[one["met"]]
-    return f"{one['share']:.1%} ({one['low']:.0%} to {one['high']:.0%}, n {one['n']}){met}"
+    met = {True: "", False: " **missed**", None: ""}[share_of["met"]]
+    return f"{share_of['share']:.1%} ({share_of['low']:.0%} to {share_of['high']:.0%}, n {share_of['n']}){met}"
 
 
 def share(flags: Sequence[bool]) -> dict[str, Any]:

@@ -85,11 +85,11 @@ def reported(cause: str, own: Own) -> dict[str, float]:
     return REPORTED[cause](own) if cause in REPORTED else {}
 
 
-def true_sizes(one: SetPlan) -> dict[str, dict[str, float]]:
+def true_sizes(plan: SetPlan) -> dict[str, dict[str, float]]:
     """Sizes that a diagnosis of a set should report, by cause.
 
     Args:
-        one: The set.
+        plan: The set.
 
     Example:
         >>> causes = {"mass": {"factor": 0.9}}
@@ -97,35 +97,35 @@ def true_sizes(one: SetPlan) -> dict[str, dict[str, float]]:
         >>> true_sizes(one)
         {'mass': {'relative_change': -0.0999...}}
     """
-    if not one.causes:
+    if not plan.causes:
         return {}
-    if one.world == "own":
-        own = _own_flights(one)
+    if plan.world == "own":
+        own = _own_flights(plan)
         return {name: reported(name, values) for name, values in own.items()}
-    sizes_of = {name: reported(name, values) for name, values in _foreign_flights(one).items()}
+    sizes_of = {name: reported(name, values) for name, values in _foreign_flights(plan).items()}
     return {name: {k: size for k, size in sizes.items() if k not in OTHER_BASE} for name, sizes in sizes_of.items()}
 
 
-def _own_flights(one: SetPlan) -> dict[str, Own]:
+def _own_flights(plan: SetPlan) -> dict[str, Own]:
     """Values in the flights of a set of our own world, by cause and value."""
-    aircraft = find_aircraft(one.model)
-    flights = Injection(aircraft, one.causes, one.seed)(
-        draw_parameters(aircraft, range(one.flights), one.seed, own_scenario("flights", one.model))
+    aircraft = find_aircraft(plan.model)
+    flights = Injection(aircraft, plan.causes, plan.seed)(
+        draw_parameters(aircraft, range(plan.flights), plan.seed, own_scenario("flights", plan.model))
     )
     return {
         name: {key.removeprefix(f"{name}_"): own for key, own in flights.planted.items() if key.startswith(f"{name}_")}
-        for name in one.causes
+        for name in plan.causes
     }
 
 
-def _foreign_flights(one: SetPlan) -> dict[str, Own]:
+def _foreign_flights(plan: SetPlan) -> dict[str, Own]:
     """The same of JSBSim's flights, by what each cause changes in their plans."""
-    airframe, config = AIRFRAMES[one.model], foreign_scenario("flights", one.model)
-    before = draw_plans(airframe, range(one.flights), one.seed, config)
+    airframe, config = AIRFRAMES[plan.model], foreign_scenario("flights", plan.model)
+    before = draw_plans(airframe, range(plan.flights), plan.seed, config)
     owns: dict[str, Own] = {}
-    for name in one.causes:
+    for name in plan.causes:
         if name in _OF_PLANS:
-            after = inject(airframe, before, {name: one.causes[name]}, one.seed, config.flights_per_aircraft)
+            after = inject(airframe, before, {name: plan.causes[name]}, plan.seed, config.flights_per_aircraft)
             own = [_OF_PLANS[name](a, b) for a, b in zip(after, before, strict=True)]
             owns[name] = {key: torch.tensor([o[key] for o in own], dtype=torch.float64) for key in own[0]}
     return owns

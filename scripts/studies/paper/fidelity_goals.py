@@ -78,9 +78,9 @@ def of_types(plan: StudyPlan, name: str, folder: Path) -> pl.DataFrame:
         scores = pl.read_csv(place / "scores.csv", infer_schema_length=None)
         auc = scores.filter(pl.col("statistic") == "auc")["equal_size"].cast(pl.Float64)
         own = {key: value for key, value in row.items() if "/" in key and not key.endswith("excess")}
-        told = json.loads((place / "fidelity.json").read_text())
+        measures = json.loads((place / "fidelity.json").read_text())
         known = {"typecode": row["typecode"], "flights": plan.flights[row["typecode"]]}
-        rows.append({**known, **own, "auc": auc.item() if len(auc) else None, **told, **_covered(place)})
+        rows.append({**known, **own, "auc": auc.item() if len(auc) else None, **measures, **_covered(place)})
     return pl.DataFrame(rows, infer_schema_length=None)
 
 

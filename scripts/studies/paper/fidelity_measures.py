@@ -68,8 +68,8 @@ def top_spread(samples: DescentSet, real: DescentSet) -> dict[str, float]:
     """
     top = real.levels_fl > real.levels_fl[-1] - TOP_FL
     n = real.mask[:, top].sum(0)
-    told = (n >= FEWEST) & (samples.mask[:, top].sum(0) >= FEWEST)
-    weight = torch.where(told, n, 0).double()
+    enough = (n >= FEWEST) & (samples.mask[:, top].sum(0) >= FEWEST)
+    weight = torch.where(enough, n, 0).double()
     ratios = {}
     for name, of in (("rate", "rate_mps"), ("cas", "cas_mps")):
         variances = []
@@ -78,7 +78,7 @@ def top_spread(samples: DescentSet, real: DescentSet) -> dict[str, float]:
             count = mask.sum(0).clamp(min=2)
             mean = torch.where(mask, values, 0.0).sum(0) / count
             square = torch.where(mask, values - mean, 0.0).square().sum(0) / (count - 1)
-            variances.append(float((weight * torch.where(told, square, 0.0)).sum()))
+            variances.append(float((weight * torch.where(enough, square, 0.0)).sum()))
         ratios[name] = (variances[0] / variances[1]) ** 0.5 if variances[1] > 0 else float("nan")
     return ratios
 

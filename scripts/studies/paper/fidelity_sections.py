@@ -27,9 +27,9 @@ def over_floor(frame: pl.DataFrame, plan: StudyPlan) -> list[Html]:
     head = ["model", "type", "flights a side"]
     head += [f"{QUANTITIES[k.split('/')[0]]}, {REGISTERED[k.split('/')[1]].short}" for k in keys]
     rows: list[Row] = []
-    told = summary(frame, plan.flights)
+    summed = summary(frame, plan.flights)
     for model in plan.models:
-        for r in told.filter(pl.col("model") == model).iter_rows(named=True):
+        for r in summed.filter(pl.col("model") == model).iter_rows(named=True):
             rows.append([MODELS[model], cell(r["of"], "best"), "", *(cell(_ratio(r[k]), "best") for k in keys)])
         for r in frame.filter(pl.col("model") == model).iter_rows(named=True):
             cells = [cell(_ratio(r[k]), "", number(r[f"{k} excess"], 2)) for k in keys]

@@ -63,12 +63,14 @@ def read_published(path: Path | None) -> Published:
     if path is None:
         return Published()
     scores, types = (path / "published_scores.csv", path / "published_types.csv") if path.is_dir() else (path, None)
-    found = [None if p is None or not p.exists() else pl.read_csv(p, infer_schema_length=None) for p in (scores, types)]
-    if all(frame is None for frame in found):
+    frames = [
+        None if p is None or not p.exists() else pl.read_csv(p, infer_schema_length=None) for p in (scores, types)
+    ]
+    if all(frame is None for frame in frames):
         raise DataError(
             f"no published figures at {path}", expected="published_scores.csv", mend="give its folder or the file"
         )
-    return Published(*found)
+    return Published(*frames)
 
 
 def write_report(plan: StudyPlan, folder: Path, published: Path | None = None) -> Path:

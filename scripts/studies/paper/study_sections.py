@@ -256,8 +256,8 @@ def _to_floor(row: dict[str, float | None]) -> str:
 
 def _below(row: dict[str, float | None], model: str) -> str:
     low, high, matched = (number(row[f"{model}{ending}"], 2) for ending in ("_low", "_high", "_equal_size"))
-    told = ["" if low == "-" else f"[{low}, {high}]", "" if matched == "-" else f"matched {matched}"]
-    return " ".join(filter(None, told))
+    bounds = ["" if low == "-" else f"[{low}, {high}]", "" if matched == "-" else f"matched {matched}"]
+    return " ".join(filter(None, bounds))
 
 
 def _unit(unit: str) -> str:

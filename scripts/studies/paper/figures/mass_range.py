@@ -125,21 +125,21 @@ def mass_range_figure(
         >>> len(mass_range_figure(flights, aircraft, title="A320").axes)
         3
     """
-    found = mass_range(flights, aircraft)
+    span = mass_range(flights, aircraft)
     figure, (axes,) = panels(11.5, 4.6, 1, 3, width_ratios=[1.5, 1, 1])
-    _draw_times(axes[0], found, n_lines, seed)
+    _draw_times(axes[0], span, n_lines, seed)
     masses = torch.linspace(float(aircraft.mass_minimum_kg), float(aircraft.mass_maximum_kg), N_MASSES).double()
     by_mass = nominal_descent(aircraft, flights.levels_fl, masses)
     plain = nominal_descent(aircraft, flights.levels_fl)
     _draw_band(axes[1], flights, flights.rate_mps / FPM_MPS, by_mass.rate_mps / FPM_MPS, plain.rate_mps / FPM_MPS)
     _draw_band(axes[2], flights, flights.cas_mps / KT_MPS, by_mass.cas_mps / KT_MPS, plain.cas_mps / KT_MPS)
-    axes[0].set(xlabel=f"Time since FL{float(found.levels_fl[-1]):.0f} (min)", ylabel="Flight level")
+    axes[0].set(xlabel=f"Time since FL{float(span.levels_fl[-1]):.0f} (min)", ylabel="Flight level")
     axes[1].set_xlabel("Rate (ft/min)")
     # Numbers such as -3500 are wide, and more of them run into each other.
     axes[1].xaxis.set_major_locator(MaxNLocator(MOST_TICKS))
     axes[2].set_xlabel("CAS (kt)")
-    low, high = found.range_s
-    n, share = len(found.time_s), found.explained
+    low, high = span.range_s
+    n, share = len(span.time_s), span.explained
     caption = f"BADA's masses: {low:.0f} to {high:.0f} s; {share:.0%} of {n:,} flights lie there"
     axes[0].set_title(caption, fontsize=9, loc="left")
     legend_below(figure, axes, columns=4)
@@ -148,21 +148,21 @@ def mass_range_figure(
     return figure
 
 
-def _draw_times(ax: Axes, found: MassRange, n_lines: int, seed: int) -> None:
-    picked = torch.randperm(len(found.time_s), generator=torch.Generator().manual_seed(seed))[:n_lines]
-    for position, row in enumerate(found.time_s[picked] / 60):
-        ax.plot(row, found.levels_fl, color=BLUE, linewidth=0.5, alpha=0.6, label=None if position else "flights")
-    for position, row in enumerate(found.nominal_time_s[1:-1] / 60):
+def _draw_times(ax: Axes, span: MassRange, n_lines: int, seed: int) -> None:
+    picked = torch.randperm(len(span.time_s), generator=torch.Generator().manual_seed(seed))[:n_lines]
+    for position, row in enumerate(span.time_s[picked] / 60):
+        ax.plot(row, span.levels_fl, color=BLUE, linewidth=0.5, alpha=0.6, label=None if position else "flights")
+    for position, row in enumerate(span.nominal_time_s[1:-1] / 60):
         label = None if position else "BADA, masses between"
-        ax.plot(row, found.levels_fl, color=GREY, linewidth=0.9, label=label)
-    for position, row in enumerate(found.nominal_time_s[[0, -1]] / 60):
+        ax.plot(row, span.levels_fl, color=GREY, linewidth=0.9, label=label)
+    for position, row in enumerate(span.nominal_time_s[[0, -1]] / 60):
         label = None if position else "BADA, least and largest mass"
-        ax.plot(row, found.levels_fl, color=BLACK, linewidth=1.3, linestyle=(0, (5, 2)), label=label)
-    ax.plot(found.reference_time_s / 60, found.levels_fl, color=BLACK, linewidth=2.0, label="BADA, reference mass")
-    mean = found.time_s.mean(0) / 60
-    ax.plot(mean, found.levels_fl, color=BLUE, linewidth=2.2, linestyle="--", label="mean of flights")
+        ax.plot(row, span.levels_fl, color=BLACK, linewidth=1.3, linestyle=(0, (5, 2)), label=label)
+    ax.plot(span.reference_time_s / 60, span.levels_fl, color=BLACK, linewidth=2.0, label="BADA, reference mass")
+    mean = span.time_s.mean(0) / 60
+    ax.plot(mean, span.levels_fl, color=BLUE, linewidth=2.2, linestyle="--", label="mean of flights")
     ax.set_xlim(left=0)
-    ax.set_ylim(float(found.levels_fl[0]), float(found.levels_fl[-1]))
+    ax.set_ylim(float(span.levels_fl[0]), float(span.levels_fl[-1]))
 
 
 def _draw_band(ax: Axes, flights: DescentSet, values: Tensor, by_mass: Tensor, plain: Tensor) -> None:

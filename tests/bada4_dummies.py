@@ -20,10 +20,10 @@ def dummies(family: str = "BADA4") -> Path:
 def printed_descents(name: str, warmer: bool) -> list[tuple[dict[str, Tensor], list[str]]]:
     """Columns and configurations of the descents in a printed table (PTD), at low, medium and high mass."""
     text = (dummies() / name / f"{name}_ISA{'+20' if warmer else ''}.PTD").read_text()
-    found = []
+    descents = []
     for part in text.split(" DESCENT\n")[1:]:
         rows = [line.split() for line in part.split("mass CRUISE")[0].split("mass DESCENT")[0].splitlines()]
         rows = [row for row in rows if len(row) > len(COLUMNS) and row[0].isdecimal()]
         numbers = torch.tensor([[float(one) for one in row[: len(COLUMNS)]] for row in rows], dtype=torch.float64)
-        found.append((dict(zip(COLUMNS, numbers.T, strict=True)), [row[len(COLUMNS)] for row in rows]))
-    return found
+        descents.append((dict(zip(COLUMNS, numbers.T, strict=True)), [row[len(COLUMNS)] for row in rows]))
+    return descents

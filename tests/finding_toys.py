@@ -92,7 +92,7 @@ def costs(after: bool = True) -> list[Cost]:
     """Of the whole range and of its thirds."""
     rest = Measured(1.5, -1.0, 4.0) if after else None
     slower = Measured(-8.0, -20.0, 5.0) if after else None
-    found = []
+    made = []
     for low, high, part in ((150.0, 360.0, 1.0), (150.0, 220.0, 0.3), (220.0, 290.0, 0.4), (290.0, 360.0, 0.3)):
         longer, further = Measured(25 * part, 22 * part, 28 * part), Measured(2 * part, 1.8 * part, 2.2 * part)
         steeper, faster = Measured(-110.0, -120.0, -100.0), Measured(0.4, -0.3, 1.1)
@@ -104,8 +104,8 @@ def costs(after: bool = True) -> list[Cost]:
             ("cas", "calibrated airspeed", "kt", 281.0, faster, faster if after else None, 0.9),
         ):
             flights = simulator + before.estimate
-            found.append(Cost(name, label, unit, low, high, simulator, flights, before, now, floor))
-    return found
+            made.append(Cost(name, label, unit, low, high, simulator, flights, before, now, floor))
+    return made
 
 
 def details() -> Details:

@@ -68,8 +68,8 @@ def samples(entry_fl: int | None, n: int = 40_000) -> Trajectories:
     """Samples as anyone draws them."""
     entry, known = DRAWN_ENTRIES if entry_fl is None else torch.tensor([index(entry_fl)]), parts()
     density = mixture()
-    found = [sample_descents(density, known, 10_000, seed, entry=entry).trajectories for seed in range(n // 10_000)]
-    return concatenate(found)
+    parts_of = [sample_descents(density, known, 10_000, seed, entry=entry).trajectories for seed in range(n // 10_000)]
+    return concatenate(parts_of)
 
 
 def cut(flown: Trajectories, meets: Callable[[Trajectories], Tensor]) -> Trajectories:
@@ -89,7 +89,7 @@ def distance_nm(flown: Trajectories, level_fl: float) -> Tensor:
 
 def comparisons(one: Trajectories, other: Trajectories) -> dict[str, tuple[float, float]]:
     """Distance and p of two-sample Kolmogorov-Smirnov tests of what the descents have at some levels."""
-    found = {}
+    by_name = {}
     for name, of in {
         "time to the bottom": lambda t: t.time_s[:, 0],
         "time to FL300": lambda t: t.time_s[:, index(300)],
@@ -100,8 +100,8 @@ def comparisons(one: Trajectories, other: Trajectories) -> dict[str, tuple[float
     }.items():
         first, second = of(one).round(decimals=6), of(other).round(decimals=6)
         test = ks_2samp(first.numpy(), second.numpy(), method="asymp")
-        found[name] = float(test.statistic), float(test.pvalue)
-    return found
+        by_name[name] = float(test.statistic), float(test.pvalue)
+    return by_name
 
 
 def p_values(one: Trajectories, other: Trajectories) -> dict[str, float]:

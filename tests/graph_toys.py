@@ -29,23 +29,23 @@ def density(kind: str, parts: Representation, n_context: int = 0) -> Density:
         return 0.5 * torch.randn(shape, generator=generator).double()
 
     if kind == "gaussian":
-        found: Any = GaussianDensity(d, n_context)
+        made: Any = GaussianDensity(d, n_context)
         line = (normal(1, d, n_context), normal(1, n_context)) if n_context else ()
-        found.mixture = Mixture(torch.ones(1).double(), normal(1, d), factor(d, generator)[None], *line)
+        made.mixture = Mixture(torch.ones(1).double(), normal(1, d), factor(d, generator)[None], *line)
     elif kind == "mixture":
-        found = GaussianMixtureDensity(d, 3, n_context)
+        made = GaussianMixtureDensity(d, 3, n_context)
         line = (normal(3, d, n_context), normal(3, n_context)) if n_context else ()
         trils = torch.stack([factor(d, generator) for _ in range(3)])
-        found.mixture = Mixture(torch.tensor([0.2, 0.5, 0.3]).double(), normal(3, d), trils, *line)
+        made.mixture = Mixture(torch.tensor([0.2, 0.5, 0.3]).double(), normal(3, d), trils, *line)
     else:
         torch.manual_seed(3)
-        found = MaskedAffineFlowDensity(d, n_flows=2, n_context=n_context, whitened=kind == "whitened flow")
-        if found.whitened:
-            found.whiten(normal(d), normal(d, n_context), factor(d, generator))
-        for parameter in found.flow.parameters():
+        made = MaskedAffineFlowDensity(d, n_flows=2, n_context=n_context, whitened=kind == "whitened flow")
+        if made.whitened:
+            made.whiten(normal(d), normal(d, n_context), factor(d, generator))
+        for parameter in made.flow.parameters():
             parameter.data += 0.1 * torch.randn(parameter.shape, generator=generator)
-    found.attach(parts)
-    return found.eval().requires_grad_(False)
+    made.attach(parts)
+    return made.eval().requires_grad_(False)
 
 
 def weights_of(model: Density, noise_seed: int, n: int, component: Tensor | None = None) -> tuple[Tensor, Tensor]:
@@ -68,13 +68,13 @@ def table_of(parts: Representation, weights: Tensor, entry: Tensor, residual: Te
     flown = parts.decoder(weights, entry, residual=residual)
     table = to_frame(flown).sort("sample_id", "level_fl")
     shape = flown.time_s.shape
-    found = {}
+    columns = {}
     for name in PROFILES:
         grid = torch.full(shape, torch.nan, dtype=torch.float64)
         grid[flown.mask] = torch.from_numpy(table[name].to_numpy().copy())
-        found[name] = grid
-    found["broken"] = parts.plausibility.broken_rules(flown)
-    return found
+        columns[name] = grid
+    columns["broken"] = parts.plausibility.broken_rules(flown)
+    return columns
 
 
 PARTS = toys.representation(100)

@@ -23,12 +23,12 @@ def as_bytes(write: Callable[[io.BytesIO], object]) -> bytes:
 
 
 def frames() -> list[tuple[float, str]]:
-    found = []
+    sent = []
     for row in FLIGHT.iter_rows(named=True):
         speeds = register_60(90.0, round(row["IAS"]), row["Mach"], row["vertical_rate"])
         time = row["timestamp"].timestamp()
-        found += [(time, all_call("4ca001")), (time, reply("4ca001", round(row["altitude"]), speeds))]
-    return found
+        sent += [(time, all_call("4ca001")), (time, reply("4ca001", round(row["altitude"]), speeds))]
+    return sent
 
 
 def messages() -> list[dict]:
@@ -42,14 +42,14 @@ def messages() -> list[dict]:
 
 
 def blocks(category: int) -> bytes:
-    found = b""
+    content = b""
     for number, row in enumerate(FLIGHT.iter_rows(named=True)):
         level, speeds = row["altitude"] / 100, register_60(90.0, 270, row["Mach"], row["vertical_rate"])
         if category == 62:
-            found += cat062("4ca001", 36_000 + 5 * number, level, 270, row["Mach"], row["vertical_rate"])
+            content += cat062("4ca001", 36_000 + 5 * number, level, 270, row["Mach"], row["vertical_rate"])
         else:
-            found += cat048("4ca001", 36_000 + 5 * number, level, {0x60: speeds})
-    return found
+            content += cat048("4ca001", 36_000 + 5 * number, level, {0x60: speeds})
+    return content
 
 
 def lines(documents: list) -> bytes:

@@ -45,20 +45,20 @@ def once(folder: Path, name: str, make: Callable[[], T]) -> T:
 
 def digest(*values: Any) -> str:
     """A name for values, to the bit: tensors, dataclasses of them, and whatever is identified by its ``repr``."""
-    found = hashlib.sha256()
+    state = hashlib.sha256()
     for value in values:
-        _add(found, value)
-    return found.hexdigest()
+        _add(state, value)
+    return state.hexdigest()
 
 
-def _add(found: Any, value: Any) -> None:
+def _add(state: Any, value: Any) -> None:
     if isinstance(value, Tensor):
-        found.update(repr((value.shape, value.dtype)).encode())
-        found.update(value.detach().cpu().contiguous().reshape(-1).view(torch.uint8).numpy().tobytes())
+        state.update(repr((value.shape, value.dtype)).encode())
+        state.update(value.detach().cpu().contiguous().reshape(-1).view(torch.uint8).numpy().tobytes())
     elif dataclasses.is_dataclass(value):
-        found.update(type(value).__name__.encode())
+        state.update(type(value).__name__.encode())
         for field in dataclasses.fields(value):
-            found.update(field.name.encode())
-            _add(found, getattr(value, field.name))
+            state.update(field.name.encode())
+            _add(state, getattr(value, field.name))
     else:
-        found.update(repr(value).encode())
+        state.update(repr(value).encode())

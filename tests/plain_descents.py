@@ -30,8 +30,8 @@ def plain_descents(
     slow = (-1 / rate)[:, order]
     legs = (slow[:, 1:] + slow[:, :-1]) / 2 * places[order].diff()
     climbed = torch.nn.functional.pad(legs.cumsum(1), (1, 0))[:, order.argsort()[: len(altitude_m)]]
-    found = {"mach": state.mach, "tas_mps": state.tas_mps, "rate_mps": rate}
+    columns = {"mach": state.mach, "tas_mps": state.tas_mps, "rate_mps": rate}
     return {
         "time_s": climbed.gather(1, entry[:, None]) - climbed,
-        **{name: value[:, : len(altitude_m)] for name, value in found.items()},
+        **{name: value[:, : len(altitude_m)] for name, value in columns.items()},
     }

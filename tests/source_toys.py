@@ -189,12 +189,12 @@ def rows_of(path: Path, **options: object) -> tuple[pl.DataFrame, dict[str, int]
     return read_rows([path], report, **options), report.notes
 
 
-def assert_same_flight(found: pl.DataFrame, **tolerances: float) -> None:
+def assert_same_flight(read: pl.DataFrame, **tolerances: float) -> None:
     """Columns that all sources share are those of the flight, within a source's quantum."""
-    assert len(found) == len(FLIGHT)
+    assert len(read) == len(FLIGHT)
     for name in ("icao24", "typecode"):
-        assert found[name].to_list() == FLIGHT[name].to_list()
-    late = (found["timestamp"] - FLIGHT["timestamp"]).dt.total_microseconds().abs().max()
+        assert read[name].to_list() == FLIGHT[name].to_list()
+    late = (read["timestamp"] - FLIGHT["timestamp"]).dt.total_microseconds().abs().max()
     assert late <= 1e6 * tolerances.pop("timestamp", 1e-6)
     for name, tolerance in {"altitude": 0.5, "vertical_rate": 0.5, "IAS": 1e-9, "Mach": 1e-9, **tolerances}.items():
-        assert (found[name] - FLIGHT[name]).abs().max() <= tolerance, name
+        assert (read[name] - FLIGHT[name]).abs().max() <= tolerance, name

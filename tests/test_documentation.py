@@ -25,10 +25,10 @@ def is_module(name: str) -> bool:
 
 def modules_named(cell: str) -> list[str]:
     """Modules of a cell of the changelog: `a.b.c`, `.d` are a.b.c and a.b.d."""
-    found: list[str] = []
+    modules: list[str] = []
     for name in re.findall(r"`([\w.]+)`", cell):
-        found.append(name if not name.startswith(".") else found[-1].rsplit(".", 1)[0] + name)
-    return found
+        modules.append(name if not name.startswith(".") else modules[-1].rsplit(".", 1)[0] + name)
+    return modules
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))

@@ -28,13 +28,13 @@ KNOW_THE_TRAINER = {"training", "cli"}
 @functools.cache
 def imports(path: Path) -> tuple[str, ...]:
     """Every module that a file imports, inside functions and for type checking too."""
-    found: list[str] = []
+    names: list[str] = []
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
-            found += [alias.name for alias in node.names]
+            names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module:
-            found += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-    return tuple(found)
+            names += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+    return tuple(names)
 
 
 @functools.cache
@@ -48,14 +48,14 @@ def inside(module: str, parent: str) -> bool:
 
 def imported_modules(path: Path) -> set[str]:
     """Modules of the package that a file imports; names imported from a module count as the module."""
-    found = set()
+    imported = set()
     for name in imports(path):
         parts = name.split(".")
         while parts and not _is_module(*parts):
             parts.pop()
         if len(parts) > 1 and parts[0] == PACKAGE.name:
-            found.add(".".join(parts[1:]))
-    return found
+            imported.add(".".join(parts[1:]))
+    return imported
 
 
 @functools.cache
@@ -72,13 +72,13 @@ def module_of(path: Path) -> str:
 @functools.cache
 def modules() -> dict[str, set[str]]:
     """Module -> modules that it imports, lazily and for type checking too; the front door is left out."""
-    found = {}
+    by_module = {}
     for path in files():
         own = module_of(path)
         if own:
             # A package is loaded before its modules whatever they import: that is no arrow.
-            found[own] = {name for name in imported_modules(path) if name != own and not inside(own, name)}
-    return found
+            by_module[own] = {name for name in imported_modules(path) if name != own and not inside(own, name)}
+    return by_module
 
 
 def packages(within: str = "") -> dict[str, set[str]]:
@@ -88,12 +88,12 @@ def packages(within: str = "") -> dict[str, set[str]]:
     folders = {
         f"{start}{p.name}" for p in PACKAGE.joinpath(*within.split(".")).iterdir() if (p / "__init__.py").is_file()
     }
-    found: dict[str, set[str]] = {folder: set() for folder in folders}
+    by_folder: dict[str, set[str]] = {folder: set() for folder in folders}
     for module, others in modules().items():
         own = ".".join(module.split(".")[:depth])
         if own in folders:
-            found[own] |= {".".join(name.split(".")[:depth]) for name in others} & folders - {own}
-    return found
+            by_folder[own] |= {".".join(name.split(".")[:depth]) for name in others} & folders - {own}
+    return by_folder
 
 
 @pytest.mark.parametrize("within", ["", *sorted(packages())])

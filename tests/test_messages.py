@@ -21,14 +21,14 @@ SOURCES = [path for ending in ("py", "toml") for path in sorted(Path(descentflow
 def options() -> set[str]:
     """Every option of every command, as the parsers have them."""
     own = {"data": DescentDataModule, "scores": ScoreCallback}
-    found = {f"--{section}.{name}" for section, kind in own.items() for name in inspect.signature(kind).parameters}
-    found |= {"--config", "--model", "--data", "--ckpt_path", "--weights_only", "--help_all", "--checkpoint", "--final"}
+    known = {f"--{section}.{name}" for section, kind in own.items() for name in inspect.signature(kind).parameters}
+    known |= {"--config", "--model", "--data", "--ckpt_path", "--weights_only", "--help_all", "--checkpoint", "--final"}
     for command in set(COMMANDS) - set(trainer_commands.COMMANDS):
         module = import_module(f"descentflow.cli.{command.replace('-', '_')}_command")
         parser = CommandParser(command, module.run)
         getattr(module, "extend", lambda _: None)(parser)
-        found |= {option for action in parser._actions for option in action.option_strings}
-    return found
+        known |= {option for action in parser._actions for option in action.option_strings}
+    return known
 
 
 def texts(path: Path) -> list[tuple[int, str]]:

@@ -52,30 +52,30 @@ def sentences(text: str) -> list[str]:
     """Sentences of the running text of a page, without headings, tables and figures."""
     no_code = re.sub(r"```.*?```", "\n\n", text, flags=re.S)
     running = re.sub(r"^(#|\||:|!|>).*$|^ *[-*] ", "\n\n", no_code, flags=re.M)
-    found = []
+    parts = []
     for paragraph in re.split(r"\n\s*\n", prose(running)):
-        found += [part for part in re.split(r"(?<=[.!?])\s+", " ".join(paragraph.split())) if len(part.split()) > 2]
-    return found
+        parts += [part for part in re.split(r"(?<=[.!?])\s+", " ".join(paragraph.split())) if len(part.split()) > 2]
+    return parts
 
 
 def test_the_first_line_of_a_docstring_is_a_noun_phrase_or_an_imperative() -> None:
-    found = [
+    others = [
         f"{path.relative_to(ROOT)}:{line}: {text.splitlines()[0]}"
         for path in CODE
         for line, text in docstrings(path)
         if NO_NOUN.match(text) or (text.endswith("...") and ">>>" not in text)
     ]
-    assert found == []
+    assert others == []
 
 
 def test_docstrings_have_words_of_the_field() -> None:
-    found = [
+    others = [
         f"{path.relative_to(ROOT)}:{line}: {word[0]}"
         for path in CODE
         for line, text in docstrings(path)
         for word in NOT_OF_THE_FIELD.finditer(prose(text))
     ]
-    assert found == []
+    assert others == []
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))

@@ -40,8 +40,8 @@ def weather(
     values = {"t": (np.broadcast_to(deviation(*grid), shape) + standard_k(grid[1]), "K")}
     if wind is not None:
         values |= {name: (np.broadcast_to(one, shape), "m s**-1") for name, one in zip("uv", wind(*grid), strict=True)}
-    found = {name: (tuple(axes), np.array(value), {"units": unit}) for name, (value, unit) in values.items()}
-    data = xarray.Dataset(found, {name: axis.astype("datetime64[ns]") if i == 0 else axis
+    variables = {name: (tuple(axes), np.array(value), {"units": unit}) for name, (value, unit) in values.items()}
+    data = xarray.Dataset(variables, {name: axis.astype("datetime64[ns]") if i == 0 else axis
                                   for i, (name, axis) in enumerate(axes.items())})  # fmt: skip
     data[NAMES[1]].attrs["units"] = "hPa"
     return data

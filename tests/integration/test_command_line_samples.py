@@ -121,9 +121,9 @@ def test_files_of_samples_say_where_they_come_from(run: Path, tmp_path: Path) ->
     parquet = pl.read_parquet_metadata(tmp_path / "s.parquet")
     with xarray.open_dataset(tmp_path / "s.nc") as data:
         assert data["CAS"].coords["level_fl"].values.tolist() == list(range(150, int(data["level_fl"].max()) + 1))
-        for found in (parquet, data.attrs, df.sample(checkpoint, 1, seed=3).to_xarray().attrs):
-            assert expected.items() <= found.items()
-            made = datetime.fromisoformat(found["date_created"])
+        for attributes in (parquet, data.attrs, df.sample(checkpoint, 1, seed=3).to_xarray().attrs):
+            assert expected.items() <= attributes.items()
+            made = datetime.fromisoformat(attributes["date_created"])
             assert abs((datetime.now(UTC) - made).total_seconds()) < 600
 
 

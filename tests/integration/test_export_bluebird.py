@@ -101,13 +101,13 @@ def test_the_predictor_flies_samples_in_a_whole_simulation(
 ) -> None:
     """3 % of the mean and 15 % of the spread, three of their standard errors for 200 flights."""
     bluebird()
-    found = simulated_seconds(predictor(written, sampled=True), N, monkeypatch, tmp_path)
-    assert found.mean() == pytest.approx(own_seconds.mean(), rel=0.03)
-    assert found.std() == pytest.approx(own_seconds.std(), rel=0.15)
+    sampled = simulated_seconds(predictor(written, sampled=True), N, monkeypatch, tmp_path)
+    assert sampled.mean() == pytest.approx(own_seconds.mean(), rel=0.03)
+    assert sampled.std() == pytest.approx(own_seconds.std(), rel=0.15)
     tabled = simulated_seconds(predictor(written, sampled=False), 5, monkeypatch, tmp_path)
-    assert (np.abs(found[:5] - tabled) > 1).any(), "these are samples, not bluebird's table"
+    assert (np.abs(sampled[:5] - tabled) > 1).any(), "these are samples, not bluebird's table"
     again = simulated_seconds(predictor(written, sampled=True), 5, monkeypatch, tmp_path)
-    np.testing.assert_array_equal(again, found[:5])
+    np.testing.assert_array_equal(again, sampled[:5])
 
 
 def flight(fl: float, to_fl: float, typecode: str = "A320", **said: float) -> Any:
@@ -159,9 +159,9 @@ def test_the_example_of_the_page_flies_samples(a320: Path, tmp_path: Path, monke
     monkeypatch.syspath_prepend(tmp_path)
     Path("best.ckpt").write_bytes(a320.read_bytes())
     assert main(words[1].split()) == 0
-    found: dict[str, Any] = {}
-    exec(code[1], found)
-    one = found["simulator"].manager.environment.aircraft["AIR0"]
+    names: dict[str, Any] = {}
+    exec(code[1], names)
+    one = names["simulator"].manager.environment.aircraft["AIR0"]
     _, number = one.predictor_params["descentflow_sample"]
     own = json.loads(Path("sampled.json").read_text())["fleet"][0]["samples"][number]
     expected = np.interp(-one.fl, -np.array(own["level_fl"]), own["vertical_rate"])

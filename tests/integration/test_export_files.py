@@ -36,9 +36,11 @@ def test_every_field_of_the_parquet_says_its_unit(a320: Path, table: pl.DataFram
     io = pytest.importorskip("arro3.io", reason="arro3 is an extra of descentflow (parquet-units)")
     (path,) = export(a320, "parquet", tmp_path / "s.parquet", n=12, seed=4, **WHERE)
     fields = io.read_parquet(path).schema
-    found = {name: fields.field(name).metadata_str for name in fields.names}
-    assert found["vertical_rate"]["units"] == "ft/min"
-    assert {name: about["units"] for name, about in found.items()} == {name: COLUMNS[name].udunit for name in found}
+    metadata = {name: fields.field(name).metadata_str for name in fields.names}
+    assert metadata["vertical_rate"]["units"] == "ft/min"
+    assert {name: about["units"] for name, about in metadata.items()} == {
+        name: COLUMNS[name].udunit for name in metadata
+    }
     assert pl.read_parquet_metadata(path)["checkpoint"] == a320.name
     again = pl.read_parquet(path)
     assert again.select(table.columns).drop("timestamp").equals(table.drop("timestamp"))

@@ -88,8 +88,8 @@ def by_node(folder: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
 def test_node_gives_the_numbers_of_python(folder: Path, by_node: tuple[dict[str, Any], dict[str, np.ndarray]]) -> None:
     said, feeds = by_node
     expected = ort.InferenceSession(folder / "a320.onnx").run(["time_s", "accepted"], feeds)
-    found = np.array([np.nan if v is None else v for v in said["time_s"]]).reshape(expected[0].shape)
-    np.testing.assert_allclose(found, expected[0], rtol=0, atol=1e-4)
+    time_s = np.array([np.nan if v is None else v for v in said["time_s"]]).reshape(expected[0].shape)
+    np.testing.assert_allclose(time_s, expected[0], rtol=0, atol=1e-4)
     assert np.array_equal(np.array(said["accepted"], bool), expected[1])
 
 

@@ -198,5 +198,5 @@ def test_what_traffic_writes_is_read_by_prepare(a320: Path, tmp_path: Path) -> N
     again = df.prepare(tmp_path / "r.parquet", typecode="A320").frame
     assert again["flight_id"].n_unique() == 20
     own = df.sample(a320, 20).to_polars().filter(sample_id=4, level_fl=200)
-    found = again.filter(flight_id="A320-DF00004", level_fl=200)
-    assert found["IAS"].item() == pytest.approx(own["CAS"].item(), abs=0.5)
+    row = again.filter(flight_id="A320-DF00004", level_fl=200)
+    assert row["IAS"].item() == pytest.approx(own["CAS"].item(), abs=0.5)

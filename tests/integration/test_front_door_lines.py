@@ -38,16 +38,16 @@ def test_the_lines_of_the_readme(folder: Path, monkeypatch: pytest.MonkeyPatch) 
     block = re.search(r"<!-- the dozen lines -->\n```python\n(.*?)```", readme, re.DOTALL)
     assert block is not None
     monkeypatch.chdir(folder)
-    found: dict[str, Any] = {}
+    names: dict[str, Any] = {}
 
-    exec(block[1], found)
+    exec(block[1], names)
 
     for name in ("descents", "model", "samples", "scores", "report"):
-        says_something(found[name])
-    assert len(found["samples"]) == 10_000
-    assert found["samples"].to_polars()["level_fl"].min() == 150
-    assert [cause.effect for cause in found["report"].causes] == ["temperature"]
-    assert found["report"].causes[0].closure.marginal.estimate > 0.8
+        says_something(names[name])
+    assert len(names["samples"]) == 10_000
+    assert names["samples"].to_polars()["level_fl"].min() == 150
+    assert [cause.effect for cause in names["report"].causes] == ["temperature"]
+    assert names["report"].causes[0].closure.marginal.estimate > 0.8
 
 
 @pytest.mark.filterwarnings("ignore:.*and are no test of it:descentflow.core.errors.DescentflowWarning")
@@ -104,9 +104,9 @@ def test_tabular_results_convert(folder: Path, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.chdir(folder)
     descents = df.prepare("rows.parquet")
     model = df.fit(descents, "gaussian")
-    samples, found = df.sample(model, 20), df.evaluate(model, descents, n=100, n_splits=2)
+    samples, evaluation = df.sample(model, 20), df.evaluate(model, descents, n=100, n_splits=2)
     ahead = df.predict(model, descents, from_fl=290, n=60)
-    for result in (descents, samples, found, ahead):
+    for result in (descents, samples, evaluation, ahead):
         table = result.to_polars()
         assert isinstance(table, pl.DataFrame)
         assert list(result.to_pandas().columns) == table.columns

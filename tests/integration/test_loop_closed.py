@@ -52,22 +52,22 @@ def again(folder: Path, name: str) -> GapReport:
 
 def test_what_was_added_closes_what_was_predicted(folder: Path, first: GapReport) -> None:
     report = again(folder, "added")
-    found = report.previous
-    assert found.causes == ["temperature"]
-    assert found.predicted == first.causes[0].closure.marginal
-    assert found.gap_before == pytest.approx(first.gap_before, rel=1e-9)
-    assert found.achieved.low < found.achieved.estimate < found.achieved.high
-    assert found.achieved.estimate == pytest.approx(found.predicted.estimate, abs=0.15)
-    assert found.judged == "as"
+    previous = report.previous
+    assert previous.causes == ["temperature"]
+    assert previous.predicted == first.causes[0].closure.marginal
+    assert previous.gap_before == pytest.approx(first.gap_before, rel=1e-9)
+    assert previous.achieved.low < previous.achieved.estimate < previous.achieved.high
+    assert previous.achieved.estimate == pytest.approx(previous.predicted.estimate, abs=0.15)
+    assert previous.judged == "as"
     assert re.search(r"Now .* is closed, as predicted. Nothing is left to change.", str(report))
 
 
 def test_half_of_it_closes_less_and_the_rest_is_next(folder: Path, first: GapReport) -> None:
     report = again(folder, "half")
-    found = report.previous
-    assert 0.3 < found.achieved.estimate < 0.75
-    assert found.achieved.high < found.predicted.low
-    assert found.judged == "less"
+    previous = report.previous
+    assert 0.3 < previous.achieved.estimate < 0.75
+    assert previous.achieved.high < previous.predicted.low
+    assert previous.judged == "less"
     assert "The round before named temperature, to close " in str(report)
     assert "less than predicted. If you entered temperature, change what you entered by the size given" in str(report)
     assert report.causes[0].effect == "temperature"

@@ -48,11 +48,11 @@ def test_what_has_no_figure_is_shown_in_words() -> None:
 @pytest.mark.slow
 def test_the_notebook_of_the_tutorials_runs_and_shows_figures() -> None:
     docs = Path(__file__).resolve().parents[2] / "docs"
-    found = importlib.util.spec_from_file_location("run_notebook", docs / "_ext" / "run_notebook.py")
-    assert found is not None
-    assert found.loader is not None
-    module = importlib.util.module_from_spec(found)
-    found.loader.exec_module(module)
+    spec = importlib.util.spec_from_file_location("run_notebook", docs / "_ext" / "run_notebook.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
     notebook = module.executed(docs / "tutorials" / module.NAME)
     pages = [
         output["data"]["text/html"]

@@ -14,9 +14,9 @@ def cases(shared: Path) -> Path:
     return shared / "cases"
 
 
-def near(found: pl.DataFrame, right: pl.DataFrame, name: str, within: float, share: float) -> None:
+def near(mended: pl.DataFrame, right: pl.DataFrame, name: str, within: float, share: float) -> None:
     """Levels of the right table are there, and most of their values agree."""
-    both = right.join(found, on=["flight_id", "level_fl"], how="left", suffix="_found")
+    both = right.join(mended, on=["flight_id", "level_fl"], how="left", suffix="_found")
     off = (both[name] - both[f"{name}_found"]).abs() <= within
     assert off.fill_null(False).mean() > share
 

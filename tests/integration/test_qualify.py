@@ -95,33 +95,33 @@ def test_predictions_err_by_the_known_share_of_the_time(compared: Compared) -> N
 
 
 def test_the_record_is_outside_by_the_rate_and_names_the_limit(record: tuple[Qualification, Path]) -> None:
-    found, _ = record
-    outside = {row.quantity for row in found.rows if row.verdict == "outside"}
-    assert found.verdict == "outside"
+    judged, _ = record
+    outside = {row.quantity for row in judged.rows if row.verdict == "outside"}
+    assert judged.verdict == "outside"
     assert outside == {"rate"}
-    assert "1.d.4" in found.source
-    assert str(found).startswith("The simulator is outside the limits of part60, by 120 real A320 flights.")
-    assert found.to_polars()["share_inside"].is_between(0.0, 1.0).all()
+    assert "1.d.4" in judged.source
+    assert str(judged).startswith("The simulator is outside the limits of part60, by 120 real A320 flights.")
+    assert judged.to_polars()["share_inside"].is_between(0.0, 1.0).all()
 
 
 def test_a_corrected_simulator_would_be_nearer(record: tuple[Qualification, Path]) -> None:
-    found, _ = record
-    (whole,) = [row for row in found.rows if row.quantity == "rate"][-1:]
-    assert found.gap.causes
+    judged, _ = record
+    (whole,) = [row for row in judged.rows if row.quantity == "rate"][-1:]
+    assert judged.gap.causes
     assert whole.difference is not None
     assert whole.corrected is not None
     assert abs(whole.corrected.estimate) < 0.5 * abs(whole.difference.estimate)
 
 
 def test_the_files_hold_the_record(record: tuple[Qualification, Path]) -> None:
-    found, folder = record
+    judged, folder = record
     content = json.loads((folder / "qualification.json").read_text())
     schema = json.loads((Path(module.__file__ or "").parent / "qualification.schema.json").read_text())
     jsonschema.validate(content, schema)
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(content | {"verdict": "fine"}, schema)
-    assert content["verdict"] == found.verdict
-    assert len(content["rows"]) == len(found.rows)
+    assert content["verdict"] == judged.verdict
+    assert len(content["rows"]) == len(judged.rows)
     assert content["pedigree"]["real"]["fingerprint"]
     page = (folder / "qualification.html").read_text()
     for said in ("It replaces no flight test", "NASA-STD-7009", "signature", "14 CFR Part 60"):

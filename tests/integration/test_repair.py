@@ -52,27 +52,27 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def found(bada: Path, descents: Descents, out: Path) -> Repair:
+def mended(bada: Path, descents: Descents, out: Path) -> Repair:
     return df.repair(descents, aircraft="A320", bada_dir=bada, out=out)
 
 
-def test_a_planted_error_is_mended_on_aircraft_that_were_not_used(found: Repair) -> None:
-    time = found.held_out.time
-    assert found.changed
+def test_a_planted_error_is_mended_on_aircraft_that_were_not_used(mended: Repair) -> None:
+    time = mended.held_out.time
+    assert mended.changed
     assert time.before < -8.0
     assert abs(time.after) <= max(1.2 * time.floor, 1.0)
-    assert all(abs(level.rate.after) < abs(level.rate.before) for level in found.held_out.levels)
+    assert all(abs(level.rate.after) < abs(level.rate.before) for level in mended.held_out.levels)
 
 
-def test_brakes_of_some_flights_are_set_apart_and_not_averaged_in(found: Repair, bada: Path) -> None:
-    assert found.counts["share_with_speed_brake"] == pytest.approx(0.4, abs=0.2)
+def test_brakes_of_some_flights_are_set_apart_and_not_averaged_in(mended: Repair, bada: Path) -> None:
+    assert mended.counts["share_with_speed_brake"] == pytest.approx(0.4, abs=0.2)
     without = df.repair(df.prepare(df.simulate(TRUE, 60, seed=5)), aircraft="A320", bada_dir=bada)
-    for mine, theirs in zip(found.estimates[:2], without.estimates[:2], strict=True):
+    for mine, theirs in zip(mended.estimates[:2], without.estimates[:2], strict=True):
         assert mine.low < theirs.after < mine.high
 
 
-def test_files_are_read_back_by_us_and_by_pybada(found: Repair, bada: Path, out: Path) -> None:
-    back, after = df.aircraft("A320", bada_dir=out.parent), found.after
+def test_files_are_read_back_by_us_and_by_pybada(mended: Repair, bada: Path, out: Path) -> None:
+    back, after = df.aircraft("A320", bada_dir=out.parent), mended.after
     for name in TRUE.repaired_numbers():
         assert getattr(back, name) == getattr(after, name)
     for name in ("des_mach", "des_cas_high_kt", "des_cas_low_kt"):
@@ -102,14 +102,14 @@ def test_files_are_read_back_by_us_and_by_pybada(found: Repair, bada: Path, out:
 
 
 def test_files_name_who_repaired_what(
-    found: Repair, descents: Descents, out: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    mended: Repair, descents: Descents, out: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A licence holder's file, an open type of which a file was made, and a file that stays."""
     assert (
         df.aircraft("A320", bada_dir=out.parent).source == "BADA 3 files A320 of Mar 08 2024, repaired by descentflow"
     )
-    by = f"repaired by {found.held_out.flights} flights of {found.held_out.aircraft} aircraft; "
-    assert tomllib.loads(out.read_text())["summary"] == f"{by}{found.before.source}"
+    by = f"repaired by {mended.held_out.flights} flights of {mended.held_out.aircraft} aircraft; "
+    assert tomllib.loads(out.read_text())["summary"] == f"{by}{mended.before.source}"
     few = descents.frame.filter(pl.col("flight_id").is_in(descents.frame["flight_id"].unique().sort().head(24)))
     source = "open coefficients, not BADA, in files A320 of Mar 0"
     for taken in (True, False):
@@ -124,8 +124,8 @@ def test_files_name_who_repaired_what(
         assert ("stay as they are" in (tmp_path / "A320.html").read_text()) != taken
 
 
-def test_a_change_that_makes_the_time_worse_is_refused(found: Repair) -> None:
-    judged = found.held_out
+def test_a_change_that_makes_the_time_worse_is_refused(mended: Repair) -> None:
+    judged = mended.held_out
     assert judged.better
     for name, worse in (
         ("time", replace(judged.time, after=-judged.time.before + 0.01)),
@@ -146,7 +146,7 @@ def test_errors_of_the_time_are_seconds_over_seconds() -> None:
 
 
 def test_the_page_shows_both_and_the_command_writes_the_same(
-    found: Repair, bada: Path, descents: Descents, out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    mended: Repair, bada: Path, descents: Descents, out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     page = out.with_suffix(".html").read_text()
     assert "on aircraft that were not used" in page
@@ -210,5 +210,5 @@ def test_a_right_file_keeps_its_place() -> None:
     world = df.simulate(TRUE, 60, seed=10)
     gauge = world.flights["mass_kg"].to_numpy().mean() / TRUE.mass_reference_kg
     truth = {"cd0_cr": TRUE.cd0_cr / gauge, "cd2_cr": TRUE.cd2_cr * gauge, "ct_des_high": TRUE.ct_des_high / gauge}
-    found = {estimate.name: estimate for estimate in df.repair(df.prepare(world), aircraft="A320").estimates}
-    assert all(found[name].low < value < found[name].high for name, value in truth.items())
+    estimates = {estimate.name: estimate for estimate in df.repair(df.prepare(world), aircraft="A320").estimates}
+    assert all(estimates[name].low < value < estimates[name].high for name, value in truth.items())

@@ -34,22 +34,22 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def found(descents: Descents, folder: Path) -> Repair:
+def mended(descents: Descents, folder: Path) -> Repair:
     return df.repair(descents, aircraft=MODEL, bada_dir=dummies(), out=folder / "DUM2.html")
 
 
-def test_an_error_is_mended_on_aircraft_that_were_not_used(found: Repair) -> None:
-    time = found.held_out.time
-    assert found.changed
+def test_an_error_is_mended_on_aircraft_that_were_not_used(mended: Repair) -> None:
+    time = mended.held_out.time
+    assert mended.changed
     assert time.before > 4.0
     assert abs(time.after) <= max(1.2 * time.floor, 1.0)
-    parasitic = found.estimates[0]
+    parasitic = mended.estimates[0]
     assert (parasitic.name, parasitic.before) == ("parasitic", 1.0)
     assert parasitic.low < 1.2 < parasitic.high
 
 
-def test_the_file_is_read_back_by_us_and_by_pybada(found: Repair, folder: Path) -> None:
-    back, after = df.aircraft("DUM2", folder), found.after
+def test_the_file_is_read_back_by_us_and_by_pybada(mended: Repair, folder: Path) -> None:
+    back, after = df.aircraft("DUM2", folder), mended.after
     state = torch.tensor([190.0, 220.0]).double(), torch.tensor([4500.0, 9000.0]).double()
     for name in ("des_mach", "des_cas_high_kt", "des_cas_low_kt"):
         assert getattr(back, name) == pytest.approx(getattr(after, name))
@@ -58,7 +58,7 @@ def test_the_file_is_read_back_by_us_and_by_pybada(found: Repair, folder: Path) 
     torch.testing.assert_close(
         back.idle_thrust_n(state[1], state[0]), after.idle_thrust_n(state[1], state[0]), rtol=1e-12, atol=0
     )
-    assert float(back.drag_n(*state)[0]) > 1.02 * float(found.before.drag_n(*state)[0])
+    assert float(back.drag_n(*state)[0]) > 1.02 * float(mended.before.drag_n(*state)[0])
     air, theirs = importlib.import_module("pyBADA.atmosphere"), importlib.import_module("pyBADA.bada4")
     flown = theirs.Bada4Aircraft(badaVersion="4.3", acName=MODEL, filePath=str(folder))
     for tas, altitude in zip(*state, strict=True):
@@ -72,7 +72,7 @@ def test_the_file_is_read_back_by_us_and_by_pybada(found: Repair, folder: Path) 
         assert thrust == pytest.approx(float(after.idle_thrust_n(altitude, tas)), rel=1e-9)
 
 
-def test_the_holders_file_is_changed_where_it_was_repaired_and_nowhere_else(found: Repair, folder: Path) -> None:
+def test_the_holders_file_is_changed_where_it_was_repaired_and_nowhere_else(mended: Repair, folder: Path) -> None:
     own, made = dummies() / MODEL / f"{MODEL}.xml", folder / MODEL / f"{MODEL}.xml"
     before, after = (list(etree.parse(file).getroot().iter()) for file in (own, made))
     changed = {one.getparent().tag: one.tag for one, other in zip(before, after, strict=True) if one.text != other.text}
@@ -80,8 +80,8 @@ def test_the_holders_file_is_changed_where_it_was_repaired_and_nowhere_else(foun
     assert changed["CT"] == "ti"
     assert (folder / "GPF.xml").read_bytes() == (dummies() / "GPF.xml").read_bytes()
     shutil.copy(dummies() / "ACM_BADA4.xsd", folder)
-    by = f"repaired by {found.held_out.flights} flights of {found.held_out.aircraft} aircraft"
-    assert df.aircraft(MODEL, folder).source == f"{by}; {df.aircraft(MODEL, dummies()).source}" == found.after.source
+    by = f"repaired by {mended.held_out.flights} flights of {mended.held_out.aircraft} aircraft"
+    assert df.aircraft(MODEL, folder).source == f"{by}; {df.aircraft(MODEL, dummies()).source}" == mended.after.source
     page = (folder / "DUM2.html").read_text()
     assert "drag without lift (d1 to d5), factor" in page
     assert f"{MODEL}.xml" in page

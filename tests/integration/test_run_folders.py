@@ -92,12 +92,12 @@ def test_two_processes_train_and_validate_as_one_does(here: Path, descents: Path
     # Two processes that wait for each other would wait for ever.
     command = [sys.executable, "-m", "descentflow", *words, "2"]
     subprocess.run(command, check=True, timeout=300, capture_output=True)
-    found = []
+    scalars = []
     for run in sorted((here / "runs" / "Gaussian").iterdir()):
         events = EventAccumulator(str(run))
         events.Reload()
-        found.append([e.value for name in ("val/nll", "val/score/cas_profile/energy") for e in events.Scalars(name)])
-    assert found[1] == pytest.approx(found[0], rel=1e-6)  # of float32, in which metrics are kept
+        scalars.append([e.value for name in ("val/nll", "val/score/cas_profile/energy") for e in events.Scalars(name)])
+    assert scalars[1] == pytest.approx(scalars[0], rel=1e-6)  # of float32, in which metrics are kept
 
 
 @pytest.mark.parametrize(

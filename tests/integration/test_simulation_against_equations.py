@@ -92,15 +92,15 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> pl.DataFrame:
     # for each kilogram, here scaled to the reference mass.
     scale = dict(world.flights.select("flight_id", aircraft.mass_reference_kg / pl.col("mass_kg")).iter_rows())
     truth = {name: table for (name,), table in world.truth.sort("altitude_m").group_by("flight_id")}
-    found = []
+    tables = []
     for i, name in enumerate(profiles.flight_ids):
         table = truth[name].filter(pl.col("label") == "idle", pl.col("mach") < 0.99 * pl.col("mach").max())
         seen = profiles.mask[i] & (profiles.altitude_m < float(table["altitude_m"].to_numpy().max()) - 300)
         force = (table["drag_n"] - table["thrust_n"]).to_numpy() * scale[name]
         at = profiles.altitude_m[seen].numpy()
         true = np.interp(at, table["altitude_m"].to_numpy(), force)
-        found.append(pl.DataFrame({"flight_id": name, "true": true, "inferred": inferred[i, seen].numpy()}))
-    return pl.concat(found)
+        tables.append(pl.DataFrame({"flight_id": name, "true": true, "inferred": inferred[i, seen].numpy()}))
+    return pl.concat(tables)
 
 
 def test_inferred_drag_has_no_bias_and_the_noise_of_the_reported_rate(compared: pl.DataFrame) -> None:

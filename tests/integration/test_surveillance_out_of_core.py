@@ -46,9 +46,9 @@ def whole(inputs: list[Path]) -> Descents:
     return descents
 
 
-def same(found: Descents, whole: Descents) -> None:
-    assert_frame_equal(found.frame, whole.frame, check_exact=True)
-    described = {key: value for key, value in found.metadata.items() if key != "fingerprint"}
+def same(parted: Descents, whole: Descents) -> None:
+    assert_frame_equal(parted.frame, whole.frame, check_exact=True)
+    described = {key: value for key, value in parted.metadata.items() if key != "fingerprint"}
     assert described == whole.metadata
 
 

@@ -44,10 +44,10 @@ def test_the_recipe_gives_the_times_of_the_flights(
     shutil.copy(a320, tmp_path / "best.ckpt")
     monkeypatch.chdir(tmp_path)
     code = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)[0]
-    found: dict = {}
-    exec(compile(code.replace("n=10_000", "n=1000"), str(PAGE), "exec"), found)
+    names: dict = {}
+    exec(compile(code.replace("n=10_000", "n=1000"), str(PAGE), "exec"), names)
     own = [{fl: t for t, fl in one} for one in flights]
     seconds = [(one[200] - one[250]).total_seconds() for one in own if 200 in one and 250 in one]
-    assert sorted(found["real"].to_list()) == pytest.approx(sorted(seconds))
+    assert sorted(names["real"].to_list()) == pytest.approx(sorted(seconds))
     assert len(seconds) > 70
     assert float(re.findall(r"p-value (\S+)", capsys.readouterr().out)[0]) > 0.001

@@ -28,8 +28,8 @@ def column(values: list[float]) -> tuple[Tensor, Tensor]:
 
 
 def distances(one: list[float], two: list[float]) -> tuple[float, float, float]:
-    found = level_distances(*column(one), *column(two))
-    return float(found["ks"]), float(found["wasserstein"]), float(found["mae"])
+    by_name = level_distances(*column(one), *column(two))
+    return float(by_name["ks"]), float(by_name["wasserstein"]), float(by_name["mae"])
 
 
 @settings(max_examples=150, deadline=None)
@@ -49,10 +49,10 @@ def test_crps_and_the_energy_distance_of_empirical_distributions(one: list[float
     n, m = len(one), len(two)
     among_one, among_two = (sum(abs(x - y) for x in values for y in values) for values in (one, two))
     crossed = 2 * float(level_distances(*column(one), *column(two))["crps"]) + among_one / (n * (n - 1))
-    found = crossed - among_one / n**2 - among_two / m**2
+    energy = crossed - among_one / n**2 - among_two / m**2
     scale = 1e-9 * max(abs(x) for x in (*one, *two))  # rounding of differences up to 1e6
-    assert found >= -1e-9 - scale
-    assert found == pytest.approx(stats.energy_distance(one, two) ** 2, rel=1e-9, abs=1e-9 + scale)
+    assert energy >= -1e-9 - scale
+    assert energy == pytest.approx(stats.energy_distance(one, two) ** 2, rel=1e-9, abs=1e-9 + scale)
 
 
 @settings(max_examples=40, deadline=None)
@@ -67,8 +67,8 @@ def test_hidden_values_are_never_read(data: Any) -> None:
         values += [*hidden, value]
         mask += [False] * len(hidden) + [True]
     gappy = torch.tensor(values, dtype=torch.float64)[:, None], torch.tensor(mask)[:, None]
-    found, expected = level_distances(*gappy, *column(two)), level_distances(*column(first), *column(two))
+    with_hidden, expected = level_distances(*gappy, *column(two)), level_distances(*column(first), *column(two))
     for field in ("ks", "fewest"):
-        assert torch.equal(found[field], expected[field])
+        assert torch.equal(with_hidden[field], expected[field])
     for field in ("wasserstein", "mae"):  # more terms, though zero, may be added in another order
-        torch.testing.assert_close(found[field], expected[field], rtol=1e-12, atol=1e-9)
+        torch.testing.assert_close(with_hidden[field], expected[field], rtol=1e-12, atol=1e-9)

@@ -103,8 +103,8 @@ def side(request, tmp_path_factory):
     return Side(*request.param, tmp_path_factory.mktemp("older"))
 
 
-def agree(found, expected, scale=0.0):
-    torch.testing.assert_close(*torch.broadcast_tensors(found, expected), rtol=1e-9, atol=1e-9 * (1 + scale))
+def agree(ours, expected, scale=0.0):
+    torch.testing.assert_close(*torch.broadcast_tensors(ours, expected), rtol=1e-9, atol=1e-9 * (1 + scale))
 
 
 def test_forces_and_rates_agree_with_pybada(side) -> None:
@@ -130,9 +130,9 @@ def test_forces_and_rates_agree_with_pybada(side) -> None:
         ours = side.ours.drag_n(side.tas, *state, side.mass, name)
         agree(ours, side.each(drag))
         share = energy_share_factor(side.mach, side.altitude, torch.tensor(False), side.deviation)
-        found = descent_rate_mps(side.ours, ours, idle, side.tas, share, *state, side.mass)
-        agree(found, side.each(rate))
-        back = inferred_drag_n(side.ours, found, idle, side.tas, share, *state, side.mass)
+        rates = descent_rate_mps(side.ours, ours, idle, side.tas, share, *state, side.mass)
+        agree(rates, side.each(rate))
+        back = inferred_drag_n(side.ours, rates, idle, side.tas, share, *state, side.mass)
         torch.testing.assert_close(back, ours, rtol=1e-12, atol=0)
 
 

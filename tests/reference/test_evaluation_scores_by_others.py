@@ -26,19 +26,21 @@ def ks_statistic(one: np.ndarray, two: np.ndarray) -> float:
         return float(stats.ks_2samp(one, two, method="asymp").statistic)
 
 
-def paper(found: Distances) -> list[Tensor]:
-    return [found[name] for name in ("ks", "wasserstein", "mae")]
+def paper(distances: Distances) -> list[Tensor]:
+    return [distances[name] for name in ("ks", "wasserstein", "mae")]
 
 
-def assert_as_scipy(found: Distances, first: tuple[Tensor, Tensor], second: tuple[Tensor, Tensor]) -> None:
+def assert_as_scipy(distances: Distances, first: tuple[Tensor, Tensor], second: tuple[Tensor, Tensor]) -> None:
     for level in range(first[0].shape[1]):
         one, two = (values[mask[:, level], level].double().numpy() for values, mask in (first, second))
-        assert int(found["fewest"][level]) == min(len(one), len(two))
+        assert int(distances["fewest"][level]) == min(len(one), len(two))
         if min(len(one), len(two)) == 0:
-            assert all(bool(d[level].isnan()) for d in paper(found))
+            assert all(bool(d[level].isnan()) for d in paper(distances))
             continue
         expected = (ks_statistic(one, two), stats.wasserstein_distance(one, two), abs(one.mean() - two.mean()))
-        np.testing.assert_allclose([float(d[level]) for d in paper(found)], expected, rtol=TOLERANCE, atol=TOLERANCE)
+        np.testing.assert_allclose(
+            [float(d[level]) for d in paper(distances)], expected, rtol=TOLERANCE, atol=TOLERANCE
+        )
 
 
 @pytest.mark.parametrize("ties", [False, True])

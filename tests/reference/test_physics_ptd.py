@@ -38,7 +38,7 @@ def table(request):
 
 
 def test_descent_agrees_to_print_rounding(table):
-    printed, aircraft, found = table
+    printed, aircraft, nominal = table
     altitude = printed["level"] * FL_M
     assert (printed["mass"] - aircraft.mass_reference_kg).abs().max() < 0.5
     ours = {
@@ -46,16 +46,16 @@ def test_descent_agrees_to_print_rounding(table):
         "p": pressure_pa(altitude),
         "rho": density_kg_m3(altitude),
         "a": speed_of_sound_mps(altitude),
-        "TAS": found.tas_mps / KT_MPS,
-        "CAS": found.cas_mps / KT_MPS,
-        "M": found.mach,
-        "thrust": found.thrust_n,
-        "drag": found.drag_n,
-        "fuel": found.fuel_kg_s * 60,
-        "ESF": found.esf,
-        "rod": -found.rate_mps / FPM_MPS,
-        "excess": found.thrust_n - found.drag_n,
-        "gamma": torch.asin(found.rate_mps / found.tas_mps).rad2deg(),
+        "TAS": nominal.tas_mps / KT_MPS,
+        "CAS": nominal.cas_mps / KT_MPS,
+        "M": nominal.mach,
+        "thrust": nominal.thrust_n,
+        "drag": nominal.drag_n,
+        "fuel": nominal.fuel_kg_s * 60,
+        "ESF": nominal.esf,
+        "rod": -nominal.rate_mps / FPM_MPS,
+        "excess": nominal.thrust_n - nominal.drag_n,
+        "gamma": torch.asin(nominal.rate_mps / nominal.tas_mps).rad2deg(),
     }
     for name, value in ours.items():
         over = (value - printed[name]).abs() - HALF[name] - CONSTANTS * value.abs()

@@ -62,8 +62,8 @@ def side(request):
     return Side(request.param)
 
 
-def agree(found, expected):
-    torch.testing.assert_close(*torch.broadcast_tensors(found, expected), rtol=RELATIVE, atol=1e-9)
+def agree(ours, expected):
+    torch.testing.assert_close(*torch.broadcast_tensors(ours, expected), rtol=RELATIVE, atol=1e-9)
 
 
 def test_schedule(side):

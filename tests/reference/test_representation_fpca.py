@@ -124,9 +124,9 @@ def test_the_mean_is_that_of_all_flights_where_slow_ones_show_no_top() -> None:
     observed = ppca.observed_mean(values, mask)
     centred = torch.where(mask, values - observed, 0.0)
     fitted = ppca.em(centred, mask, 1, max_iterations=5000, tolerance=1e-13)
-    found = observed + fitted.shift
+    mean = observed + fitted.shift
     assert float(observed[1]) > 103, "those that show it are fast"
-    torch.testing.assert_close(found, torch.stack([values[:, 0].mean(), expected]), rtol=0, atol=1e-3)
+    torch.testing.assert_close(mean, torch.stack([values[:, 0].mean(), expected]), rtol=0, atol=1e-3)
 
 
 @pytest.mark.parametrize("method", ["ppca", "iterative"])

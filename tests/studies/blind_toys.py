@@ -41,7 +41,7 @@ def study(plan: Plan) -> tuple[dict[str, Any], dict[str, Any]]:
             jobs.append({**jobs[-1], "name": f"{one.name}_without", "without": next(iter(one.causes))})
     sets = {one.name: one for one in plan.sets}
     reports = {(job["set"], job["without"]): perfect_report(sets[job["set"]], job["without"]) for job in jobs}
-    found = {
+    answers = {
         job["name"]: {"report": reports[job["set"], job["without"]], "refused": None, "cpu_s": 1.0} for job in jobs
     }
-    return {"jobs": jobs}, found
+    return {"jobs": jobs}, answers

@@ -19,8 +19,8 @@ PLAN = few_flights(draw_plan(60, seed=7, n_foreign=40))
 MANIFEST, PERFECT = study(PLAN)
 
 
-def reached(found: dict[str, Any], **closures: dict[str, Any]) -> dict[tuple[str, str], dict[str, Any]]:
-    scored = score(outcomes(PLAN, MANIFEST, found), closures)
+def reached(answers: dict[str, Any], **closures: dict[str, Any]) -> dict[tuple[str, str], dict[str, Any]]:
+    scored = score(outcomes(PLAN, MANIFEST, answers), closures)
     return {(row["column"], row["goal"]): row for row in scored["rows"]}
 
 

@@ -33,8 +33,8 @@ def test_energy_distance_is_that_of_scipys_distances() -> None:
     scale = one.whole.shape[1] ** 0.5
 
     def mean(first: np.ndarray, second: np.ndarray) -> float:
-        found = cdist(first, second) / scale
-        return float(found[found > 0].mean())
+        apart = cdist(first, second) / scale
+        return float(apart[apart > 0].mean())
 
     expected = 2 * mean(one.whole, other.whole) - mean(one.whole, one.whole) - mean(other.whole, other.whole)
     assert abs(energy_distance(one, other, spread) - expected) < 1e-6
@@ -105,13 +105,13 @@ def test_what_is_reached_stands_beside_what_is_wanted(tmp_path: Path) -> None:
     types = of_types(study(tmp_path, 1.2, [0.9, 0.95, 0.88]), "gmm", tmp_path)
     assert types["covered"].to_list() == pytest.approx([0.91, 0.91])
     assert types["covered_worst_level"].to_list() == [0.95, 0.95]
-    found = {row["goal"]: row for row in judged(types).iter_rows(named=True)}
-    assert found["rocd_above_transition/ks"]["met"] is False  # the median wants 1.15, each large type 1.3
-    assert found["rocd_above_transition/ks"]["worst_large"] == 1.2
-    assert found["covered"]["met"] is True
-    assert found["covered_worst_level"]["met"] is False
-    assert found["kept"]["met"] is True
-    assert set(found) <= {goal.name for goal in GOALS}
+    by_goal = {row["goal"]: row for row in judged(types).iter_rows(named=True)}
+    assert by_goal["rocd_above_transition/ks"]["met"] is False  # the median wants 1.15, each large type 1.3
+    assert by_goal["rocd_above_transition/ks"]["worst_large"] == 1.2
+    assert by_goal["covered"]["met"] is True
+    assert by_goal["covered_worst_level"]["met"] is False
+    assert by_goal["kept"]["met"] is True
+    assert set(by_goal) <= {goal.name for goal in GOALS}
 
 
 def test_scores_of_normal_times_are_those_of_the_closed_forms() -> None:
@@ -157,7 +157,7 @@ def test_a_fleet_is_judged_by_models_of_its_other_aircraft(monkeypatch: pytest.M
     judge(fleet, "A320", ("gaussian",), 0, scores, ask_node_fdm=False)
     assert set(scores) == {"gaussian", BASELINE, "OpenAP's WRAP"}
     assert len(scores["gaussian"]) > 30
-    assert all(len(found) == 1 for found in scores["gaussian"].values())
-    mean = {name: np.nanmean([found[0][0] for found in of.values()]) for name, of in scores.items()}
+    assert all(len(numbers) == 1 for numbers in scores["gaussian"].values())
+    mean = {name: np.nanmean([numbers[0][0] for numbers in of.values()]) for name, of in scores.items()}
     assert 0.75 < mean["gaussian"] / mean[BASELINE] < 1.33
     assert mean["OpenAP's WRAP"] > mean[BASELINE]

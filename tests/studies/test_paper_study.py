@@ -146,8 +146,8 @@ def test_the_width_is_that_of_a_mean_over_flights() -> None:
     samples, real = sets(3000, 1), sets(200, 2)
     samples.cas_mps.add_(20 * KT_MPS)
     table = score(samples, real, 170.0, n_splits=1)
-    found = {(i.quantity, i.statistic): i for i in score_intervals(table, samples, real, 170.0, n_resamples=200)}
-    one = found["cas_below_transition", "mae"]
+    intervals = {(i.quantity, i.statistic): i for i in score_intervals(table, samples, real, 170.0, n_resamples=200)}
+    one = intervals["cas_below_transition", "mae"]
     below = real.levels_fl <= 170
     mean_by_flight = (real.cas_mps[:, below] / KT_MPS).mean(1)
     expected = 2 * 1.645 * float(mean_by_flight.std()) / 200**0.5

@@ -68,20 +68,20 @@ def test_the_air_is_that_of_the_place_where_it_lets_descents_be(tmp_path: Path) 
     plan = ground_plan(**PLAN, end_time=NOON)
     with weather_field(path) as field:
         along = AirAlongPath(field, plan)
-        found, further = along.flown(AIRCRAFT, standard), along.flown(AIRCRAFT, standard, turns=TURNS + 3)
+        along_it, further = along.flown(AIRCRAFT, standard), along.flown(AIRCRAFT, standard, turns=TURNS + 3)
     # Independently: descents in that air, laid along the path by Heun's method in the winds of the same file.
-    again = flown_in(AIRCRAFT, standard, found.air)
-    torch.testing.assert_close(again.time_s, found.flown.time_s)
+    again = flown_in(AIRCRAFT, standard, along_it.air)
+    torch.testing.assert_close(again.time_s, along_it.flown.time_s)
     placed = place(again, plan.path, read_wind_field(path), to_go_m=30 * 1852.0, end_time=plan.end_time)
-    np.testing.assert_allclose(found.positions.to_go_m, placed.to_go_m, atol=2.0)
+    np.testing.assert_allclose(along_it.positions.to_go_m, placed.to_go_m, atol=2.0)
     on = standard.mask.numpy()
-    np.testing.assert_allclose(found.positions.groundspeed_mps[on], placed.groundspeed_mps[on], atol=0.01)
+    np.testing.assert_allclose(along_it.positions.groundspeed_mps[on], placed.groundspeed_mps[on], atol=0.01)
     # A place errs by 2 m, where the front has 5e-5 K in a metre; linear between meridians 17 km apart it errs by more.
-    assert found.positions.longitude is not None
-    expected = front(0, np.arange(150.0, 351.0), 0, found.positions.longitude)
-    assert np.abs(found.air.deviation_k.numpy() - expected).max() < 0.15
-    assert np.abs(found.positions.to_go_m - further.positions.to_go_m).max() < 0.01
-    assert np.ptp(found.air.deviation_k[0].numpy()) > 5
+    assert along_it.positions.longitude is not None
+    expected = front(0, np.arange(150.0, 351.0), 0, along_it.positions.longitude)
+    assert np.abs(along_it.air.deviation_k.numpy() - expected).max() < 0.15
+    assert np.abs(along_it.positions.to_go_m - further.positions.to_go_m).max() < 0.01
+    assert np.ptp(along_it.air.deviation_k[0].numpy()) > 5
 
 
 def descents() -> Trajectories:

@@ -85,8 +85,12 @@ def test_apf_keeps_the_order_mach_high_low(dummy, tmp_path):
     made = replace(open_aircraft("A320"), des_mach=0.78, des_cas_high_kt=300.0, des_cas_low_kt=250.0)
     write_apf(made, path)
     assert "78 300 250" in path.read_text()
-    found = read_apf(path).speeds
-    assert (found["des_mach"], found["des_cas_high_kt"], found["des_cas_low_kt"]) == (0.78, 300.0, 250.0)
+    own = read_apf(path).speeds
+    assert (own["des_mach"], own["des_cas_high_kt"], own["des_cas_low_kt"]) == (
+        0.78,
+        300.0,
+        250.0,
+    )
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), 1e120])

@@ -80,13 +80,13 @@ def test_mixture_likelihood_is_at_least_scikit_learns_best_of_three() -> None:
 def test_a_looser_tolerance_ends_em_earlier() -> None:
     """Two components that overlap, for EM is slow there."""
     train = torch.cat([normal(400, 2), normal(400, 2, seed=1) + 1.5])
-    module, found = toys.WeightsModule(train, train), {}
+    module, nll = toys.WeightsModule(train, train), {}
     for tolerance in (1e-2, 1e-10):
         model = toys.fit(GaussianMixture(2, tolerance=tolerance, prior_flights=0.0), module, 50)
         assert model.trainer.current_epoch == 1
-        found[tolerance] = toys.mean_nll(model.log_prob, train)
+        nll[tolerance] = toys.mean_nll(model.log_prob, train)
     # Of the loose fit the next step gains a hundredth of a nat at most; far more steps than one are left out.
-    assert 1e-4 < found[1e-2] - found[1e-10] < 0.1
+    assert 1e-4 < nll[1e-2] - nll[1e-10] < 0.1
 
 
 def test_pyro_log_density_equals_torch_mixture() -> None:

@@ -49,15 +49,15 @@ def drawn(mixture: Mixture, n: int, seed: int = 0) -> Tensor:
 
 def log_marginal(mixture: Mixture, seen: Tensor, mask: Tensor, noise: float = 0.1) -> Tensor:
     """The density of the coordinates seen, flight by flight: the marginal of each Gaussian, written out."""
-    found = []
+    log_densities = []
     for row, shown in zip(seen, mask, strict=True):
         parts = []
         for prob, loc, factor in zip(mixture.probs, mixture.locs, mixture.scale_trils, strict=True):
             covariance = factor @ factor.T + noise**2 * torch.eye(D, dtype=torch.float64)
             normal_of = MultivariateNormal(loc[shown], covariance[shown][:, shown])
             parts.append(prob.log() + normal_of.log_prob(row[shown]))
-        found.append(torch.stack(parts).logsumexp(0))
-    return torch.stack(found)
+        log_densities.append(torch.stack(parts).logsumexp(0))
+    return torch.stack(log_densities)
 
 
 def test_the_likelihood_is_the_marginal_of_the_coordinates_seen() -> None:
@@ -144,9 +144,9 @@ def test_some_of_many_flights_find_the_start_and_all_of_them_the_end(monkeypatch
         whole, likelihood = fit_mixture(steps, K, seed=0, n_restarts=3)
         with monkeypatch.context() as fewer:
             fewer.setattr("descentflow.densities.em.STARTING_FLIGHTS", 300)
-            found, again = fit_mixture(steps, K, seed=0, n_restarts=3)
+            of_fewer, again = fit_mixture(steps, K, seed=0, n_restarts=3)
         assert again == pytest.approx(likelihood, abs=2e-4)
-        torch.testing.assert_close(found.locs.sort(0).values, whole.locs.sort(0).values, rtol=0, atol=0.05)
+        torch.testing.assert_close(of_fewer.locs.sort(0).values, whole.locs.sort(0).values, rtol=0, atol=0.05)
 
 
 def test_spread_that_gaps_hide_is_recovered() -> None:

@@ -109,8 +109,8 @@ def test_what_a_flight_shows_is_flown_as_it_was_observed(scale: str) -> None:
         drag_n = decoder.drag_scale.drag_n(scaled, cas_mps)
         entry = torch.full((30,), len(flights.levels_fl) - 1)
         flown = integrate(toys.AIRCRAFT, flights.levels_fl, flights.altitude_m, drag_n, cas_mps, entry)
-        found = flown if air is None else flown_in(toys.AIRCRAFT, flown, air)
-        torch.testing.assert_close(found.rate_mps, flights.rate_mps, rtol=1e-11, atol=0)
+        in_air = flown if air is None else flown_in(toys.AIRCRAFT, flown, air)
+        torch.testing.assert_close(in_air.rate_mps, flights.rate_mps, rtol=1e-11, atol=0)
 
 
 def test_all_weights_descend() -> None:

@@ -137,8 +137,8 @@ def test_sensors_change_reports_and_no_time() -> None:
     torch.testing.assert_close(biased.values["IAS"], grid.values["IAS"] + 3.0)
     torch.testing.assert_close(biased.values["Mach"], grid.values["Mach"])
     late = put(grid, (EFFECTS["vertical_rate_lag"], [8.0, 0.0]))
-    for found in (biased, late):
-        torch.testing.assert_close(found.time_s, grid.time_s)
+    for reported in (biased, late):
+        torch.testing.assert_close(reported.time_s, grid.time_s)
 
 
 def test_level_offs_are_given_and_taken_away() -> None:

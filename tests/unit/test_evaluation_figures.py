@@ -39,8 +39,8 @@ def drawn(figure: Figure) -> Figure:
 
 
 def line(ax: Axes, label: str) -> Line2D:
-    (found,) = (x for x in ax.lines if x.get_label() == label)
-    return found
+    (labelled,) = (x for x in ax.lines if x.get_label() == label)
+    return labelled
 
 
 def test_profiles_show_each_set_with_its_mean() -> None:

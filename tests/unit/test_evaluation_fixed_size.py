@@ -44,10 +44,10 @@ def test_the_ratio_of_a_shifted_generator_is_that_of_its_closed_form(n_real: int
     h = 25
     same, floor = distances(n_real, h)
     deviation = (2 / h) ** 0.5
-    for found, shift in ((same["mae"], SHIFT), (floor["mae"], 0.0)):
-        error = float(found.std()) / REPEATS**0.5
+    for distance, shift in ((same["mae"], SHIFT), (floor["mae"], 0.0)):
+        error = float(distance.std()) / REPEATS**0.5
         # Seeds are fixed; were they not, four standard errors in six means would fail once in 2,600 runs.
-        assert float(found.mean()) == pytest.approx(mean_of_folded_normal(shift, deviation), abs=4 * error)
+        assert float(distance.mean()) == pytest.approx(mean_of_folded_normal(shift, deviation), abs=4 * error)
 
 
 def test_distances_of_all_splits_at_once_are_scipys_one_by_one() -> None:
@@ -132,10 +132,10 @@ def expected_ks(h: int) -> float:
 def test_the_floor_has_the_size_that_chance_gives(half: int) -> None:
     """Six thousand levels as independent repetitions, for samples and flights of one distribution."""
     same, floor = split_distances(nulls(3 * half, 6000, 1), nulls(2 * half + 1, 6000, 2), seed=3, n_splits=1)
-    for found in (same["ks"], floor["ks"]):
-        error = float(found.std()) / found.numel() ** 0.5
+    for distance in (same["ks"], floor["ks"]):
+        error = float(distance.std()) / distance.numel() ** 0.5
         # Seeds are fixed; were they not, four standard errors in four means would fail once in 4,000 runs.
-        assert float(found.mean()) == pytest.approx(expected_ks(half), abs=4 * error)
+        assert float(distance.mean()) == pytest.approx(expected_ks(half), abs=4 * error)
 
 
 def gappy_descents(n: int, seed: int) -> DescentSet:
@@ -159,8 +159,8 @@ def test_all_rows_of_the_table_meet_their_floor_under_the_null() -> None:
     for seed in range(100):
         table = score(gappy_descents(150, 2 * seed), gappy_descents(90, 2 * seed + 1), 250.0, seed=seed, n_splits=3)
         gaps.append([row.equal_size - row.floor for row in table])
-    found = torch.tensor(gaps, dtype=torch.float64)
-    z = found.mean(0) / found.std(0) * len(found) ** 0.5
+    beyond_floor = torch.tensor(gaps, dtype=torch.float64)
+    z = beyond_floor.mean(0) / beyond_floor.std(0) * len(beyond_floor) ** 0.5
     # Seeds are fixed; were they not, 4.5 standard errors in 23 rows would fail once in 6,400 runs.
     assert z.shape == (23,)
     assert float(z.abs().max()) < 4.5

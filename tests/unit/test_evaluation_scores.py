@@ -160,10 +160,10 @@ def _registered(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_new_statistic_is_found_everywhere() -> None:
     samples, real = descents(80, 1), descents(60, 0)
     table = score(samples, real, 290.0, n_splits=2)
-    found = [(row.quantity, row.statistic) for row in table]
-    assert found[:5] == [("time_to_bottom_of_descent", name) for name in ("ks", "wasserstein", "mae", "crps", "toy")]
-    assert ("cas_above_transition", "toy") in found
-    assert found[-2:] == [("rocd_profile", "toy_profile"), ("descent", "joint_energy")]
+    names = [(row.quantity, row.statistic) for row in table]
+    assert names[:5] == [("time_to_bottom_of_descent", name) for name in ("ks", "wasserstein", "mae", "crps", "toy")]
+    assert ("cas_above_transition", "toy") in names
+    assert names[-2:] == [("rocd_profile", "toy_profile"), ("descent", "joint_energy")]
     row, mae = (table.get("cas_below_transition", name) for name in ("toy", "mae"))
     assert row.unit == "toy unit"
     assert row.score >= mae.score**2, "the mean of squares is at least the square of the mean"

@@ -86,9 +86,9 @@ def test_a_smooth_curve_is_the_least_of_misfit_and_roughness() -> None:
     generator = torch.Generator().manual_seed(0)
     counts = torch.randint(1, 9, (30,), generator=generator).double()
     curve = torch.randn(30, generator=generator, dtype=torch.float64)
-    found = (smoother(counts, 50.0) @ curve).requires_grad_()
-    loss = (counts * (found - curve).square()).sum() + 50.0 * found.diff().diff().square().sum()
-    (gradient,) = torch.autograd.grad(loss, found)
+    smooth = (smoother(counts, 50.0) @ curve).requires_grad_()
+    loss = (counts * (smooth - curve).square()).sum() + 50.0 * smooth.diff().diff().square().sum()
+    (gradient,) = torch.autograd.grad(loss, smooth)
     assert float(gradient.abs().max()) < 1e-9
 
 

@@ -52,20 +52,20 @@ def test_small_arrays_keep_to_one_thread_where_threads_spin(spin: bool, monkeypa
     before = torch.get_num_threads()
     torch.set_num_threads(2)
     try:
-        found = one_thread_where_they_spin()(torch.get_num_threads)()
-        assert (found, torch.get_num_threads()) == (1 if spin else 2, 2)
+        threads_within = one_thread_where_they_spin()(torch.get_num_threads)()
+        assert (threads_within, torch.get_num_threads()) == (1 if spin else 2, 2)
     finally:
         torch.set_num_threads(before)
 
 
 @pytest.mark.parametrize("name", [name for name in descentflow.__all__ if not name.startswith("__")])
 def test_every_name_is_there_and_explained(name: str) -> None:
-    found = getattr(descentflow, name)
-    assert inspect.isclass(found) or callable(found)
-    assert inspect.getdoc(found)
+    attribute = getattr(descentflow, name)
+    assert inspect.isclass(attribute) or callable(attribute)
+    assert inspect.getdoc(attribute)
     assert name in dir(descentflow)
     # From now on it is an attribute like any other.
-    assert vars(descentflow)[name] is found
+    assert vars(descentflow)[name] is attribute
 
 
 def test_type_checkers_see_the_same_objects() -> None:

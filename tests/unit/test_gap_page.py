@@ -126,14 +126,14 @@ def test_costs_and_what_each_cause_takes_away_come_first_and_then_what_to_change
 
 def test_a_time_that_may_differ_stands_beside_no_certain_difference() -> None:
     """A table with +51 s (+27 to +76) must not stand below a headline that knows of no difference at all."""
-    found = replace(of_verdict("none"), p_value=0.062, below_rounding=[])
+    findings = replace(of_verdict("none"), p_value=0.062, below_rounding=[])
     late, early = (
-        replace(found.costs[0], name="time_at_speed", label="time at equal speed", before=Measured(size, 27.0, 76.0))
+        replace(findings.costs[0], name="time_at_speed", label="time at equal speed", before=Measured(size, 27.0, 76.0))
         for size in (51.0, 30.0)
     )
-    text = summary(replace(found, costs=[replace(late, floor=40.0)]))
+    text = summary(replace(findings, costs=[replace(late, floor=40.0)]))
     assert "(p = 0.062). Perhaps there is one: +51 s (+27 to +76) in time at equal speed." in text
-    assert "Perhaps" not in summary(replace(found, costs=[replace(early, floor=40.0)]))  # less than chance may give
+    assert "Perhaps" not in summary(replace(findings, costs=[replace(early, floor=40.0)]))  # less than chance may give
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)
@@ -165,12 +165,12 @@ def test_the_terminal_says_what_the_page_says() -> None:
     "made", ["corrected.ckpt is the simulator", "corrected.parquet holds the flights of the simulator"]
 )
 def test_a_file_that_was_not_written_is_not_said_to_be_there(made: str) -> None:
-    found = replace(of_verdict("effect"), corrected_file=made.split()[0])
+    findings = replace(of_verdict("effect"), corrected_file=made.split()[0])
     line = f"{made} with these changes."
-    assert f" {line}" not in summary(found, written=False).replace(f"report.write(FOLDER) writes it: {line}", "")
-    assert 'Next: report.write("gap"), then descentflow' in summary(found, written=False)
-    assert f" {line}" in summary(found)
-    assert "report.write" not in summary(found) + page(found)
+    assert f" {line}" not in summary(findings, written=False).replace(f"report.write(FOLDER) writes it: {line}", "")
+    assert 'Next: report.write("gap"), then descentflow' in summary(findings, written=False)
+    assert f" {line}" in summary(findings)
+    assert "report.write" not in summary(findings) + page(findings)
 
 
 def test_names_of_flights_never_become_markup() -> None:

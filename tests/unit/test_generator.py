@@ -73,10 +73,10 @@ def test_threads_share_a_generator() -> None:
     """Every number is drawn once, and every descent is that of a serial call."""
     one, calls = generator(), 300
     with ThreadPoolExecutor(4) as pool:
-        found = list(pool.map(lambda k: one.next(**ASKED[2 if k % 2 else 1]), range(calls)))
-    assert sorted(each.first for each in found) == list(range(calls))
+        descents = list(pool.map(lambda k: one.next(**ASKED[2 if k % 2 else 1]), range(calls)))
+    assert sorted(each.first for each in descents) == list(range(calls))
     other = generator()
-    for each in found:
+    for each in descents:
         serial = other.next(**ASKED[2 if len(each.asked) > 1 else 1], number=each.first)
         assert same(each.trajectories, serial.trajectories)
 

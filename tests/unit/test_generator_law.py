@@ -69,11 +69,11 @@ def test_a_time_at_a_level() -> None:
     times = samples(350).time_s[:, index(305)]
     brute = cut(samples(350), lambda t: (t.time_s[:, index(305)] - times.median()).abs() < 2)
     one, asked = df.Generator(toy.mixture(), seed=3), brute.time_s[:400, index(305)].tolist()
-    found = [one.next(entry_fl=350, time_s=time_s, level=305) for time_s in asked]
-    flown = concatenate([each.trajectories for each in found])
+    descents = [one.next(entry_fl=350, time_s=time_s, level=305) for time_s in asked]
+    flown = concatenate([each.trajectories for each in descents])
     assert min(p_values(flown, brute.subset(torch.arange(400, len(brute)))).values()) > toy.RARE
     assert float((flown.time_s[:, index(305)] - torch.tensor(asked)).abs().max()) < 1e-3
-    assert min(float(each.effective.min()) for each in found) > 10
+    assert min(float(each.effective.min()) for each in descents) > 10
 
 
 def test_a_time_within_a_band_and_a_speed() -> None:

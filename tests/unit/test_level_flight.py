@@ -34,7 +34,7 @@ def prepared(world):
 
 def by_hand(rows: pl.DataFrame) -> dict[str, list[tuple[float, float]]]:
     """Seconds and mean altitude of the level segments of each flight that loses 5,000 ft."""
-    found: dict[str, list[tuple[float, float]]] = {}
+    by_flight_id: dict[str, list[tuple[float, float]]] = {}
     for flight in rows.partition_by("flight_id", maintain_order=True):
         flight = flight.sort("timestamp")
         time = flight["timestamp"].dt.epoch("us").to_numpy() / 1e6
@@ -56,14 +56,14 @@ def by_hand(rows: pl.DataFrame) -> dict[str, list[tuple[float, float]]]:
         ]
         begin = max((one[-1] for one in box), default=0)
         pairs = [(time[one[-1]] - time[one[0]], altitude[one].mean()) for one in long if one[0] >= begin]
-        found[flight["flight_id"][0]] = pairs
-    return found
+        by_flight_id[flight["flight_id"][0]] = pairs
+    return by_flight_id
 
 
 def test_segments_and_flights_are_those_of_the_definition(world) -> None:
     wanted = by_hand(world.rows)
-    found = stretches(world.rows)
-    segments, flights = found.filter(kind="level"), by_flight(found)
+    stretched = stretches(world.rows)
+    segments, flights = stretched.filter(kind="level"), by_flight(stretched)
     assert sum(map(len, wanted.values())) > 10
     assert flights["flight_id"].to_list() == sorted(wanted)
     for row in flights.rows(named=True):

@@ -146,12 +146,12 @@ def test_rounding_that_stays_is_one_error_of_the_whole_run() -> None:
 def test_flights_that_report_no_airspeed_are_counted(frame: pl.DataFrame) -> None:
     silent = frame["flight_id"].unique().sort()[:7].to_list()
     frame = frame.with_columns(TAS=pl.when(~pl.col("flight_id").is_in(silent)).then("TAS"))
-    found = measured_airs(frame, LEVELS)
-    assert found.without == 7
-    assert not set(silent) & set(found.flight_ids)
+    measured = measured_airs(frame, LEVELS)
+    assert measured.without == 7
+    assert not set(silent) & set(measured.flight_ids)
     lines: list[str] = []
     profiles = profiles_from_frame(frame, toys.AIRCRAFT, 150, 340)
-    kept = with_own_air(profiles, toys.AIRCRAFT, found, lines.append)
+    kept = with_own_air(profiles, toys.AIRCRAFT, measured, lines.append)
     assert kept.air is not None
     assert len(kept) == len(kept.air) == len(profiles) - 7
     assert lines == [f"left out 7 of {len(profiles)} flight(s) of whose air nothing is known"]
@@ -160,9 +160,9 @@ def test_flights_that_report_no_airspeed_are_counted(frame: pl.DataFrame) -> Non
 
 
 def test_without_groundspeed_the_air_is_still(frame: pl.DataFrame) -> None:
-    found = measured_airs(frame.drop("groundspeed"), LEVELS)
-    assert not found.wind
-    assert not bool(found.air.tailwind_mps.any())
+    measured = measured_airs(frame.drop("groundspeed"), LEVELS)
+    assert not measured.wind
+    assert not bool(measured.air.tailwind_mps.any())
     assert not bool(measured_airs(frame, LEVELS, wind=False).air.tailwind_mps.any())
     with pytest.raises(DataError, match=r"without true airspeed \(TAS\) and groundspeed"):
         measured_airs(frame.drop("groundspeed"), LEVELS, wind=True)
@@ -179,11 +179,11 @@ def test_cold_days_say_nothing_of_warm_ones(frame: pl.DataFrame, airs: FlightAir
 
 def test_where_the_air_is_not_known_it_is_held_and_no_drag_is_inferred(frame: pl.DataFrame) -> None:
     low = frame.with_columns(TAS=pl.when(pl.col("level_fl") < 200).then("TAS"))
-    found = measured_airs(low, LEVELS)
-    assert bool(found.known[:, 25].any()) and not bool(found.known[:, -1].any())  # noqa: PT018
-    assert torch.equal(found.air.deviation_k[:, -1], found.air.deviation_k[:, -20])
+    measured = measured_airs(low, LEVELS)
+    assert bool(measured.known[:, 25].any()) and not bool(measured.known[:, -1].any())  # noqa: PT018
+    assert torch.equal(measured.air.deviation_k[:, -1], measured.air.deviation_k[:, -20])
     lines: list[str] = []
-    kept = with_own_air(profiles_from_frame(low, toys.AIRCRAFT, 150, 340), toys.AIRCRAFT, found, lines.append)
+    kept = with_own_air(profiles_from_frame(low, toys.AIRCRAFT, 150, 340), toys.AIRCRAFT, measured, lines.append)
     assert not bool(kept.mask[:, -1].any())
     assert "levels at which the air is not known" in lines[-1]
 

@@ -56,9 +56,9 @@ def test_names_are_part_of_what_a_store_was_made_of(tmp_path: Path) -> None:
 
 def test_mach_is_computed_where_rows_have_none(tmp_path: Path) -> None:
     rows = fleet()
-    whole, found = prepare(rows), prepare(rows.drop("Mach"), out=tmp_path / "descents.parquet")
-    both = whole.frame.join(found.frame, on=["flight_id", "level_fl"], suffix="_computed")
-    assert len(both) == len(whole.frame) == len(found.frame)
+    whole, computed = prepare(rows), prepare(rows.drop("Mach"), out=tmp_path / "descents.parquet")
+    both = whole.frame.join(computed.frame, on=["flight_id", "level_fl"], suffix="_computed")
+    assert len(both) == len(whole.frame) == len(computed.frame)
     # The toys make Mach of IAS by the same standard relation; levels lie between reports.
     assert np.abs(both["Mach"] - both["Mach_computed"]).max() < 1e-4
     again = read_descents(tmp_path / "descents.parquet")
@@ -89,13 +89,13 @@ def test_mach_is_computed_where_most_rows_lack_it(every: int | None) -> None:
 def test_ias_is_computed_where_rows_have_mach_alone(empty: bool) -> None:
     rows = fleet()
     lacking = rows.with_columns(IAS=pl.lit(None, pl.Float64)) if empty else rows.drop("IAS")
-    whole, found = prepare(rows), prepare(lacking)
-    both = whole.frame.join(found.frame, on=["flight_id", "level_fl"], suffix="_computed")
-    assert len(both) == len(whole.frame) == len(found.frame)
+    whole, computed = prepare(rows), prepare(lacking)
+    both = whole.frame.join(computed.frame, on=["flight_id", "level_fl"], suffix="_computed")
+    assert len(both) == len(whole.frame) == len(computed.frame)
     assert np.abs(both["IAS"] - both["IAS_computed"]).max() < 0.05
-    assert found.report.notes["values of IAS computed from Mach and altitude"] == len(rows)
-    assert "IAS is computed from Mach and altitude" in str(found)
-    assert (found.computed, "IAS" in found.reported.columns) == (["Mach"], True)  # one of the two is left out
+    assert computed.report.notes["values of IAS computed from Mach and altitude"] == len(rows)
+    assert "IAS is computed from Mach and altitude" in str(computed)
+    assert (computed.computed, "IAS" in computed.reported.columns) == (["Mach"], True)  # one of the two is left out
 
 
 @pytest.mark.parametrize("target", [None, "store"])

@@ -79,7 +79,7 @@ def test_neighbours_in_other_partitions_count(flown: pl.DataFrame, tmp_path: Pat
     path, out, tight = written(mixed(flown), tmp_path / "rows.parquet"), tmp_path / "descents.parquet", 400_000
     assert Memory(tight).rows_bytes < flown.estimated_size()
     prepare(path, airspeeds_from="neighbours", out=out, memory_bytes=tight)
-    found, whole = pl.read_parquet(out), prepare(path, airspeeds_from="neighbours").frame
+    partitioned, whole = pl.read_parquet(out), prepare(path, airspeeds_from="neighbours").frame
     names = ["icao24", "level_fl", "airspeed_source"]
-    assert found.select(names).equals(whole.select(names))
-    assert np.allclose(found["IAS"], whole["IAS"], atol=0.01)
+    assert partitioned.select(names).equals(whole.select(names))
+    assert np.allclose(partitioned["IAS"], whole["IAS"], atol=0.01)

@@ -66,14 +66,14 @@ def test_one_air_flies_as_the_decoder_does_with_it(checkpoint: Path) -> None:
     flown = parts.decoder(weights)
     wind = torch.linspace(0, 30, len(levels), dtype=torch.float64)[None]
     air = LevelAir(LevelAir.uniform(levels, deviation_k=12.0).deviation_k, wind)
-    found = flown_in(parts.decoder.aircraft, flown, air)
+    in_air = flown_in(parts.decoder.aircraft, flown, air)
     drag_n, cas_mps = parts.decoder.curves(weights)
     altitude_m, decoder = levels * FL_M, parts.decoder
     directly = integrate(decoder.aircraft, levels, altitude_m, drag_n, cas_mps, flown.entry, None, 12.0, wind_mps=wind)
-    torch.testing.assert_close(found.rate_mps, directly.rate_mps, rtol=1e-9, atol=0)
-    torch.testing.assert_close(found.tas_mps, directly.tas_mps, rtol=1e-12, atol=0)
+    torch.testing.assert_close(in_air.rate_mps, directly.rate_mps, rtol=1e-9, atol=0)
+    torch.testing.assert_close(in_air.tas_mps, directly.tas_mps, rtol=1e-12, atol=0)
     # Between levels the ratio of both rates is taken as linear, also in the cell of the transition.
-    assert float((found.time_s - directly.time_s).abs().max()) < 0.05
+    assert float((in_air.time_s - directly.time_s).abs().max()) < 0.05
 
 
 def test_a_table_by_level_and_the_wind_over_the_ground(checkpoint: Path, tmp_path: Path) -> None:

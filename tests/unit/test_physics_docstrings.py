@@ -30,8 +30,8 @@ WRITTEN = {
 
 
 def test_a_new_module_is_put_among_the_equations_or_among_the_others() -> None:
-    found = {module.name for module in pkgutil.iter_modules(physics.__path__)}
-    assert found == {module.__name__.rsplit(".", 1)[1] for module in EQUATIONS} | OTHERS
+    modules = {module.name for module in pkgutil.iter_modules(physics.__path__)}
+    assert modules == {module.__name__.rsplit(".", 1)[1] for module in EQUATIONS} | OTHERS
 
 
 @pytest.mark.parametrize("name", [name for name in WRITTEN if not name.startswith("_")])
@@ -52,6 +52,6 @@ def test_an_equation_names_its_section_of_the_manual(name: str) -> None:
     ],
 )
 def test_a_file_s_reader_names_the_section_that_lays_it_down(module: str, section: str) -> None:
-    found = importlib.import_module(f"descentflow.{module}")
-    text = found.__doc__ or ""
+    reader = importlib.import_module(f"descentflow.{module}")
+    text = reader.__doc__ or ""
     assert re.search(rf"manual[,(]? \(?sections? {re.escape(section)}\b", " ".join(text.split())), text

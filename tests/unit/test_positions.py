@@ -65,15 +65,15 @@ def test_wind_that_grows_with_height() -> None:
 def test_places_lie_on_the_great_circle_at_the_distance_to_go(wind: str | None) -> None:
     """A millimetre: what pyproj's inverse and direct problems differ by."""
     end = (51.47, -0.45)
-    found = ground_plan(end=end, track=271.0, wind=wind).place(steady_descents([180.0, 240.0]))
-    shape = found.latitude.shape
+    placed = ground_plan(end=end, track=271.0, wind=wind).place(steady_descents([180.0, 240.0]))
+    shape = placed.latitude.shape
     ends = np.full(shape, end[1]), np.full(shape, end[0])
-    _, back, distance = WGS84.inv(found.longitude, found.latitude, *ends)
-    np.testing.assert_allclose(distance, found.to_go_m, atol=1e-3)
-    far = found.to_go_m > 1000
+    _, back, distance = WGS84.inv(placed.longitude, placed.latitude, *ends)
+    np.testing.assert_allclose(distance, placed.to_go_m, atol=1e-3)
+    far = placed.to_go_m > 1000
     np.testing.assert_allclose((back[far] + 180) % 360, 271.0, atol=1e-6)
-    towards, _, _ = WGS84.inv(found.longitude, found.latitude, *ends)
-    np.testing.assert_allclose(towards[far] % 360, found.track[far], atol=1e-6)
+    towards, _, _ = WGS84.inv(placed.longitude, placed.latitude, *ends)
+    np.testing.assert_allclose(towards[far] % 360, placed.track[far], atol=1e-6)
 
 
 def test_a_wind_turns_the_integration_with_the_track() -> None:
@@ -104,9 +104,9 @@ def test_a_route_is_flown_from_fix_to_fix() -> None:
 
 def test_times_count_back_from_the_lowest_level() -> None:
     end = datetime(2026, 11, 22, 10, tzinfo=UTC)
-    found = ground_plan(end_time="2026-11-22T10:00:00").place(steady_descents([200.0]))
-    assert found.unix_s[0, 0] == end.timestamp()
-    assert found.unix_s[0, -1] == pytest.approx(end.timestamp() - DESCENT_S)
+    placed = ground_plan(end_time="2026-11-22T10:00:00").place(steady_descents([200.0]))
+    assert placed.unix_s[0, 0] == end.timestamp()
+    assert placed.unix_s[0, -1] == pytest.approx(end.timestamp() - DESCENT_S)
 
 
 def test_wind_is_read_as_aviation_writes_it() -> None:

@@ -29,10 +29,10 @@ def show_on(stream: io.StringIO, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(progress, "sys", SimpleNamespace(stderr=stream))
 
 
-def wait_for(found: Callable[[], bool]) -> None:
+def wait_for(shown: Callable[[], bool]) -> None:
     """Until the drawing thread has come round; twenty seconds are for a machine that is busy with other things."""
     for _ in range(2000):
-        if found():
+        if shown():
             return
         sleep(0.01)
     raise AssertionError("nothing was shown")

@@ -36,12 +36,12 @@ def test_the_parts_of_aircraft_and_days_add() -> None:
     """Of a balanced table of independent aircraft and days, E[V] is the sum of both variances of the mean."""
     generator = np.random.default_rng(2)
     aircraft, day = (index.reshape(-1) for index in np.indices((40, 40)))
-    found = []
+    variances = []
     for _ in range(200):
         by_aircraft, by_day = generator.normal(size=40), 2.0 * generator.normal(size=40)
-        found.append(mean_of(by_aircraft[aircraft] + by_day[day], aircraft, day).variance)
+        variances.append(mean_of(by_aircraft[aircraft] + by_day[day], aircraft, day).variance)
     # 200 draws of a variance with 39 degrees of freedom: its mean is known to 1.6 %, four of which are allowed.
-    assert np.mean(found) == pytest.approx((1.0 + 4.0) / 40, rel=0.064)
+    assert np.mean(variances) == pytest.approx((1.0 + 4.0) / 40, rel=0.064)
 
 
 @pytest.mark.parametrize("truth", [1.0, -1.0])

@@ -57,9 +57,9 @@ def test_a_sample_has_the_residual_of_a_training_flight() -> None:
     parts = toys.representation(300)
     model = GaussianDensity(parts.decoder.dimension)
     model.attach(parts)
-    found, held = sample_descents(model, parts, 500, 0), parts.decoder.residuals
-    _, cas = parts.decoder.scaled_profiles(found.weights)
-    left, speed = found.trajectories.cas_mps[:, 0] - cas[:, 0], held.curves(held.numbers)[1][:, 0]
+    samples, held = sample_descents(model, parts, 500, 0), parts.decoder.residuals
+    _, cas = parts.decoder.scaled_profiles(samples.weights)
+    left, speed = samples.trajectories.cas_mps[:, 0] - cas[:, 0], held.curves(held.numbers)[1][:, 0]
     off = (left[:, None] - speed).abs()
     assert float(off.amin(1).max()) < 1e-9
     assert len(off.argmin(1).unique()) > 100
@@ -69,10 +69,10 @@ def test_components_that_leave_nothing_out_have_no_residual_of_their_profile() -
     parts = toys.representation(300)
     drag = parts.decoder.drag_basis
     drag.loadings = drag.loadings @ torch.linalg.svd(drag.loadings, full_matrices=False)[2][: drag.n_components].T
-    found = fit_residuals(parts.decoder, toys.flights(300))
-    assert len(found.drag) == 0 < len(found.speed)
-    assert found.draw(torch.zeros(4, parts.decoder.dimension), torch.zeros(4), torch.rand(4)).shape[1] == len(
-        found.speed
+    residuals_left = fit_residuals(parts.decoder, toys.flights(300))
+    assert len(residuals_left.drag) == 0 < len(residuals_left.speed)
+    assert residuals_left.draw(torch.zeros(4, parts.decoder.dimension), torch.zeros(4), torch.rand(4)).shape[1] == len(
+        residuals_left.speed
     )
 
 
@@ -131,8 +131,8 @@ def test_samples_have_the_spread_that_components_leave_out(name: str) -> None:
     n, generator = decoder.residuals.n_numbers, torch.Generator().manual_seed(1)
     white = torch.randn(4000, n, generator=generator, dtype=torch.float64)
     flown = decoder(torch.zeros(4000, decoder.dimension, dtype=torch.float64), residual=white)
-    found = (decoder.drag_scale.scaled(flown.drag_n, flown.cas_mps) if name == "drag" else flown.cas_mps).std(0)
-    torch.testing.assert_close(found, residual.square().sum(0).sqrt(), rtol=0.06, atol=1.0 if name == "drag" else 0.01)
+    sd = (decoder.drag_scale.scaled(flown.drag_n, flown.cas_mps) if name == "drag" else flown.cas_mps).std(0)
+    torch.testing.assert_close(sd, residual.square().sum(0).sqrt(), rtol=0.06, atol=1.0 if name == "drag" else 0.01)
 
 
 def test_the_residual_is_an_option() -> None:

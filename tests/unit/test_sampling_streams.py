@@ -135,7 +135,7 @@ TRAINS = {"training/fit.py", "training/final_fit.py", "densities/checkpoint.py"}
 
 
 def test_no_code_draws_by_a_global_generator() -> None:
-    found = []
+    calls = []
     package = Path(descentflow.__file__).parent
     for path in sorted(package.rglob("*.py")):
         name = path.relative_to(package).as_posix()
@@ -153,5 +153,5 @@ def test_no_code_draws_by_a_global_generator() -> None:
                 "SeedSequence",
             )
             if (draws or moves or numpys) and name not in TRAINS:
-                found.append(f"{name}:{node.lineno} {ast.unparse(node)[:60]}")
-    assert not found
+                calls.append(f"{name}:{node.lineno} {ast.unparse(node)[:60]}")
+    assert not calls

@@ -87,8 +87,8 @@ def test_rows_with_and_without_names_are_the_same_flights(tmp_path: Path) -> Non
     unnamed = prepare(surveillance_toys.written(rows.drop("flight_id"), tmp_path / "unnamed.parquet")).frame
     flights = named["flight_id"].unique().to_list()
     assert not set(flights) & set(unnamed["flight_id"])
-    found = SeenFlights.of(named, flights[:2], flights[2:]).among(unnamed)
-    assert sorted(found.values()) == ["train", "train", "validation"]
+    seen = SeenFlights.of(named, flights[:2], flights[2:]).among(unnamed)
+    assert sorted(seen.values()) == ["train", "train", "validation"]
 
 
 def test_flights_without_an_address_are_not_recognised(descents: Descents) -> None:

@@ -36,14 +36,14 @@ def plain() -> World:
 
 def at_level(world: World, level_fl: float, column: str = "rate_mps") -> np.ndarray:
     """A truth column of every flight at a pressure altitude in settled idle descent, NaN elsewhere."""
-    found = []
+    values = []
     for flight in world.truth.partition_by("flight_id", maintain_order=True):
         idle = flight.filter(pl.col("label").is_in(["idle", "constant_path"])).sort("altitude_m")
         altitude = idle["altitude_m"].to_numpy()
         wanted = level_fl * FL_M
         inside = len(altitude) and altitude[0] < wanted < altitude[-1] - 900
-        found.append(np.interp(wanted, altitude, idle[column].to_numpy()) if inside else np.nan)
-    return np.array(found)
+        values.append(np.interp(wanted, altitude, idle[column].to_numpy()) if inside else np.nan)
+    return np.array(values)
 
 
 def change(plain: World, injected: World, level_fl: float, column: str = "rate_mps") -> np.ndarray:

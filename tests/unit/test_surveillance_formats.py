@@ -71,8 +71,8 @@ def test_lines_with_nan_are_read_one_by_one(tmp_path: Path, monkeypatch: pytest.
     """The standard library writes it, and the faster parser does not take it; nothing is read as a whole for it."""
     monkeypatch.setattr("descentflow.surveillance.unpacking.MAX_DOCUMENT_BYTES", 1000)
     text = snapshots_of(FLIGHT).decode().replace('"flight"', '"rssi": NaN, "flight"')
-    found, _ = rows_of(written_to(tmp_path / "aircraft", text))
-    assert_same_flight(found)
+    read, _ = rows_of(written_to(tmp_path / "aircraft", text))
+    assert_same_flight(read)
 
 
 def test_snapshots_of_a_program_without_airspeeds_are_refused_by_their_names(tmp_path: Path) -> None:
@@ -88,8 +88,8 @@ def test_csv_is_cut_between_rows_and_never_inside_quotes(tmp_path: Path, monkeyp
     monkeypatch.setattr("descentflow.surveillance.formats._tables.CSV_BYTES", 1000)
     quoted = FLIGHT.with_columns(callsign=pl.lit('TST "1"\n,\n'))
     quoted.write_csv(tmp_path / "rows.csv")
-    found, _ = rows_of(tmp_path / "rows.csv")
-    assert_frame_equal(found, FLIGHT.with_columns(callsign=pl.lit('TST "1"\n,')))
+    read, _ = rows_of(tmp_path / "rows.csv")
+    assert_frame_equal(read, FLIGHT.with_columns(callsign=pl.lit('TST "1"\n,')))
 
 
 def test_state_vectors_that_opensky_repeats_are_left_out(tmp_path: Path) -> None:

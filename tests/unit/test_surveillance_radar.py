@@ -28,13 +28,13 @@ from descentflow.surveillance.rows.drop_report import DropReport
 
 def frames_of(rows: pl.DataFrame) -> list[tuple[float, str]]:
     """Replies to a radar: IAS and Mach, and two seconds later the track and turn report."""
-    found = []
+    sent = []
     for row in rows.iter_rows(named=True):
         time, altitude = row["timestamp"].timestamp(), 25 * round(row["altitude"] / 25)
         speeds = register_60(200.0, round(row["IAS"]), row["Mach"], row["vertical_rate"])
-        found += [(time, all_call(row["icao24"])), (time, reply(row["icao24"], altitude, speeds))]
-        found += [(time + 2.0, reply(row["icao24"], altitude, register_50(-5.0, row["track"], 400, 420)))]
-    return found
+        sent += [(time, all_call(row["icao24"])), (time, reply(row["icao24"], altitude, speeds))]
+        sent += [(time + 2.0, reply(row["icao24"], altitude, register_50(-5.0, row["track"], 400, 420)))]
+    return sent
 
 
 @pytest.mark.parametrize("form", ["blank", "comma", "avr", "header", "jet1090", "parquet"])
@@ -51,15 +51,15 @@ def test_frames_with_times_are_decoded_and_brought_together(form: str, tmp_path:
         joint = {"blank": "{} {}", "comma": "{},{}", "avr": "{} *{};", "header": "{},{}"}[form]
         lines = (["ts,hex"] if form == "header" else []) + [joint.format(*pair) for pair in frames]
         written_to(path, "\n".join(lines))
-    found, notes = rows_of(path)
+    decoded, notes = rows_of(path)
     assert notes == {}
-    found = found.with_columns(typecode=pl.lit("A320"))
-    assert_same_flight(found, timestamp=1e-5, altitude=12.5, vertical_rate=16.0, IAS=0.5, Mach=0.002)
-    assert np.allclose(found["heading"], 200.0, atol=0.1)
-    assert set(found["TAS"]) == {420.0}
-    assert set(found["groundspeed"]) == {400.0}
-    assert np.allclose(found["roll"], -5.0, atol=0.1)
-    assert np.allclose(found["track"], 90.0, atol=0.1)
+    decoded = decoded.with_columns(typecode=pl.lit("A320"))
+    assert_same_flight(decoded, timestamp=1e-5, altitude=12.5, vertical_rate=16.0, IAS=0.5, Mach=0.002)
+    assert np.allclose(decoded["heading"], 200.0, atol=0.1)
+    assert set(decoded["TAS"]) == {420.0}
+    assert set(decoded["groundspeed"]) == {400.0}
+    assert np.allclose(decoded["roll"], -5.0, atol=0.1)
+    assert np.allclose(decoded["track"], 90.0, atol=0.1)
 
 
 def test_a_missing_decoder_is_named_with_the_way_to_install_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -162,8 +162,8 @@ def test_midnight_passes_in_asterix(tmp_path: Path) -> None:
     pytest.importorskip("pyasteryx")
     seconds = [86_390, 86_399.5, 5, 86_399.75, 10]
     blocks = b"".join(cat062("4ca001", second, 350, 270, 0.8, -500) for second in seconds)
-    found, _ = rows_of(written_to(tmp_path / "20240301.ast", blocks))
-    passed = (found["timestamp"] - found["timestamp"][0]).dt.total_microseconds() / 1e6
+    decoded, _ = rows_of(written_to(tmp_path / "20240301.ast", blocks))
+    passed = (decoded["timestamp"] - decoded["timestamp"][0]).dt.total_microseconds() / 1e6
     assert passed.to_list() == [0, 9.5, 15, 9.75, 20]
 
 

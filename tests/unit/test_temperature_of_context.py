@@ -93,9 +93,9 @@ def test_a_generator_meets_distances_in_the_given_air() -> None:
     asked = {"entry_fl": 350, "level": 300, "context": given(WARM)}
     middle = float(df.Generator(model()).next_batch(50, entry_fl=350, context=given(WARM)).to_polars()
                    .filter(level_fl=300)["distance_nm"].median())  # fmt: skip
-    found = df.Generator(model()).next_batch(20, distance_nm=middle, **asked).to_polars()
-    assert found.filter(level_fl=300)["distance_nm"].to_numpy() == pytest.approx(middle, abs=1e-3)
-    assert found["TAS"].to_numpy() == pytest.approx(tas_kt(found, WARM), rel=1e-4)
+    table = df.Generator(model()).next_batch(20, distance_nm=middle, **asked).to_polars()
+    assert table.filter(level_fl=300)["distance_nm"].to_numpy() == pytest.approx(middle, abs=1e-3)
+    assert table["TAS"].to_numpy() == pytest.approx(tas_kt(table, WARM), rel=1e-4)
 
 
 def test_predictions_are_flown_in_it_too() -> None:

@@ -70,8 +70,8 @@ FIRST_S = 1_709_287_200
 
 @pytest.mark.parametrize("odd", ["0", "nan", "inf", "-inf", "17", "N/A", ""])
 def test_one_odd_cell_among_dates_is_missing_and_the_others_are_read(odd: str) -> None:
-    found = timestamps(pl.Series([*DATES, odd])).dt.epoch("s").to_list()
-    assert found == [*range(FIRST_S, FIRST_S + 10), None]
+    seconds = timestamps(pl.Series([*DATES, odd])).dt.epoch("s").to_list()
+    assert seconds == [*range(FIRST_S, FIRST_S + 10), None]
 
 
 def test_dates_and_seconds_in_one_column_are_both_read() -> None:

@@ -26,11 +26,11 @@ def days(n: int, quantities: int, seed: int, step: float = 0.0, at: int = 0, slo
 @pytest.mark.parametrize(("shape", "size"), [(0, 0), (0, 1), (1, 1)])
 def test_the_ratio_is_that_of_integrals_over_mean_and_change(shape: int, size: int) -> None:
     """By inverses and determinants of whole matrices, and an integral over sigma on a grid."""
-    found = days(16, 1, seed=4, step=1.5, at=13)
+    means = days(16, 1, seed=4, step=1.5, at=13)
     n, day = 16, 13
-    log_ratio = _of_quantity(found.mean[:, 0], found.within[:, 0], REFERENCE)[shape, size, n - 1, day]
+    log_ratio = _of_quantity(means.mean[:, 0], means.within[:, 0], REFERENCE)[shape, size, n - 1, day]
 
-    known = found.mean[:REFERENCE, 0] - found.mean[:REFERENCE, 0].mean()
+    known = means.mean[:REFERENCE, 0] - means.mean[:REFERENCE, 0].mean()
     between = max(known.var(ddof=1) - 0.2, 0.0)
     serial = (known[1:] * known[:-1]).sum() / (known**2).sum() + 1 / REFERENCE + 0.5 * REFERENCE**-0.5
     serial = min(max(serial, 0.0), 0.7)
@@ -44,7 +44,7 @@ def test_the_ratio_is_that_of_integrals_over_mean_and_change(shape: int, size: i
         scale = np.geomspace(0.02, 50.0, 4000)
         inverse, ones = np.linalg.inv(covariance), np.ones(n)
         a = ones @ inverse @ ones
-        rest = found.mean[:, 0] - (ones @ inverse @ found.mean[:, 0]) / a
+        rest = means.mean[:, 0] - (ones @ inverse @ means.mean[:, 0]) / a
         squares = rest @ inverse @ rest
         _, log_det = np.linalg.slogdet(covariance)
         # The integral over the mean under a flat prior; the one over sigma numerically, by its logarithm.
@@ -79,10 +79,10 @@ def test_days_that_show_nothing_leave_the_evidence_as_it_was() -> None:
     whole = days(40, 2, seed=3, step=3.0, at=25)
     gaps = DayMeans(whole.mean.copy(), whole.within)
     gaps.mean[30:33] = np.nan
-    found = evidence(gaps, REFERENCE)
-    assert np.isfinite(found.log_e).all()
+    with_gaps = evidence(gaps, REFERENCE)
+    assert np.isfinite(with_gaps.log_e).all()
     # A change in the gap looks like one on the next day that is seen.
-    assert found.dates(39)[0] in range(24, 28)
+    assert with_gaps.dates(39)[0] in range(24, 28)
 
 
 def test_a_quantity_of_a_short_reference_says_nothing() -> None:

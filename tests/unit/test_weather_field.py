@@ -94,8 +94,8 @@ def test_a_region_across_a_seam_and_the_globe(west: float, tmp_path: Path) -> No
 def test_a_turn_in_a_steady_wind_is_no_growth() -> None:
     east, north = np.full((1, 50), 30.0), np.full((1, 50), -10.0)
     turning = np.radians(np.linspace(0, 120, 50))[None]
-    found = along_track(east, north, turning)
-    np.testing.assert_allclose(found, (30 * np.sin(turning) - 10 * np.cos(turning)).mean(), rtol=1e-12)
+    tailwind = along_track(east, north, turning)
+    np.testing.assert_allclose(tailwind, (30 * np.sin(turning) - 10 * np.cos(turning)).mean(), rtol=1e-12)
     # A wind that grows along a turning track grows by its growth along it: exact where the track is straight.
     growing = np.linspace(0, 49, 50)[None]
     straight = along_track(growing, 0 * growing, np.full((1, 50), np.pi / 6))
@@ -109,10 +109,10 @@ def test_places_between_those_reported_and_across_the_date_line() -> None:
     longitude[0, 2], longitude[0, 8] = -179.0, 179.0
     values = {"latitude": torch.full((1, 11), 50.0).double(), "longitude": longitude}
     grid = LevelGrid(levels, time, values, torch.zeros(1), ("one",))
-    found = paths_of_flights(grid, time.numpy())
-    np.testing.assert_allclose(found.longitude[0, 2:9] % 360, np.linspace(181, 179, 7))
-    assert found.known[0].tolist() == [2 <= level <= 8 for level in range(11)]
-    np.testing.assert_allclose(np.degrees(found.track[0, 3:8]), 90, err_msg="eastbound, as its places follow")
+    paths = paths_of_flights(grid, time.numpy())
+    np.testing.assert_allclose(paths.longitude[0, 2:9] % 360, np.linspace(181, 179, 7))
+    assert paths.known[0].tolist() == [2 <= level <= 8 for level in range(11)]
+    np.testing.assert_allclose(np.degrees(paths.track[0, 3:8]), 90, err_msg="eastbound, as its places follow")
 
 
 @pytest.fixture(scope="module")
@@ -134,28 +134,28 @@ def airs(descents: Descents, warm_file: Path) -> FlightAirs:
 def test_drag_in_the_field_is_that_of_the_air_it_holds(descents: Descents, airs: FlightAirs) -> None:
     a320 = df.aircraft("A320")
     profiles = profiles_from_frame(descents.frame, a320, 150, 340)
-    found = with_own_air(profiles, a320, airs, print)
-    assert found.flight_ids == profiles.flight_ids
+    in_air = with_own_air(profiles, a320, airs, print)
+    assert in_air.flight_ids == profiles.flight_ids
     assert airs.wind
     uniform = LevelAir.uniform(LEVELS, 10.0).rows([0] * len(profiles))
     given = FlightAirs(profiles.flight_ids, uniform, profiles.mask, *[profiles.drag_n] * 3, 0)
     expected = with_own_air(profiles, a320, given, print)
-    torch.testing.assert_close(found.drag_n[found.mask], expected.drag_n[found.mask], rtol=1e-9, atol=0)
-    assert int(found.mask.sum()) > 0.97 * int(expected.mask.sum()), "levels without a place at the ends are not known"
+    torch.testing.assert_close(in_air.drag_n[in_air.mask], expected.drag_n[in_air.mask], rtol=1e-9, atol=0)
+    assert int(in_air.mask.sum()) > 0.97 * int(expected.mask.sum()), "levels without a place at the ends are not known"
 
 
 def test_a_wind_of_the_field_is_met_along_the_track(descents: Descents, tmp_path: Path) -> None:
     path = written(weather(linear, linear_wind), tmp_path / "era5.nc")
-    found = field_airs(descents.frame, LEVELS, path)
+    airs_met = field_airs(descents.frame, LEVELS, path)
     row = descents.frame.filter(pl.col("level_fl") == 250).drop_nulls(["latitude", "track"]).row(3, named=True)
-    number, level = found.flight_ids.index(row["flight_id"]), 100
+    number, level = airs_met.flight_ids.index(row["flight_id"]), 100
     hours = (row["timestamp"].timestamp() - START.astype(float)) / 3600
     where = hours, 250, row["latitude"], row["longitude"]
-    assert float(found.air.deviation_k[number, level]) == pytest.approx(linear(*where), abs=1e-4)
+    assert float(airs_met.air.deviation_k[number, level]) == pytest.approx(linear(*where), abs=1e-4)
     east, north = linear_wind(*where)
     along = east * np.sin(np.radians(row["track"])) + north * np.cos(np.radians(row["track"]))
     # The simulated tracks are straight but for the rounding of their report, 0.18 degrees.
-    assert float(found.air.tailwind_mps[number, level]) == pytest.approx(along, abs=0.1)
+    assert float(airs_met.air.tailwind_mps[number, level]) == pytest.approx(along, abs=0.1)
     without_track = field_airs(descents.frame.drop("track"), LEVELS, path)
     assert float(without_track.air.tailwind_mps[number, level]) == pytest.approx(along, abs=0.5)
 

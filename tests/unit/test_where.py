@@ -85,13 +85,13 @@ def test_with_one_flight_an_aircraft_the_statistic_is_welchs() -> None:
     y, real = drawn(60, 3, seed=0), torch.arange(60) >= 20
     y[real] = 2.0 * y[real] + 0.4
     y[5:15, 1] = torch.nan
-    found = squared_t(y, labellings(torch.arange(60), real, 0, seed=0))[0]
+    squared = squared_t(y, labellings(torch.arange(60), real, 0, seed=0))[0]
     squares = (y - y.nanmean(0)) ** 2
     of_both = [
         ttest_ind(v[real], v[~real], equal_var=False, nan_policy="omit").statistic ** 2
         for v in (y.numpy(), squares.numpy())
     ]
-    torch.testing.assert_close(found, torch.tensor(of_both[0] + of_both[1]), rtol=1e-9, atol=0)
+    torch.testing.assert_close(squared, torch.tensor(of_both[0] + of_both[1]), rtol=1e-9, atol=0)
 
 
 def test_whole_aircraft_make_the_variance() -> None:
@@ -208,15 +208,15 @@ def some() -> Compared:
 def test_flights_that_have_what_is_left_come_first() -> None:
     sides = some()
     profile = [LevelMeans(160.0 + 20 * k, 2000.0, 280.0, 380.0) for k in range(11)]
-    found = flights_worth_a_look(sides, sides.y, profile)
-    assert len(found) == 10
-    assert {one.flight for one in found} <= {f"flight-{i}" for i in HAVING}
+    worth_a_look = flights_worth_a_look(sides, sides.y, profile)
+    assert len(worth_a_look) == 10
+    assert {one.flight for one in worth_a_look} <= {f"flight-{i}" for i in HAVING}
     # In the three bands, give or take one by chance, and of the size that was given.
-    assert found[0].quantity == "rate"
-    assert found[0].low_fl >= 210.0
-    assert found[0].high_fl <= 310.0
-    assert all(one.unit == "ft/min" for one in found)
-    mean = sum(one.excess for one in found) / len(found)
+    assert worth_a_look[0].quantity == "rate"
+    assert worth_a_look[0].low_fl >= 210.0
+    assert worth_a_look[0].high_fl <= 310.0
+    assert all(one.unit == "ft/min" for one in worth_a_look)
+    mean = sum(one.excess for one in worth_a_look) / len(worth_a_look)
     assert mean == pytest.approx(2000 * 0.284, rel=0.2)
 
 

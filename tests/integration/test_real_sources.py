@@ -1,4 +1,4 @@
-"""Real files of each source: what is read, and that its units are right by physics that the reader does not use."""
+"""Real files: what is read, units by physics that no reader uses, accounts, and cases that users have met."""
 
 import gzip
 import itertools
@@ -10,7 +10,11 @@ import polars as pl
 import pytest
 from source_toys import possible
 
+from descentflow.cli.entry import main
+from descentflow.core.errors import DescentflowWarning
+from descentflow.surveillance.descents.prepared_descents import Descents, read_descents
 from descentflow.surveillance.formats.aircraft_json import embedded_rows
+from descentflow.surveillance.prepare import prepare
 from descentflow.surveillance.read_rows import read_rows
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt
 from descentflow.surveillance.rows.drop_report import DropReport
@@ -122,3 +126,115 @@ def test_rows_of_frames_are_one_a_second_and_between_altitudes(shared: Path) -> 
     usable = steps.filter(pl.col("seconds").is_between(5, 30) & (pl.col("climbed").abs() > 200))
     ratio = usable["climbed"] / usable["seconds"] * 60 / usable["rate"]
     assert median(ratio) == pytest.approx(1.0, abs=0.02)
+
+
+FAMILY = "A319,A320,A321,A20N,A21N"
+
+
+def run(folder: Path, *words: object) -> Descents:
+    out, report = folder / "d.parquet", folder / "r.json"
+    assert main(["prepare", *map(str, words), "--out", str(out), "--report", str(report), "--typecode", FAMILY]) == 0
+    descents = read_descents(out)
+    assert json.loads(report.read_text()) == descents.metadata
+    return descents
+
+
+def check(descents: Descents, bottom_fl: int) -> None:
+    frame, report = descents.frame, descents.metadata["report"]
+    steps = report["steps"]
+    for before, after in itertools.pairwise(steps):
+        assert before["rows_left"] == after["rows_left"] + after["rows_dropped"]
+        assert after["rows_dropped"] >= 0
+        if before["flights_left"] is None:  # flights are not told apart before rows are in order
+            assert before["step"] in ("read", "missing_value", "duplicate", "other_clock") or before["step"].startswith(
+                "impossible"
+            )
+        else:
+            assert before["flights_left"] == after["flights_left"] + after["flights_dropped"]
+            assert after["flights_dropped"] >= 0
+    assert steps[-1]["flights_left"] == frame["flight_id"].n_unique()
+    assert report["notes"]["levels of the kept descents"] == len(frame)
+    assert frame.sort("flight_id", "level_fl", descending=[False, True]).equals(frame)
+    assert frame.select("flight_id", "level_fl").is_unique().all()
+    assert frame["level_fl"].dtype == pl.Int32
+    assert frame["level_fl"].min() == bottom_fl
+    assert set(frame["typecode"]) <= set(FAMILY.split(","))
+    assert (
+        frame.select("flight_id", "icao24", "typecode", "level_fl", "timestamp", "time_s").null_count().row(0)
+        == (0,) * 6
+    )
+    for name, low, high in (("IAS", 130, 360), ("Mach", 0.25, 0.83), ("vertical_rate", -8000, -500)):
+        assert frame[name].null_count() == 0
+        assert frame[name].is_between(low, high).all(), name
+    timed = frame.select(pl.col("time_s").diff().over("flight_id").alias("step"), "flight_id")
+    assert (timed["step"].drop_nulls() > 0).all()
+    assert (
+        frame.group_by("flight_id").agg(pl.col("time_s").min())["time_s"].to_list().count(0.0)
+        == frame["flight_id"].n_unique()
+    )
+
+
+@pytest.mark.parametrize("bottom_fl", [100, 150])
+def test_embedded_snapshots_give_descents_anywhere(bottom_fl: int, tmp_path: Path) -> None:
+    descents = run(tmp_path, "--embedded", "--bottom-fl", bottom_fl)
+    check(descents, bottom_fl)
+    assert descents.metadata["report"]["steps"][0]["rows_left"] == 12_759, "aircraft in the snapshots"
+    assert descents.frame["flight_id"].n_unique() >= {100: 30, 150: 18}[bottom_fl]
+    assert [i["name"] for i in descents.metadata["inputs"]] == ["dump1090fa_bengaluru_2023.jsonl.gz"]
+
+
+def test_dutch_and_embedded_rows_are_pooled(shared: Path, tmp_path: Path) -> None:
+    dutch = shared / "real" / "ehs_netherlands_2017-01-11.parquet"
+    descents = run(tmp_path, dutch, "--embedded", "--bottom-fl", 100)
+    check(descents, 100)
+    assert descents.metadata["report"]["steps"][0]["rows_left"] == 12_759 + 24_533
+    assert descents.frame["flight_id"].n_unique() >= 45
+    assert len(descents.metadata["inputs"]) == 2
+    # Position from the embedded snapshots, rate from altitude for the Dutch rows: both are there.
+    assert set(descents.frame["timestamp"].dt.year()) == {2017, 2023}
+
+
+@pytest.fixture
+def cases(shared: Path) -> Path:
+    return shared / "cases"
+
+
+def near(mended: pl.DataFrame, right: pl.DataFrame, name: str, within: float, share: float) -> None:
+    """Levels of the right table are there, and most of their values agree."""
+    both = right.join(mended, on=["flight_id", "level_fl"], how="left", suffix="_found")
+    off = (both[name] - both[f"{name}_found"]).abs() <= within
+    assert off.fill_null(False).mean() > share
+
+
+def test_groundspeed_in_place_of_ias_is_left_out_by_its_name(cases: Path) -> None:
+    folder = cases / "24_groundspeed_in_place_of_ias"
+    with pytest.warns(DescentflowWarning, match=r"466 values of IAS that equal groundspeed to the digit"):
+        prepared = prepare(folder / "no_mach.parquet")
+    right = prepare(folder / "right_no_mach.parquet")
+    assert prepared.frame["IAS"].max() < 280
+    near(prepared.frame, right.frame, "IAS", 3.0, 0.95)
+
+
+def test_a_rate_that_stands_for_none_costs_no_level(cases: Path) -> None:
+    folder = cases / "25_rate_of_minus_64_where_none"
+    with pytest.warns(DescentflowWarning, match=r"437 values of vertical_rate that are -64 among others"):
+        prepared = prepare(folder / "rows.parquet")
+    right = prepare(folder / "right.parquet")
+    assert right.frame.height == 1118
+    near(prepared.frame, right.frame, "vertical_rate", 150.0, 0.97)
+
+
+def test_lines_of_pymodes_3_are_read_by_their_frames(cases: Path) -> None:
+    pytest.importorskip("rs1090")
+    prepared = prepare(cases / "26_lines_of_pymodes_3" / "lines.jsonl", types={"4ca001": "A320"}, bottom_fl=50)
+    assert prepared.flights == {"A320": 1}
+    assert prepared.frame["IAS"].is_between(269, 271).all()
+
+
+@pytest.mark.parametrize(("name", "line"), [("last_cut", 256), ("one_a_line", 102)])
+def test_a_cut_snapshot_is_left_out_by_its_line(cases: Path, name: str, line: int) -> None:
+    prepared = prepare(cases / "27_a_snapshot_cut" / f"{name}.jsonl", bottom_fl=50)
+    (note,) = (note for note in prepared.report.notes if note.startswith("JSON lines"))
+    assert f"{name}.jsonl, line {line}: not JSON" in note
+    assert prepared.report.notes[note] == 1
+    assert prepared.frame.height > 190

@@ -104,7 +104,9 @@ def test_prepared_files_of_one_cleaning_join(folder: Path, tmp_path: Path) -> No
     assert of_folder.metadata["report"]["steps"][0]["rows_left"] == sum(
         part.metadata["report"]["steps"][0]["rows_left"] for part in parts
     )
-    refuses(DataError, "in two of", FlightSource([tmp_path / "a.parquet", tmp_path / "a.parquet"]).without_rows)
+    refuses(
+        DataError, "in two of", lambda: FlightSource([tmp_path / "a.parquet", tmp_path / "a.parquet"]).without_rows()
+    )
 
 
 def test_descents_of_mixed_settings_are_refused(folder: Path, tmp_path: Path) -> None:
@@ -116,10 +118,14 @@ def test_descents_of_mixed_settings_are_refused(folder: Path, tmp_path: Path) ->
 
 
 def test_rows_and_prepared_descents_do_not_mix(folder: Path, tmp_path: Path) -> None:
-    refuses(DataError, "together", FlightSource([folder / "rows_others.parquet", folder / "descents.parquet"]).descents)
-    refuses(DataError, "no file", FlightSource(tmp_path / "absent.parquet").descents)
-    refuses(DataError, "an object of type int for descents", FlightSource(3).descents)
-    refuses(DataError, "not prepared descents", FlightSource(folder / "rows.parquet").without_rows)
+    refuses(
+        DataError,
+        "together",
+        lambda: FlightSource([folder / "rows_others.parquet", folder / "descents.parquet"]).descents(),
+    )
+    refuses(DataError, "no file", lambda: FlightSource(tmp_path / "absent.parquet").descents())
+    refuses(DataError, "an object of type int for descents", lambda: FlightSource(3).descents())
+    refuses(DataError, "not prepared descents", lambda: FlightSource(folder / "rows.parquet").without_rows())
     with pytest.raises(DataError, match="rows that are not prepared"):
         FlightSource(pl.read_parquet(folder / "rows.parquet")).without_rows()
     with pytest.raises(DataError, match="a table of descents: no column Mach"):

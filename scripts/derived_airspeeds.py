@@ -1,16 +1,17 @@
-"""Fit flights whose airspeeds are derived with a field that errs, next to the same flights' reported airspeeds.
+"""Flights whose airspeeds are derived with a field that errs, next to the same flights' reported airspeeds.
 
-A simulated fleet reports its airspeeds, or is plain ADS-B (``descentflow simulate --without-airspeeds``): each day has
-a wind, and the field that comes with the rows errs. Models are fitted to the reported airspeeds, to the derived ones as
-they are, and with the spread of the error taken off; all are scored by the reported airspeeds of flights that were held
-out::
+Simulated fleets report their airspeeds, or are plain ADS-B (``descentflow simulate --without-airspeeds``): each day has
+a wind, and the field that comes with the rows errs. Spreads and correlations of the flights, and models fitted to them,
+are compared as derived, with the spread of the error taken off, and as reported::
 
     python scripts/derived_airspeeds.py --out derived_airspeeds.md
 
-``docs/records/derived_airspeeds.md`` is what it writes.
+``--nulls`` diagnoses fleets of one world of which one side is plain ADS-B, ``--real`` hides airspeeds of real rows.
+``docs/records/derived_airspeeds.md`` has what they write.
 """
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -18,189 +19,163 @@ from typing import Any
 import numpy as np
 import polars as pl
 import torch
+from numpy.typing import NDArray
 
 import descentflow as df
-from descentflow.core.constants import KAPPA, R_AIR
-from descentflow.core.units import FPM_MPS, KT_MPS
-from descentflow.generation.samples import Samples
+from benchmarks.hidden_airspeeds import real_rows
+from descentflow.representation.airspeed_error import AirspeedErrors, without_airspeed_error
+from descentflow.representation.profiles import Profiles, profiles_from_frame
 from descentflow.simulation.world import field_file
-from descentflow.surveillance.cleaning.ground_vector import STEEPEST_DEG
+from descentflow.simulation.world_config import WorldConfig
 from descentflow.surveillance.descents.prepared_descents import Descents
-from descentflow.surveillance.rows.air_data import cas_of_mach_kt
 
-LEVELS_FL = (160, 200, 240, 280, 320, 350)
-DRAWN = 4000
-
-
-def summary(samples: Samples) -> dict[str, float]:
-    """Mean and deviation of the time, and at some levels the deviation of CAS and its correlation with drag.
-
-    Args:
-        samples: Of a model.
-    """
-    flown = samples.trajectories
-    numbers = {"time": float(flown.time_s[:, 0].mean()), "sd of time": float(flown.time_s[:, 0].std())}
-    for level in LEVELS_FL:
-        at = int((flown.levels_fl - level).abs().argmin())
-        seen = flown.mask[:, at]
-        cas, drag = flown.cas_mps[seen, at] / KT_MPS, flown.drag_n[seen, at]
-        numbers |= {f"sd of CAS, FL{level}": float(cas.std()), f"correlation, FL{level}": _correlation(cas, drag)}
-    return numbers
+Array = NDArray[np.float64]
+LEVELS_FL, BOTTOM_FL, TOP_FL = (160, 200, 240, 280, 320, 350), 150, 370
+DRAWN, SCORED, KELVINS = 20_000, 4000, 1.0
+REPORTED, AS_DERIVED, LESS = "reported", "as derived", "error taken off"
 
 
-def judged(descents: Descents, real: Descents, seed: int, **options: Any) -> dict[str, float]:
-    """Summary and scores of the one Gaussian fitted to descents.
+def seen_at_levels(levels_fl: torch.Tensor, cas_mps: torch.Tensor, drag_n: torch.Tensor, mask: torch.Tensor) -> Array:
+    """Deviation of CAS, m/s, and its correlation with drag, (2, levels)."""
+    numbers = [int((levels_fl - level).abs().argmin()) for level in LEVELS_FL]
+    both = [torch.stack([values[mask[:, at], at].double() for values in (cas_mps, drag_n)]) for at in numbers]
+    return np.array([[float(pair[0].std()), float(torch.corrcoef(pair)[0, 1])] for pair in both]).T
+
+
+def of_flights(profiles: Profiles) -> Array:
+    """The same of flights."""
+    return seen_at_levels(profiles.levels_fl, profiles.cas_mps, profiles.drag_n, profiles.mask)
+
+
+def of_fit(derived: Descents, real: Descents, **options: Any) -> tuple[Array, str]:
+    """The same of samples of one Gaussian that is fitted, and cells of its times and its scores.
 
     Args:
-        descents: To fit.
+        derived: To fit.
         real: Reported airspeeds of the same flights, of which those that the fit held out are scored.
-        seed: Of samples.
         options: Of the fit.
     """
-    model = df.fit(descents, model="gaussian", **options)
-    scores = df.evaluate(model, real, n=DRAWN, seed=seed).scores
-    named = {"CAS": ("cas_profile", "energy"), "joint": ("descent", "joint_energy"), "AUC": ("descent", "auc")}
-    scored = {name: scores.get(*place).score for name, place in named.items()}
-    return {**summary(df.sample(model, DRAWN, seed=seed)), **scored}
+    model = df.fit(derived, model="gaussian", **options)
+    scores = df.evaluate(model, real, n=SCORED).scores
+    places = (("cas_profile", "energy"), ("descent", "joint_energy"), ("descent", "auc"))
+    flown = df.sample(model, DRAWN, seed=0).trajectories
+    time_s, judged = flown.time_s[:, 0], [scores.get(*place).score for place in places]
+    cells = f"{time_s.mean():.1f} +- {time_s.std():.1f} | {judged[0]:.2f} | {judged[1]:.3f} | {judged[2]:.2f}"
+    return seen_at_levels(flown.levels_fl, flown.cas_mps, flown.drag_n, flown.mask), cells
 
 
-def _correlation(first: torch.Tensor, other: torch.Tensor) -> float:
-    return float(torch.corrcoef(torch.stack([first.double(), other.double()]))[0, 1])
+def less_reported(derived: list[Array], reported: list[Array]) -> str:
+    """Cells of spread, in percent, and correlation, less those of reported airspeeds, of several fleets.
 
-
-def row_of(name: str, numbers: dict[str, float], true: dict[str, float]) -> str:
-    """A row of the record: times, spread and correlation next to those of reported airspeeds, and scores."""
-    spread = np.array([numbers[key] / true[key] - 1 for key in true if key.startswith("sd of CAS")])
-    apart = np.array([numbers[key] - true[key] for key in true if key.startswith("correlation")])
-    return (
-        f"| {name} | {numbers['time']:.1f} +- {numbers['sd of time']:.1f} | {100 * spread.mean():+.1f} "
-        f"({100 * spread.min():+.1f} to {100 * spread.max():+.1f}) | {apart.mean():+.3f} ({apart.min():+.3f} to "
-        f"{apart.max():+.3f}) | {numbers['CAS']:.2f} | {numbers['joint']:.3f} | {numbers['AUC']:.2f} |"
-    )
-
-
-def by_neighbours(name: str, rows: Path, bottom_fl: int, types: Path | None = None) -> list[str]:
-    """Rows of a table: derived less reported CAS, and less the CAS of the reported Mach number, by 5,000 ft.
-
-    Args:
-        name: Of the receiver.
-        rows: Of aircraft that report TAS, Mach and IAS: each gets the air of the others.
-        bottom_fl: Lowest level.
-        types: Of the aircraft.
+    Means over levels, then over fleets, with the deviation of one fleet; and the highest level.
     """
-    levels = df.prepare(rows, types=types, bottom_fl=bottom_fl, airspeeds_from="neighbours").frame
-    levels = levels.drop_nulls(["derived_IAS", "IAS", "Mach"])
-    of_mach = cas_of_mach_kt(levels["Mach"].to_numpy(), 100.0 * levels["level_fl"].to_numpy())
-    levels = levels.with_columns(of_mach=pl.Series(of_mach), band=pl.col("level_fl") // 50 * 50)
-    lines = []
-    for band, some in [("all", levels), *((f"FL{part['band'][0]}", part) for part in bands(levels))]:
-        derived = some["derived_IAS"].to_numpy()
-        off, from_mach = (derived - some[column].to_numpy() for column in ("IAS", "of_mach"))
-        lines.append(
-            f"| {name} | {band} | {some['flight_id'].n_unique()} | {off.mean():+.1f} +- {off.std():.1f} | "
-            f"{from_mach.mean():+.1f} +- {from_mach.std():.1f} |"
-        )
-    return lines
+    cells = []
+    for apart, form in (
+        (np.array([100 * (one[0] / true[0] - 1) for one, true in zip(derived, reported, strict=True)]), "+.1f"),
+        (np.array([one[1] - true[1] for one, true in zip(derived, reported, strict=True)]), "+.3f"),
+    ):
+        fleets = [
+            f" +- {column.std(ddof=1):{form[1:]}}" if len(apart) > 1 else "" for column in (apart.mean(1), apart[:, -1])
+        ]
+        cells += [f"{apart.mean():{form}}{fleets[0]}", f"{apart[:, -1].mean():{form}}{fleets[1]}"]
+    return " | ".join(cells)
 
 
-def by_era5(rows: Path) -> list[str]:
-    """Rows of a table: CAS by ERA5's wind and temperature, which the rows carry, less the IAS of Mode S, by 5,000 ft.
-
-    Args:
-        rows: Of one A319, whose IAS is repeated: rows with the one before are left out. Its TAS and Mach number are
-            ERA5's, too, and are not used.
-    """
-    table = pl.read_parquet(rows).sort("timestamp").filter(pl.col("IAS") != pl.col("IAS").shift())
-    east, north = (table[f"{name}_component_of_wind"].to_numpy() for name in "uv")
-    track, speed = np.radians(table["track"].to_numpy()), table["groundspeed"].to_numpy() * KT_MPS
-    level = np.hypot(speed * np.sin(track) - east, speed * np.cos(track) - north)
-    sound = np.sqrt(KAPPA * R_AIR * table["temperature"].to_numpy())
-    mach = np.hypot(level, table["vertical_rate"].to_numpy() * FPM_MPS) / sound
-    off = cas_of_mach_kt(mach, table["altitude"].to_numpy()) - table["IAS"].to_numpy()
-    falls, straight = pl.col("vertical_rate") < -300, pl.col("roll").abs() < STEEPEST_DEG
-    rows_off = table.with_columns(off=pl.Series(off), band=(pl.col("altitude") // 5000 * 50).cast(int)).filter(straight)
-    descent = rows_off.filter(falls, pl.col("altitude") >= 10_000)
-    cruise = rows_off.filter(pl.col("vertical_rate").abs() < 300, pl.col("altitude") > 30_000)
-    named = [("cruise", cruise), ("descent", descent), *((f"FL{part['band'][0]}", part) for part in bands(descent))]
-    return [
-        f"| {name} | {len(part)} | {np.mean(part['off']):+.1f} +- {np.std(part['off']):.1f} |" for name, part in named
+def simulated(fleets: int, flights: int, wind_mps: float, days: int, say: Callable[[str], None]) -> list[str]:
+    """Tables of fleets and of their thirds: of the flights themselves, and of fits to the first of either."""
+    aircraft, config = df.aircraft("A320"), WorldConfig(days=days)
+    numbers: dict[int, dict[str, list[Array]]] = {}
+    fits: list[str] = []
+    for seed, folder in ((seed, TemporaryDirectory()) for seed in range(fleets)):
+        out = Path(folder.name) / "plain.parquet"
+        reported = df.simulate("A320", flights, seed, config).rows
+        df.simulate("A320", flights, seed, config, without_airspeeds=True, wind_error_mps=wind_mps, out=out)
+        names, plain = reported["flight_id"].unique().sort(), pl.read_parquet(out)
+        third = int(0.3 * flights)
+        for begin, end in [*((third * i, third * (i + 1)) for i in range(3)), (0, flights)]:
+            some = pl.col("flight_id").is_in(names[begin:end].implode())
+            real, derived = (
+                df.prepare(reported.filter(some)),
+                df.prepare(plain.filter(some), airspeeds_from=field_file(out)),
+            )
+            true, bare = (profiles_from_frame(each.frame, aircraft, BOTTOM_FL, TOP_FL) for each in (real, derived))
+            errors = AirspeedErrors.of(derived.frame, wind_mps, KELVINS)
+            assert errors is not None
+            less = without_airspeed_error(bare, aircraft, errors, range(len(bare)), say)
+            by_name = numbers.setdefault(end - begin, {REPORTED: [], AS_DERIVED: [], LESS: []})
+            for name, flown in ((REPORTED, true), (AS_DERIVED, bare), (LESS, less)):
+                by_name[name].append(of_flights(flown))
+            if seed == begin == 0:
+                none = {"wind_error_mps": 0.0, "temperature_error_k": 0.0}
+                given = {"wind_error_mps": wind_mps, "temperature_error_k": KELVINS}
+                fitted = {
+                    REPORTED: of_fit(real, real),
+                    AS_DERIVED: of_fit(derived, real, **none),
+                    LESS: of_fit(derived, real, **given),
+                }
+                fits += [
+                    f"| {end - begin:,} | {name} | {less_reported([found], [fitted[REPORTED][0]])} | {cells} |"
+                    for name, (found, cells) in fitted.items()
+                ]
+        folder.cleanup()
+        say(f"fleet {seed}")
+    tables = [
+        f"| {len(by_name[name])} of {size:,} | {name} | {less_reported(by_name[name], by_name[REPORTED])} |"
+        for size, by_name in sorted(numbers.items())
+        for name in (AS_DERIVED, LESS)
     ]
-
-
-def bands(table: pl.DataFrame) -> list[pl.DataFrame]:
-    """Levels by band, the lowest first."""
-    return table.sort("band").partition_by("band", maintain_order=True)
-
-
-def real_rows(folder: Path) -> list[str]:
-    """The tables of three receivers, and of one aircraft with ERA5."""
-    japan, netherlands = folder / "japan_2022_2023.parquet", folder / "ehs_netherlands_2017-01-11.parquet"
-    bengaluru, types = folder / "dump1090fa_bengaluru_2023.jsonl.gz", folder / "bengaluru_typecodes.csv"
+    heads = "airspeeds | spread of CAS, % | at FL350 | correlation of CAS and drag | at FL350 |"
+    scores = " time, s | energy of CAS, kt | of all | AUC |"
     return [
-        "| rows | from | flights | derived less reported IAS, kt | less the CAS of Mach, kt |",
-        "|---|---|---|---|---|",
-        *by_neighbours("Netherlands", netherlands, 100),
-        *by_neighbours("Bengaluru", bengaluru, 100, types),
-        *by_neighbours("Japan", japan, 150),
-        "",
-        "| A319 | rows | CAS by ERA5 less its IAS, kt |",
-        "|---|---|---|",
-        *by_era5(folder / "nodefdm_a319.parquet"),
+        f"| fleets | {heads}", "|---" * 6 + "|", *tables, "",
+        f"| fit to | {heads}{scores}", "|---" * 10 + "|", *fits,
+    ]  # fmt: skip
+
+
+def nulls(number: int, flights: int, wind_mps: float, say: Callable[[str], None]) -> list[str]:
+    """Causes that diagnoses name where one side is plain ADS-B, the real one and the simulator in turn."""
+    named: dict[str, list[str]] = {"real": [], "simulator": []}
+    for seed in range(number):
+        with TemporaryDirectory() as folder:
+            out = Path(folder) / "plain.parquet"
+            df.simulate("A320", flights, seed, without_airspeeds=True, wind_error_mps=wind_mps, out=out)
+            derived = df.prepare(out, airspeeds_from=field_file(out))
+        other = df.prepare(df.simulate("A320", flights, seed + number).rows)
+        side = list(named)[seed % 2]
+        sides = (derived, other) if side == "real" else (other, derived)
+        causes = [cause.effect for cause in df.diagnose(*sides).causes]
+        named[side].append(", ".join(causes))
+        say(f"{side} derived, {seed}: {causes}")
+    return [
+        f"| {side} | {len(causes)} | {sum(map(bool, causes))} | {'; '.join(filter(None, causes))} |"
+        for side, causes in named.items()
     ]
 
 
 def main() -> None:
-    """Fly, derive, fit and write the record."""
+    """Write the record, or the tables that are asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, required=True, help="the record, Markdown")
-    parser.add_argument("--flights", type=int, nargs="+", default=[300, 1000], help="of each fleet (default: 300 1000)")
-    parser.add_argument("--winds", type=float, nargs="+", default=[2.5, 4.5], help="errors, m/s (default: 2.5 4.5)")
-    parser.add_argument("--seed", type=int, default=0, help="of flights, errors and samples (default: 0)")
-    parser.add_argument("--real", type=Path, help="folder of real rows: only their tables are printed")
+    parser.add_argument("--out", type=Path, required=True, help="the tables, Markdown")
+    parser.add_argument("--fleets", type=int, default=4, help="simulated (default: %(default)s)")
+    parser.add_argument("--flights", type=int, default=1000, help="of each (default: %(default)s)")
+    parser.add_argument("--days", type=int, default=30, help="over which they fly (default: %(default)s)")
+    parser.add_argument("--wind", type=float, default=2.5, help="error of the field, m/s (default: %(default)s)")
+    parser.add_argument("--nulls", type=int, help="diagnoses without a cause, in place of the fleets' tables")
+    parser.add_argument("--real", type=Path, help="folder of real rows, in place of the fleets' tables")
     asked = parser.parse_args()
+
+    def say(line: str) -> None:
+        print(line, flush=True)
+
     if asked.real:
-        table = "\n".join(real_rows(asked.real)) + "\n"
-        asked.out.write_text(table, encoding="utf-8")
-        print(table)
-        return
-    lines = [
-        "| airspeeds | time, s | spread of CAS, % | correlation of CAS and drag | energy of CAS, kt | of all | AUC |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    with TemporaryDirectory() as folder:
-        most = max(asked.flights)
-        reported = df.simulate("A320", most, seed=asked.seed).rows
-        fields = {}
-        for wind in asked.winds:
-            out = Path(folder) / f"{wind:g}.parquet"
-            df.simulate("A320", most, seed=asked.seed, without_airspeeds=True, wind_error_mps=wind, out=out)
-            fields[wind] = out
-        names = reported["flight_id"].unique().sort()
-        for flights in asked.flights:
-            some = pl.col("flight_id").is_in(names[:flights].implode())
-            real = df.prepare(reported.filter(some))
-            true = judged(real, real, asked.seed)
-            lines.append(row_of(f"{flights:,} flights, reported", true, true))
-            for wind, out in fields.items():
-                derived = df.prepare(pl.read_parquet(out).filter(some), airspeeds_from=field_file(out))
-                for words, size in (("as they are", 0.0), ("error taken off", wind)):
-                    kelvins = 1.0 if size else 0.0
-                    judgement = judged(derived, real, asked.seed, wind_error_mps=size, temperature_error_k=kelvins)
-                    lines.append(row_of(f"{flights:,} flights, {wind:g} m/s, {words}", judgement, true))
-                print("\n".join(lines), flush=True)
-    asked.out.write_text(RECORD + "\n".join(lines) + "\n", encoding="utf-8")
+        lines = real_rows(asked.real)
+    elif asked.nulls:
+        lines = nulls(asked.nulls, asked.flights, asked.wind, say)
+    else:
+        lines = simulated(asked.fleets, asked.flights, asked.wind, asked.days, say)
+    asked.out.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    print("\n".join(lines))
 
-
-RECORD = """# Airspeeds from groundspeed and a field that errs
-
-`python scripts/derived_airspeeds.py --out derived_airspeeds.md` makes this table. The same simulated A320 report their
-airspeeds, or are plain ADS-B (`descentflow simulate --without-airspeeds`): they fly in a wind of each day, and get
-airspeeds from the field that comes with them, whose wind errs as said and whose temperature errs by 1 K. A quarter of
-the variance of both is common to hours and the region, seven tenths are alike over 8,000 ft of a flight, the rest is
-white. Samples of one Gaussian, 4,000 of each fit. Spread and correlation stand next to those of reported airspeeds: the
-mean of six levels from FL160 to FL350, and the extremes. Scores are by the reported airspeeds of the flights held out.
-
-"""
 
 if __name__ == "__main__":
     main()

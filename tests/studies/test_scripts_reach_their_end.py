@@ -23,7 +23,7 @@ RUNS: Mapping[str, Sequence[str]] = {
     "benchmark": ["real"],
     "bluesky_descents": ["--like", "{descents}", "--times", "1", "--out", "{out}/rows.parquet"],
     "cleaning_truth": [],
-    "derived_airspeeds": ["--flights", "60", "--winds", "2.5", "--out", "{out}/record.md"],
+    "derived_airspeeds": ["--fleets", "1", "--flights", "180", "--out", "{out}/record.md"],
     "energy_share_figure": ["{out}/figure.png"],
     "fly_jsbsim": ["--model", "fokker100", "--flights", "1", "--out", "{out}/rows.parquet"],
     "kill": ["{out}", "--times", "1", "--commands", "sample", "--signals", "KILL"],
@@ -40,7 +40,7 @@ RUNS: Mapping[str, Sequence[str]] = {
 }
 SMALL = {
     "cleaning_truth": {"FLIGHTS": 20},
-    "derived_airspeeds": {"DRAWN": 200},
+    "derived_airspeeds": {"DRAWN": 200, "SCORED": 200},
     "study_repair": {"JUDGES": 40},
     "watch_trial": {
         "DAYS": 12,

@@ -75,6 +75,16 @@ def test_the_map_leaves_the_covariance_without_what_was_added() -> None:
     torch.testing.assert_close(less, less.T, rtol=1e-9, atol=1e-9)
 
 
+def test_errors_of_a_field_have_a_common_part_one_of_a_flight_and_a_white_one() -> None:
+    altitude_m = torch.tensor([1000.0, 1001.0, 3500.0, 14_000.0]).double()
+    errors = AirspeedErrors(WIND_MPS, KELVINS, False, frozenset())
+    covariance = errors.covariance(torch.full((4,), 140.0).double(), altitude_m)
+    alike = covariance / torch.outer(covariance.diagonal().sqrt(), covariance.diagonal().sqrt())
+    # By hand: Matern 5/2 at one length is 0.524, and nothing at five of them.
+    expected = [0.95, 0.25 + 0.7 * 0.524, 0.25]
+    torch.testing.assert_close(alike[0, 1:], torch.tensor(expected).double(), rtol=0, atol=0.005)
+
+
 def test_flights_spread_as_those_that_report_their_airspeeds(rows: pl.DataFrame, derived: pl.DataFrame) -> None:
     flights, errors = on_grid(derived), AirspeedErrors.of(derived, WIND_MPS, KELVINS)
     assert errors is not None

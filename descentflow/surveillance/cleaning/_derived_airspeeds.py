@@ -178,7 +178,7 @@ def _air_of_field(rows: pl.DataFrame, source: AirspeedSource) -> RowAir:
         times = np.array(field.times)
         if not len(times):
             raise DataError(
-                f"{source.words}: a weather field without a time",
+                f"{', '.join(map(str, source.paths))}: a weather field without a time",
                 expected="the times at which it holds",
                 mend="take a file with a coordinate of time: wind of another day makes airspeeds that nobody flew",
             )

@@ -88,13 +88,3 @@ class AirspeedSource:
         from descentflow.weather.weather_file import weather_files
 
         return weather_files(self.paths) if self.paths else []
-
-    @property
-    def words(self) -> str:
-        """The source in words, for messages and reports.
-
-        Example:
-            >>> AirspeedSource.of("columns").words
-            'columns'
-        """
-        return ", ".join(map(str, self.paths)) or self.kind

@@ -71,8 +71,8 @@ def less_reported(derived: list[Array], reported: list[Array]) -> str:
     """
     cells = []
     for apart, form in (
-        (np.array([100 * (one[0] / true[0] - 1) for one, true in zip(derived, reported, strict=True)]), "+.1f"),
-        (np.array([one[1] - true[1] for one, true in zip(derived, reported, strict=True)]), "+.3f"),
+        (np.array([100 * (fleet[0] / true[0] - 1) for fleet, true in zip(derived, reported, strict=True)]), "+.1f"),
+        (np.array([fleet[1] - true[1] for fleet, true in zip(derived, reported, strict=True)]), "+.3f"),
     ):
         fleets = [
             f" +- {column.std(ddof=1):{form[1:]}}" if len(apart) > 1 else "" for column in (apart.mean(1), apart[:, -1])
@@ -114,8 +114,8 @@ def simulated(fleets: int, flights: int, wind_mps: float, days: int, say: Callab
                     LESS: of_fit(derived, real, **given),
                 }
                 fits += [
-                    f"| {end - begin:,} | {name} | {less_reported([found], [fitted[REPORTED][0]])} | {cells} |"
-                    for name, (found, cells) in fitted.items()
+                    f"| {end - begin:,} | {name} | {less_reported([flown], [fitted[REPORTED][0]])} | {cells} |"
+                    for name, (flown, cells) in fitted.items()
                 ]
         folder.cleanup()
         say(f"fleet {seed}")

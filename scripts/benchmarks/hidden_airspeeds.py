@@ -33,11 +33,11 @@ def by_neighbours(name: str, descents: Descents) -> list[str]:
         name: Of the receiver.
         descents: Of aircraft that report TAS, Mach and IAS: each got the air of the others.
     """
-    found = descents.frame.drop_nulls(["derived_IAS", "IAS", "Mach"])
-    of_mach = cas_of_mach_kt(found["Mach"].to_numpy(), 100.0 * found["level_fl"].to_numpy())
-    found = found.with_columns(of_mach=pl.Series(of_mach), band=pl.col("level_fl") // 50 * 50)
+    levels = descents.frame.drop_nulls(["derived_IAS", "IAS", "Mach"])
+    of_mach = cas_of_mach_kt(levels["Mach"].to_numpy(), 100.0 * levels["level_fl"].to_numpy())
+    levels = levels.with_columns(of_mach=pl.Series(of_mach), band=pl.col("level_fl") // 50 * 50)
     lines = []
-    for band, some in [("all", found), *((f"FL{part['band'][0]}", part) for part in bands(found))]:
+    for band, some in [("all", levels), *((f"FL{part['band'][0]}", part) for part in bands(levels))]:
         derived = some["derived_IAS"].to_numpy()
         off, from_mach = (derived - some[column].to_numpy() for column in ("IAS", "of_mach"))
         lines.append(
@@ -62,17 +62,17 @@ def by_era5(rows: Path) -> list[str]:
     mach = np.hypot(level, table["vertical_rate"].to_numpy() * FPM_MPS) / sound
     off = cas_of_mach_kt(mach, table["altitude"].to_numpy()) - table["IAS"].to_numpy()
     falls, straight = pl.col("vertical_rate") < -300, pl.col("roll").abs() < STEEPEST_DEG
-    found = table.with_columns(off=pl.Series(off), band=(pl.col("altitude") // 5000 * 50).cast(int)).filter(straight)
-    descent = found.filter(falls, pl.col("altitude") >= 10_000)
-    cruise = found.filter(pl.col("vertical_rate").abs() < 300, pl.col("altitude") > 30_000)
+    levels = table.with_columns(off=pl.Series(off), band=(pl.col("altitude") // 5000 * 50).cast(int)).filter(straight)
+    descent = levels.filter(falls, pl.col("altitude") >= 10_000)
+    cruise = levels.filter(pl.col("vertical_rate").abs() < 300, pl.col("altitude") > 30_000)
     named = [("cruise", cruise), ("descent", descent), *((f"FL{part['band'][0]}", part) for part in bands(descent))]
     values = ((name, part["off"].to_numpy()) for name, part in named)
     return [f"| {name} | {len(part)} | {part.mean():+.1f} +- {part.std():.1f} |" for name, part in values]
 
 
-def bands(found: pl.DataFrame) -> list[pl.DataFrame]:
+def bands(levels: pl.DataFrame) -> list[pl.DataFrame]:
     """Levels by band, the lowest first."""
-    return found.sort("band").partition_by("band", maintain_order=True)
+    return levels.sort("band").partition_by("band", maintain_order=True)
 
 
 def by_models(places: Mapping[str, Descents]) -> list[str]:

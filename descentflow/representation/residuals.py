@@ -120,10 +120,10 @@ class Residuals(nn.Module):
         """Residual numbers r + s of a flight."""
         return len(self.drag) + len(self.speed)
 
-    def curves(self, numbers: Tensor) -> tuple[Tensor, Tensor]:
-        """Drag on its scale and speed (m/s) beyond the components, each (n, L), of residual numbers (n, r + s)."""
-        drag, speed = torch.split(numbers, [len(self.drag), len(self.speed)], 1)
-        return drag @ self.drag.to(numbers), speed @ self.speed.to(numbers)
+    def added(self, drag: Tensor, cas_mps: Tensor, numbers: Tensor) -> tuple[Tensor, Tensor]:
+        """Drag on its scale and CAS (m/s), each (n, L), with the curves of residual numbers (n, r + s)."""
+        of_drag, of_speed = torch.split(numbers, [len(self.drag), len(self.speed)], 1)
+        return torch.addmm(drag, of_drag, self.drag.to(drag)), torch.addmm(cas_mps, of_speed, self.speed.to(drag))
 
     def draw(self, weights: Tensor, entry: Tensor, uniform: Tensor) -> Tensor:
         """Draw residual numbers (n, r + s): those of training flights near these.

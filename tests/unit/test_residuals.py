@@ -59,7 +59,8 @@ def test_a_sample_has_the_residual_of_a_training_flight() -> None:
     model.attach(parts)
     samples, held = sample_descents(model, parts, 500, 0), parts.decoder.residuals
     _, cas = parts.decoder.scaled_profiles(samples.weights)
-    left, speed = samples.trajectories.cas_mps[:, 0] - cas[:, 0], held.curves(held.numbers)[1][:, 0]
+    left = samples.trajectories.cas_mps[:, 0] - cas[:, 0]
+    speed = held.numbers[:, len(held.drag) :] @ held.speed[:, 0]
     off = (left[:, None] - speed).abs()
     assert float(off.amin(1).max()) < 1e-9
     assert len(off.argmin(1).unique()) > 100

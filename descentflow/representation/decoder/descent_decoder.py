@@ -137,8 +137,7 @@ class DescentDecoder(nn.Module):
         n_drag = self.drag_basis.n_components
         drag, cas = self.drag_basis.decode(raw[:, :n_drag]), self.cas_basis.decode(raw[:, n_drag:])
         if residual is not None:
-            of_drag, of_speed = self.residuals.curves(residual.to(weights))
-            drag, cas = drag + of_drag, cas + of_speed
+            drag, cas = self.residuals.added(drag, cas, residual.to(weights))
         return drag, cas
 
     def fly_scaled(self, profiles: tuple[Tensor, ...], entry: Tensor, out: Trajectories | None = None) -> Trajectories:

@@ -68,7 +68,7 @@ class FunctionalBasis(nn.Module):
 
     def decode(self, weights: Tensor) -> Tensor:
         """Profiles (n, L) of weights (n, k), in the weights' precision."""
-        return self.mean.to(weights) + weights @ self.components.to(weights)
+        return torch.addmm(self.mean.to(weights), weights, self.components.to(weights))
 
     def complete(self, values: Tensor, mask: Tensor) -> Tensor:
         """Profiles (n, L) with missing levels replaced by their expectation given the observed ones.

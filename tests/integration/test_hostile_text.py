@@ -16,7 +16,7 @@ from surveillance_toys import fleet
 import descentflow as df
 from descentflow.cli.entry import main
 from descentflow.core.tabular import safe_in_spreadsheets, write_table
-from descentflow.surveillance.descents.prepared_descents import Descents
+from descentflow.surveillance.descents.prepared_descents import Descents, write_descents
 
 SCRIPT = (
     '"><script>document.title="RAN"</script><img src="http://192.0.2.1/a.png" onerror=document.title="RAN">'
@@ -68,16 +68,24 @@ def test_no_script_runs_and_no_request_leaves(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(BROWSER is None, reason="there is no browser here")
 @pytest.mark.slow
-def test_a_diagnosis_of_hostile_flights_is_text(tmp_path: Path) -> None:
+def test_pages_of_hostile_flights_files_and_simulators_are_text(tmp_path: Path) -> None:
     def side(seed: int) -> Descents:
         rows = df.simulate("A320", 90, seed=seed).rows
         name = pl.format("{}{}", pl.lit(SCRIPT), "flight_id")
         return df.prepare(rows.with_columns(flight_id=name, callsign=pl.lit(SCRIPT)))
 
-    df.diagnose(side(1), side(2), out=tmp_path / "gap")
-    dom, requests = shown_in_browser(tmp_path / "gap" / "gap.html", tmp_path)
-    assert title_of(dom) != "RAN"
-    assert "192.0.2.1" not in requests
+    real, flown = side(1), side(2)
+    df.diagnose(real, flown, simulator_name=SCRIPT, out=tmp_path / "gap")
+    df.qualify(real, flown, simulator_name=SCRIPT, out=tmp_path / "qualified")
+    (tmp_path / "days").mkdir()
+    write_descents(real, tmp_path / "days" / "<svg onload=document.title='RAN'>.parquet")
+    (tmp_path / "days" / "<img src=x onerror=document.title='RAN'>.csv").write_text(SCRIPT)
+    df.watch("A320", tmp_path / "days", state=tmp_path / "watched")
+    for name in ("gap/gap.html", "qualified/qualification.html", "watched/watch.html"):
+        assert "&lt;" in (tmp_path / name).read_text(encoding="utf-8"), "the names are in the page"
+        dom, requests = shown_in_browser(tmp_path / name, tmp_path)
+        assert title_of(dom) != "RAN"
+        assert "192.0.2.1" not in requests
 
 
 def test_cells_that_a_spreadsheet_would_execute_are_text(tmp_path: Path) -> None:

@@ -24,6 +24,6 @@ def printed_descents(name: str, warmer: bool) -> list[tuple[dict[str, Tensor], l
     for part in text.split(" DESCENT\n")[1:]:
         rows = [line.split() for line in part.split("mass CRUISE")[0].split("mass DESCENT")[0].splitlines()]
         rows = [row for row in rows if len(row) > len(COLUMNS) and row[0].isdecimal()]
-        numbers = torch.tensor([[float(one) for one in row[: len(COLUMNS)]] for row in rows], dtype=torch.float64)
+        numbers = torch.tensor([[float(cell) for cell in row[: len(COLUMNS)]] for row in rows], dtype=torch.float64)
         descents.append((dict(zip(COLUMNS, numbers.T, strict=True)), [row[len(COLUMNS)] for row in rows]))
     return descents

@@ -104,6 +104,6 @@ def comparisons(one: Trajectories, other: Trajectories) -> dict[str, tuple[float
     return by_name
 
 
-def p_values(one: Trajectories, other: Trajectories) -> dict[str, float]:
+def p_values(first: Trajectories, other: Trajectories) -> dict[str, float]:
     """The p of :func:`comparisons`."""
-    return {name: p for name, (_, p) in comparisons(one, other).items()}
+    return {name: p for name, (_, p) in comparisons(first, other).items()}

@@ -92,7 +92,7 @@ def test_tutorials_have_words_of_the_field(path: Path) -> None:
 
 
 def test_sentences_of_the_pages_are_short() -> None:
-    lengths = [len(one.split()) for path in DOCUMENTS for one in sentences(path.read_text(encoding="utf-8"))]
+    lengths = [len(sentence.split()) for path in DOCUMENTS for sentence in sentences(path.read_text(encoding="utf-8"))]
     assert len(lengths) > 500
     assert sum(lengths) / len(lengths) < MEAN_SENTENCE
 

@@ -100,11 +100,11 @@ def test_rows_files_folders_and_tables_are_the_same_flights(folder: Path, real: 
         [table],
     ]
     opened = [Inputs(real, form).open() for form in forms]
-    prints = {one.simulator_input.fingerprint for one in opened}
+    prints = {inputs.simulator_input.fingerprint for inputs in opened}
     assert prints == {opened[0].simulator_input.fingerprint}
     assert opened[2].simulator_input.name == "several"
     assert opened[3].simulator_input.name == "log0.csv + log1.csv"
-    assert {one.simulator.aircraft.typecode for one in opened} == {"A320"}
+    assert {inputs.simulator.aircraft.typecode for inputs in opened} == {"A320"}
 
 
 def test_rows_of_either_side_take_the_other_side_s_settings(folder: Path) -> None:
@@ -286,7 +286,7 @@ def test_columns_of_either_side_and_the_simulator_are_named(
     gap = read_gap(tmp_path / "gap" / "gap.json")
     assert gap.details.simulator == "Ours 3"
     assert "Ours 3 against 120 real A320 flights" in (tmp_path / "gap" / "gap.html").read_text()
-    size, expected = (one.causes[0].parameters["deviation_k"].estimate for one in (gap, by_flights))
+    size, expected = (report.causes[0].parameters["deviation_k"].estimate for report in (gap, by_flights))
     assert size == pytest.approx(expected, abs=0.1)
 
 

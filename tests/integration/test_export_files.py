@@ -26,9 +26,9 @@ def test_the_document_beside_a_plugin_has_the_samples(a320: Path, table: pl.Data
     content = json.loads(beside.read_text())
     (fleet,) = content["fleet"]
     assert (fleet["types"], fleet["seed"], len(fleet["samples"])) == (["A320"], 4, 12)
-    for number, one in enumerate(fleet["samples"]):
-        assert one.keys() == {"level_fl", "vertical_rate", "CAS"}
-        for name, values in one.items():
+    for number, sample in enumerate(fleet["samples"]):
+        assert sample.keys() == {"level_fl", "vertical_rate", "CAS"}
+        for name, values in sample.items():
             np.testing.assert_allclose(values, table.filter(sample_id=number)[name], atol=6e-5)
 
 
@@ -125,7 +125,7 @@ def test_the_command_lists_the_targets_and_writes(a320: Path, tmp_path: Path, ca
     words = ["export", str(a320), str(a320), "--to", "bluesky", "--as", "A319,A320", "A321", "-n", "2"]
     assert main([*words, "--out", str(tmp_path / "fleet.py")]) == 0
     fleet = json.loads((tmp_path / "fleet.json").read_text())["fleet"]
-    assert [one["types"] for one in fleet] == [["A319", "A320"], ["A321"]]
+    assert [model["types"] for model in fleet] == [["A319", "A320"], ["A321"]]
     assert main(["export", str(a320), str(tmp_path / "no.ckpt"), "--to", "bluesky", "--out", "x.py"]) == 2
     assert "no.ckpt" in capsys.readouterr().err
     with pytest.raises(DataError, match="does not exist"):

@@ -66,13 +66,13 @@ def test_rows_of_a_coarser_step_and_over_the_antimeridian(a320: Path, tmp_path: 
     pytest.importorskip("arro3.core", reason="arro3 is an extra of descentflow (parquet-units)")
     where = {"end": (-17.75, 179.9), "track": 265.0, "wind": "270/20"}
     (path,) = export(a320, "parquet", tmp_path / "t.parquet", n=3, step_s=5.0, **where)
-    for one in pl.read_parquet(path).partition_by("sample_id"):
-        np.testing.assert_array_equal(one["time_s"], 5.0 * np.arange(len(one)))
-        steps_nm = Geod(ellps="WGS84").inv(*(one[name][cut] for cut in (slice(-1), slice(1, None))
+    for flight in pl.read_parquet(path).partition_by("sample_id"):
+        np.testing.assert_array_equal(flight["time_s"], 5.0 * np.arange(len(flight)))
+        steps_nm = Geod(ellps="WGS84").inv(*(flight[name][cut] for cut in (slice(-1), slice(1, None))
                                              for name in ("longitude", "latitude")))[2] / 1852  # fmt: skip
-        np.testing.assert_allclose(steps_nm, np.diff(one["distance_nm"]), atol=1e-3)
-        assert one["longitude"].max() > 179
-        assert one["longitude"].min() < -179
+        np.testing.assert_allclose(steps_nm, np.diff(flight["distance_nm"]), atol=1e-3)
+        assert flight["longitude"].max() > 179
+        assert flight["longitude"].min() < -179
     for step_s, message in ((0.0, "rows every 0 s"), (10_000.0, "rows every 10000 s of a descent of")):
         with pytest.raises(ConfigError, match=message):
             export(a320, "parquet", tmp_path / "no.parquet", n=2, step_s=step_s)
@@ -88,12 +88,12 @@ def test_traffic_reads_resamples_finds_phases_and_evaluates(a320: Path, tmp_path
     made = flights.resample("2s").phases().eval(max_workers=1)
     phases = made.data["phase"].value_counts(normalize=True)
     assert phases["DESCENT"] > 0.8
-    one = df.sample(a320, 6).placed(**WHERE).to_polars().filter(sample_id=2)
+    sample = df.sample(a320, 6).placed(**WHERE).to_polars().filter(sample_id=2)
     again = flights["A320-DF00002"]
-    assert 0 <= one["time_s"].max() - again.duration.total_seconds() < 2, "from second to second"
+    assert 0 <= sample["time_s"].max() - again.duration.total_seconds() < 2, "from second to second"
     # Its own great-circle lengths of the track, in NM, are the distance that was flown.
     assert again.cumulative_distance().data["cumdist"].max() == pytest.approx(
-        one["distance_nm"].max() - (one["time_s"].max() - again.duration.total_seconds()) * 0.11, abs=0.1
+        sample["distance_nm"].max() - (sample["time_s"].max() - again.duration.total_seconds()) * 0.11, abs=0.1
     )
 
 

@@ -83,8 +83,8 @@ def test_fits_of_one_seed_in_two_threads_equal_the_fit_alone(descents: Path) -> 
     expected = fit(descents, "flow", **options).density
     with ThreadPoolExecutor(2) as pool:
         both = [pool.submit(fit, descents, "flow", **options) for _ in range(2)]
-    for one in both:
-        assert_equal(one.result().density, expected)
+    for fitted in both:
+        assert_equal(fitted.result().density, expected)
 
 
 def test_descents_on_fewer_levels_than_a_stencil_of_noise_are_fitted(descents: Path) -> None:

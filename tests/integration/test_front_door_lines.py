@@ -88,7 +88,7 @@ def test_each_takes_what_the_last_returns_or_a_path_of_it(folder: Path, monkeypa
             ("gaussian.ckpt", "rows.parquet"),
         )
     ]
-    assert all(one.equals(scored[0]) for one in scored)
+    assert all(scores.equals(scored[0]) for scores in scored)
 
     ahead = [
         df.predict(model, real, from_fl=290, n=60)

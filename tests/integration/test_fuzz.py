@@ -33,9 +33,9 @@ def test_no_command_breaks_on_damaged_inputs(cases: int, tmp_path: Path) -> None
     assert done.returncode == 0, done.stdout + done.stderr[-3000:]
     assert done.stdout.splitlines()[-1] == f"{cases} cases, 0 defects"
     outcomes = [json.loads(line) for line in (tmp_path / "outcomes-0.jsonl").read_text().splitlines()]
-    assert {one["case"] for one in outcomes} == set(range(cases))
-    assert len({one["kind"] for one in outcomes}) > 10, "hardly a kind of input was tried"
-    assert {one["verdict"] for one in outcomes} == {"accepted", "refused"}
+    assert {outcome["case"] for outcome in outcomes} == set(range(cases))
+    assert len({outcome["kind"] for outcome in outcomes}) > 10, "hardly a kind of input was tried"
+    assert {outcome["verdict"] for outcome in outcomes} == {"accepted", "refused"}
 
 
 def written(frame: pl.DataFrame, metadata: dict, path: Path) -> Path:

@@ -31,9 +31,9 @@ def test_the_recipe_gives_the_times_of_the_flights(
     flights = [
         [
             (datetime(2026, 3, 1 + number % 20, 23, 55, tzinfo=UTC) + timedelta(seconds=s), fl)
-            for s, fl in one.select(pl.col("time_s").round(), "level_fl").rows()
+            for s, fl in flight.select(pl.col("time_s").round(), "level_fl").rows()
         ]
-        for number, one in enumerate(levels.partition_by("sample_id", maintain_order=True))
+        for number, flight in enumerate(levels.partition_by("sample_id", maintain_order=True))
     ]
     begin, level = flights[0][0]
     stopping = [(begin, level), (begin + timedelta(minutes=5), 230), (begin + timedelta(minutes=25), 230)]
@@ -46,8 +46,8 @@ def test_the_recipe_gives_the_times_of_the_flights(
     code = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)[0]
     names: dict = {}
     exec(compile(code.replace("n=10_000", "n=1000"), str(PAGE), "exec"), names)
-    own = [{fl: t for t, fl in one} for one in flights]
-    seconds = [(one[200] - one[250]).total_seconds() for one in own if 200 in one and 250 in one]
+    own = [{fl: t for t, fl in flight} for flight in flights]
+    seconds = [(flight[200] - flight[250]).total_seconds() for flight in own if 200 in flight and 250 in flight]
     assert sorted(names["real"].to_list()) == pytest.approx(sorted(seconds))
     assert len(seconds) > 70
     assert float(re.findall(r"p-value (\S+)", capsys.readouterr().out)[0]) > 0.001

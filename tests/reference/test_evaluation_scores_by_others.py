@@ -21,9 +21,9 @@ def draw(n: int, seed: int, spread: float = 1.0, *, n_levels: int = 9, ties: boo
     return (values.mul(3).round() if ties else values), torch.rand(n, n_levels, generator=generator) < 0.7
 
 
-def ks_statistic(one: np.ndarray, two: np.ndarray) -> float:
+def ks_statistic(first: np.ndarray, two: np.ndarray) -> float:
     with np.errstate(divide="ignore"):  # the p-value of one or two values, which nobody asks for
-        return float(stats.ks_2samp(one, two, method="asymp").statistic)
+        return float(stats.ks_2samp(first, two, method="asymp").statistic)
 
 
 def paper(distances: Distances) -> list[Tensor]:
@@ -69,12 +69,12 @@ def seen(values: tuple[Tensor, Tensor], level: int) -> list[float]:
     return values[0][values[1][:, level], level].tolist()
 
 
-def mean_difference(one: list[float], two: list[float]) -> float:
-    return sum(abs(x - y) for x in one for y in two) / (len(one) * len(two))
+def mean_difference(first: list[float], two: list[float]) -> float:
+    return sum(abs(x - y) for x in first for y in two) / (len(first) * len(two))
 
 
-def within(one: list[float], *, fair: bool = True) -> float:
-    return mean_difference(one, one) * (len(one) / (len(one) - 1) if fair else 1)
+def within(values: list[float], *, fair: bool = True) -> float:
+    return mean_difference(values, values) * (len(values) / (len(values) - 1) if fair else 1)
 
 
 def test_crps_is_the_double_loop() -> None:

@@ -8,21 +8,21 @@ from studies.blind_diagnosis.outcome import nameable
 from studies.blind_diagnosis.true_sizes import true_sizes
 
 
-def perfect_report(one: SetPlan, without: str | None = None) -> dict[str, Any]:
+def perfect_report(plan: SetPlan, without: str | None = None) -> dict[str, Any]:
     """Report of a diagnosis without fault on a set."""
-    named = [name for name in one.causes if name != without and nameable(name, one)]
-    rest = len(named) < len(one.causes)
-    verdict = "none" if not one.causes else "effect" if not rest else "partial" if named else "unknown"
-    return {"verdict": verdict, "causes": [_cause(name, one) for name in named]}
+    named = [name for name in plan.causes if name != without and nameable(name, plan)]
+    rest = len(named) < len(plan.causes)
+    verdict = "none" if not plan.causes else "effect" if not rest else "partial" if named else "unknown"
+    return {"verdict": verdict, "causes": [_cause(name, plan) for name in named]}
 
 
-def _cause(name: str, one: SetPlan) -> dict[str, Any]:
+def _cause(name: str, plan: SetPlan) -> dict[str, Any]:
     return {
         "effect": name,
         "group": sorted(SCALE_GROUP - {name}) if name in SCALE_GROUP else [],
         "parameters": {
             key: {"estimate": value, "low": value - 1e-9, "high": value + 1e-9}
-            for key, value in true_sizes(one).get(name, {}).items()
+            for key, value in true_sizes(plan).get(name, {}).items()
         },
     }
 

@@ -36,9 +36,9 @@ def test_a_predictor_knows_the_first_speed_alone(runs: list[Run]) -> None:
 def test_bluesky_descends_at_its_own_rate(runs: list[Run]) -> None:
     """1,500 ft/min; 2 % for the rate that it ramps up."""
     pytest.importorskip("bluesky", reason="pip install '.[bluesky]'", exc_type=ImportError)
-    for one, error in zip(runs, bluesky(runs), strict=True):
-        height_ft = 100.0 * float(one.levels_fl[-1] - one.levels_fl[0])
-        assert (1 + error) * one.seconds == pytest.approx(60 * height_ft / 1500.0, rel=0.02)
+    for run, error in zip(runs, bluesky(runs), strict=True):
+        height_ft = 100.0 * float(run.levels_fl[-1] - run.levels_fl[0])
+        assert (1 + error) * run.seconds == pytest.approx(60 * height_ft / 1500.0, rel=0.02)
 
 
 def test_flights_of_an_aircraft_take_its_own_time() -> None:

@@ -28,16 +28,16 @@ def flights(n: int, seed: int) -> Vectors:
 
 
 def test_energy_distance_is_that_of_scipys_distances() -> None:
-    one, other = flights(40, 1), flights(60, 2)
-    spread = np.ones(one.whole.shape[1])
-    scale = one.whole.shape[1] ** 0.5
+    fewer, other = flights(40, 1), flights(60, 2)
+    spread = np.ones(fewer.whole.shape[1])
+    scale = fewer.whole.shape[1] ** 0.5
 
     def mean(first: np.ndarray, second: np.ndarray) -> float:
         apart = cdist(first, second) / scale
         return float(apart[apart > 0].mean())
 
-    expected = 2 * mean(one.whole, other.whole) - mean(one.whole, one.whole) - mean(other.whole, other.whole)
-    assert abs(energy_distance(one, other, spread) - expected) < 1e-6
+    expected = 2 * mean(fewer.whole, other.whole) - mean(fewer.whole, fewer.whole) - mean(other.whole, other.whole)
+    assert abs(energy_distance(fewer, other, spread) - expected) < 1e-6
 
 
 def test_noise_that_was_put_on_is_measured() -> None:

@@ -102,11 +102,11 @@ def test_sweeps_leave_a_file_a_job_go_on_and_show_in_the_page(study: Path) -> No
 def test_the_likelihoods_are_those_of_the_held_out_flights(study: Path) -> None:
     data = DescentDataModule(study / "A320" / "descents.parquet", checkpoint=study / "A320" / "gmm" / "model.ckpt")
     data.setup()
-    told = dict(pl.read_csv(study / "A320" / "nll.csv").select("model", "nll").iter_rows())
+    nll_of = dict(pl.read_csv(study / "A320" / "nll.csv").select("model", "nll").iter_rows())
     for name in PLAN.models:
         with torch.no_grad():
             nll = -load_model(study / "A320" / name / "model.ckpt").log_observed(data.evidence("test")).mean()
-        assert told[name] == pytest.approx(float(nll), rel=1e-9)
+        assert nll_of[name] == pytest.approx(float(nll), rel=1e-9)
 
 
 def test_the_papers_counts_and_impossible_plans() -> None:
@@ -147,12 +147,12 @@ def test_the_width_is_that_of_a_mean_over_flights() -> None:
     samples.cas_mps.add_(20 * KT_MPS)
     table = score(samples, real, 170.0, n_splits=1)
     intervals = {(i.quantity, i.statistic): i for i in score_intervals(table, samples, real, 170.0, n_resamples=200)}
-    one = intervals["cas_below_transition", "mae"]
+    interval = intervals["cas_below_transition", "mae"]
     below = real.levels_fl <= 170
     mean_by_flight = (real.cas_mps[:, below] / KT_MPS).mean(1)
     expected = 2 * 1.645 * float(mean_by_flight.std()) / 200**0.5
     # 200 resamples tell a standard deviation to 5 %; few flights of these lack a level.
-    assert one.high - one.low == pytest.approx(expected, rel=0.2)
+    assert interval.high - interval.low == pytest.approx(expected, rel=0.2)
 
 
 @pytest.mark.parametrize("share", [0.5, 0.8, 0.9])

@@ -107,9 +107,9 @@ def test_what_the_field_does_not_hold_or_the_plan_does_not_say(checkpoint: Path,
         df.sample(checkpoint, 3, air=path, plan=ground_plan(**PLAN, end_time="2024-06-05T12:00:00"))
     with pytest.raises(DataError, match="outside of the weather field"):
         df.sample(checkpoint, 3, air=path, plan=ground_plan(end=(30.0, 5.0), track=90.0, end_time=NOON))
-    one = written(weather(front).isel(valid_time=[4]), tmp_path / "one.nc")
+    windless = written(weather(front).isel(valid_time=[4]), tmp_path / "one.nc")
     with pytest.warns(DescentflowWarning, match="has no wind"):
-        samples = df.sample(checkpoint, 3, air=one, plan=ground_plan(**PLAN))
+        samples = df.sample(checkpoint, 3, air=windless, plan=ground_plan(**PLAN))
     assert "timestamp" not in samples.to_polars().columns
 
 

@@ -55,8 +55,8 @@ def test_new_files_have_the_layout_of_eurocontrol_s(dummy, tmp_path, name):
         write(same, tmp_path / f"{name}.{suffix}")
         new, theirs = ((folder / f"{name}.{suffix}").read_text("latin-1").split("\n") for folder in (tmp_path, dummy))
         kept = [not (line[:2] == "CD" or any(word in line for word in ("_date", "wake", "LO="))) for line in theirs]
-        assert [line for line, one in zip(new, kept, strict=True) if one] == [
-            line for line, one in zip(theirs, kept, strict=True) if one
+        assert [line for line, is_kept in zip(new, kept, strict=True) if is_kept] == [
+            line for line, is_kept in zip(theirs, kept, strict=True) if is_kept
         ]
         assert all(len(a) == len(b) and a[:2] == b[:2] for a, b in zip(new, theirs, strict=True))
     again = to_aircraft(read_opf(tmp_path / f"{name}.OPF"), read_apf(tmp_path / f"{name}.APF"))

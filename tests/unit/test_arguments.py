@@ -72,8 +72,8 @@ def test_tables_of_other_libraries_become_those_of_polars() -> None:
 
     table = pl.DataFrame({"level_fl": [100, 350], "deviation_k": [10.0, 20.0]})
     by_level = to_pandas(table).set_index("level_fl")
-    for one in (table, table.lazy(), to_pandas(table), by_level, xarray.Dataset.from_dataframe(by_level)):
-        assert shape(one) == table.columns
+    for given in (table, table.lazy(), to_pandas(table), by_level, xarray.Dataset.from_dataframe(by_level)):
+        assert shape(given) == table.columns
 
 
 RIGHT = {

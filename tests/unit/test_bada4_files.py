@@ -230,4 +230,4 @@ def test_a_mutated_file_is_read_or_refused(release: Path) -> None:
             refused.append(str(error))
         file.write_text(whole[file], encoding="utf-8")
     assert MUTATIONS / 4 < len(refused) < MUTATIONS
-    assert all(str(release) in one for one in refused)
+    assert all(str(release) in message for message in refused)

@@ -187,7 +187,7 @@ def test_a_radar_feed_is_read_as_it_is(ending: str, feed: pl.DataFrame, rows: pl
     write.get(ending, frame.write_json)(path)
     report = DropReport()
     rows_read = read_rows([path], report)
-    both = (one.select(sorted(rows.columns)).with_columns(cs.float().round(6)) for one in (rows_read, rows))
+    both = (frame_of.select(sorted(rows.columns)).with_columns(cs.float().round(6)) for frame_of in (rows_read, rows))
     assert_frame_equal(*both, check_exact=True)
     assert report.notes == {
         "rows whose columns are not used: SQUAWK, MODE": len(rows),

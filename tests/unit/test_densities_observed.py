@@ -88,13 +88,13 @@ def test_the_posterior_is_the_conditional_of_the_joint_gaussian() -> None:
 
 def test_scores_are_log_densities_where_weights_are_seen_precisely_and_zero_where_nothing_is() -> None:
     mixture, weights = truth(), drawn(truth(), 30)
-    one = torch.zeros(30, dtype=torch.long)
-    precise = WeightEvidence(weights, one, 1e10 * torch.eye(D, dtype=torch.float64)[None])
+    group = torch.zeros(30, dtype=torch.long)
+    precise = WeightEvidence(weights, group, 1e10 * torch.eye(D, dtype=torch.float64)[None])
     # A precision of 1e10 blurs by 1e-5 standard deviations.
     torch.testing.assert_close(
         log_observed(mixture, precise), log_observed(mixture, WeightEvidence.of_weights(weights)), rtol=0, atol=1e-4
     )
-    nothing = WeightEvidence(weights, one, torch.zeros(1, D, D, dtype=torch.float64))
+    nothing = WeightEvidence(weights, group, torch.zeros(1, D, D, dtype=torch.float64))
     assert float(log_observed(mixture, nothing).abs().max()) < 1e-12
 
 

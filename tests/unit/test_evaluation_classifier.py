@@ -47,10 +47,10 @@ def test_the_mean_of_the_contributions_is_scikit_learns_auc() -> None:
 @pytest.mark.usefixtures("_few_trees")
 def test_intervals_cover_one_half_for_flights_against_flights() -> None:
     judged = [detect(descents(70, 2 * k), descents(60, 2 * k + 1, gaps=0.2), seed=k, explain=False) for k in range(100)]
-    covered = sum(low <= 0.5 <= high for low, high in (one.interval for one in judged))
+    covered = sum(low <= 0.5 <= high for low, high in (detection.interval for detection in judged))
     # Seeds are fixed; were they not, 90 % intervals would fail this once in a thousand runs.
     assert binomtest(covered, len(judged), 0.9).pvalue > 0.001
-    aucs = torch.tensor([one.auc for one in judged])
+    aucs = torch.tensor([detection.auc for detection in judged])
     # Nor may it lean to one side: four standard errors, once in 16,000 runs.
     assert float(aucs.mean()) == pytest.approx(0.5, abs=4 * float(aucs.std()) / len(judged) ** 0.5)
 

@@ -68,10 +68,10 @@ def test_a_flight_over_midnight_is_one_in_the_traces_of_two_days(tmp_path: Path)
         folder = tmp_path / f"2024-03-0{day + 1}" / "01"
         folder.mkdir(parents=True)
         (folder / "trace_full_4ca001.json").write_bytes(packed(trace_of(rows)))
-    one = tmp_path / "one"
-    one.mkdir()
-    (one / "trace_full_4ca001.json").write_bytes(packed(trace_of(whole)))
-    expected = prepare(one).frame
+    single = tmp_path / "one"
+    single.mkdir()
+    (single / "trace_full_4ca001.json").write_bytes(packed(trace_of(whole)))
+    expected = prepare(single).frame
     prepared = prepare([tmp_path / "2024-03-01", tmp_path / "2024-03-02"])
     assert prepared.frame["flight_id"].unique().to_list() == expected["flight_id"].unique().to_list()
     assert prepared.frame["level_fl"].equals(expected["level_fl"])

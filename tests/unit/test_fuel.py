@@ -134,7 +134,7 @@ def test_descents_of_no_single_model_have_no_fuel() -> None:
 
 def test_a_gap_costs_fuel_before_and_after_its_cause() -> None:
     sides = example_sides(EFFECTS["idle_thrust"], [0.5])
-    cost = next(one for one in costs_of(sides, None, seed=0) if one.name == "fuel")
+    cost = next(each for each in costs_of(sides, None, seed=0) if each.name == "fuel")
     assert (cost.label, cost.unit) == ("fuel", "kg")
     assert cost.simulator > 20
     assert cost.before.estimate == pytest.approx(cost.flights - cost.simulator)
@@ -146,7 +146,7 @@ def seen_and_sampled() -> tuple[Profiles, Trajectories]:
     generator = torch.Generator().manual_seed(2)
     drag = 30e3 + 3e3 * torch.randn(2, 80, 1, generator=generator, dtype=torch.float64).expand(2, 80, 21)
     cas, entry = torch.full((80, 21), 140.0).double(), torch.full((80,), 20)
-    real, sampled = (integrate(model, levels, levels * FL_M, one, cas, entry) for one in drag)
+    real, sampled = (integrate(model, levels, levels * FL_M, drag_n, cas, entry) for drag_n in drag)
     frame = to_frame(real).select(
         pl.format("f{}", "sample_id").alias("flight_id"),
         pl.col("level_fl").cast(pl.Int32),
@@ -167,8 +167,8 @@ def test_fuel_is_scored_where_flights_have_a_flow() -> None:
     table = score(samples, real, transition_fl=291.5, n_splits=4)
     known = real.subset(real.fuel_flow_kg_s.isfinite().all(1))  # type: ignore[union-attr]
     burnt = [
-        np.trapezoid(one.fuel_flow_kg_s.numpy(), -one.time_s.numpy(), axis=1)  # type: ignore[union-attr]
-        for one in (samples, known)
+        np.trapezoid(descents.fuel_flow_kg_s.numpy(), -descents.time_s.numpy(), axis=1)  # type: ignore[union-attr]
+        for descents in (samples, known)
     ]
     row = table.get("fuel", "wasserstein")
     assert (row.unit, row.n_samples, row.n_real) == ("kg", 80, 40)

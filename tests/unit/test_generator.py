@@ -43,11 +43,11 @@ def generator(seed: int = 5, **settings: object) -> df.Generator:
     return df.Generator(toy.mixture(), seed=seed, **settings)
 
 
-def same(one: object, other: object) -> bool:
+def same(first: object, other: object) -> bool:
     """Equal but for the last digits: products of matrices sum in another order in another batch."""
     names = ("time_s", "cas_mps", "mach", "tas_mps", "rate_mps", "drag_n")
-    near = (torch.allclose(getattr(one, name), getattr(other, name), rtol=1e-9, atol=1e-9) for name in names)
-    return torch.equal(one.entry, other.entry) and all(near)
+    near = (torch.allclose(getattr(first, name), getattr(other, name), rtol=1e-9, atol=1e-9) for name in names)
+    return torch.equal(first.entry, other.entry) and all(near)
 
 
 @pytest.mark.parametrize("asked", ASKED)
@@ -71,9 +71,9 @@ def test_a_number_makes_the_descent_and_moves_nothing() -> None:
 
 def test_threads_share_a_generator() -> None:
     """Every number is drawn once, and every descent is that of a serial call."""
-    one, calls = generator(), 300
+    shared, calls = generator(), 300
     with ThreadPoolExecutor(4) as pool:
-        descents = list(pool.map(lambda k: one.next(**ASKED[2 if k % 2 else 1]), range(calls)))
+        descents = list(pool.map(lambda k: shared.next(**ASKED[2 if k % 2 else 1]), range(calls)))
     assert sorted(each.first for each in descents) == list(range(calls))
     other = generator()
     for each in descents:
@@ -85,8 +85,8 @@ def test_another_process_draws_the_same(tmp_path: Path) -> None:
     """Of the checkpoint, and of the generator itself when it is pickled."""
     density = toy.mixture()
     torch.save(content_of(density), tmp_path / "mixture.ckpt")
-    one = df.Generator(tmp_path / "mixture.ckpt", seed=5)
-    (tmp_path / "one.pickle").write_bytes(pickle.dumps(one))
+    own_generator = df.Generator(tmp_path / "mixture.ckpt", seed=5)
+    (tmp_path / "one.pickle").write_bytes(pickle.dumps(own_generator))
     code = (
         "import sys, pickle, numpy, descentflow as df; folder = sys.argv[1]\n"
         "two = df.Generator(folder + '/mixture.ckpt', seed=5), pickle.load(open(folder + '/one.pickle', 'rb'))\n"
@@ -95,7 +95,7 @@ def test_another_process_draws_the_same(tmp_path: Path) -> None:
     )
     subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=True)
     drawn = np.load(tmp_path / "drawn.npy")
-    own = one.next_batch(9, entry_fl=350, cas_kt={290: 290}).trajectories.time_s.numpy()
+    own = own_generator.next_batch(9, entry_fl=350, cas_kt={290: 290}).trajectories.time_s.numpy()
     for theirs in drawn:
         np.testing.assert_allclose(theirs, own, rtol=1e-9, atol=1e-9)
 
@@ -163,18 +163,18 @@ def test_two_values_that_one_component_of_speed_cannot_both_have() -> None:
     of_drag = held.numbers[:, : len(held.drag)]
     parts.decoder.residuals = Residuals(held.drag, held.speed[:0], held.weights, of_drag, held.entry)
     density.attach(parts)
-    one, levels = df.Generator(density, seed=5), (275, 300, 330, 345)
+    without_deviations, levels = df.Generator(density, seed=5), (275, 300, 330, 345)
     n_cas = parts.decoder.cas_basis.n_components
-    real = one.next(entry_fl=350).trajectories
+    real = without_deviations.next(entry_fl=350).trajectories
     implied = {level: float(cas_kt(real, level)[0]) for level in levels[: n_cas + 1]}
-    again = one.next(entry_fl=350, cas_kt=implied).trajectories
+    again = without_deviations.next(entry_fl=350, cas_kt=implied).trajectories
     assert all(abs(float(cas_kt(again, level)[0]) - value) < 0.01 for level, value in implied.items())
     *_, last = implied
     with pytest.raises(ImplausibleError, match="follows from what else is asked") as caught:
-        one.next(entry_fl=350, cas_kt={**implied, last: implied[last] + 3})
+        without_deviations.next(entry_fl=350, cas_kt={**implied, last: implied[last] + 3})
     assert caught.value.nearest == pytest.approx(implied[last], abs=0.1)
     band = literal_eval(re.search(r"the band (\(.*\))", str(caught.value))[1])
-    assert len(one.next(entry_fl=350, cas_kt={**implied, last: band})) == 1, "the advice works"
+    assert len(without_deviations.next(entry_fl=350, cas_kt={**implied, last: band})) == 1, "the advice works"
 
 
 def flown_table(number: int, down_to: int) -> tuple[pl.DataFrame, object]:
@@ -247,12 +247,12 @@ def test_a_context_is_given_to_the_density() -> None:
     density.scale_tril.data = 0.3 * torch.eye(d, dtype=torch.float64)
     density.slope.data[:, 0] = 0.5
     density.attach(parts)
-    one = df.Generator(density, seed=2)
-    calm, windy = (one.next_batch(400, entry_fl=340, context={"wind": w}).weights for w in (0.0, 20.0))
+    given = df.Generator(density, seed=2)
+    calm, windy = (given.next_batch(400, entry_fl=340, context={"wind": w}).weights for w in (0.0, 20.0))
     # 20 is one standard deviation; standard errors are 0.02, and bounds of plausibility cut a little.
     torch.testing.assert_close(windy.mean(0) - calm.mean(0), torch.full((d,), 0.5).double(), rtol=0.0, atol=0.12)
-    assert one.next(entry_fl=340, context={"wind": 5}).context is not None
-    refuses(ConfigError, "without a context", one.next, entry_fl=340)
+    assert given.next(entry_fl=340, context={"wind": 5}).context is not None
+    refuses(ConfigError, "without a context", given.next, entry_fl=340)
 
 
 def replace_context(encoder: ContextEncoder) -> object:
@@ -277,9 +277,9 @@ def test_a_corrected_checkpoint_takes_an_entry_and_nothing_that_its_correction_w
     density.attach(parts)
     before = df.Generator(density).next(entry_fl=340).trajectories.time_s
     density.representation.correction = Slower()
-    one = df.Generator(density)
-    torch.testing.assert_close(one.next(entry_fl=340).trajectories.time_s, 1.5 * before)
-    refuses(ConfigError, "corrected checkpoint", one.next, entry_fl=340, cas_kt=280)
+    corrected = df.Generator(density)
+    torch.testing.assert_close(corrected.next(entry_fl=340).trajectories.time_s, 1.5 * before)
+    refuses(ConfigError, "corrected checkpoint", corrected.next, entry_fl=340, cas_kt=280)
 
 
 def test_the_words_say_every_constraint_and_the_samples_do_what_samples_do() -> None:

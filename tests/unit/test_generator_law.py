@@ -68,8 +68,8 @@ def test_a_time_at_a_level() -> None:
     """Each descent is asked for the time of one sample, so that both have the same times."""
     times = samples(350).time_s[:, index(305)]
     brute = cut(samples(350), lambda t: (t.time_s[:, index(305)] - times.median()).abs() < 2)
-    one, asked = df.Generator(toy.mixture(), seed=3), brute.time_s[:400, index(305)].tolist()
-    descents = [one.next(entry_fl=350, time_s=time_s, level=305) for time_s in asked]
+    own_generator, asked = df.Generator(toy.mixture(), seed=3), brute.time_s[:400, index(305)].tolist()
+    descents = [own_generator.next(entry_fl=350, time_s=time_s, level=305) for time_s in asked]
     flown = concatenate([each.trajectories for each in descents])
     assert min(p_values(flown, brute.subset(torch.arange(400, len(brute)))).values()) > toy.RARE
     assert float((flown.time_s[:, index(305)] - torch.tensor(asked)).abs().max()) < 1e-3

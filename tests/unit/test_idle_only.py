@@ -50,7 +50,7 @@ def test_levels_above_idle_are_left_out_and_counted(name: str) -> None:
     plain = df.prepare(two(name))
     prepared = df.prepare(two(name), cleaning=Cleaning(idle_only=5.0))
     powered = (pl.col("level_fl") * 100).is_between(*POWERED_FT, closed="none") & (pl.col("flight_id") == "a")
-    step = next(one for one in prepared.report.steps if one.step == "above_idle")
+    step = next(each for each in prepared.report.steps if each.step == "above_idle")
     flown = two(name).filter((pl.col("flight_id") == "a") & pl.col("altitude").is_between(*POWERED_FT, closed="none"))
     assert step.rows_dropped == len(flown)
     assert len(plain.frame.filter(powered)) == 39

@@ -117,7 +117,7 @@ def test_drag_of_warm_windy_days_is_that_of_cold_still_ones(frame: pl.DataFrame,
     # Flight k of a seed is the same aircraft, mass and speed in both worlds: the air alone differs.
     still = df.prepare(df.simulate("A320", 100, seed=4).rows, typecode="A320").frame
     a320 = df.aircraft("A320")
-    here, there = (profiles_from_frame(one, a320, 150, 340) for one in (frame, still))
+    here, there = (profiles_from_frame(descents, a320, 150, 340) for descents in (frame, still))
     measured = with_own_air(here, a320, airs, print)
     both = sorted(set(measured.flight_ids) & set(there.flight_ids))
 

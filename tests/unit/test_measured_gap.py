@@ -33,7 +33,7 @@ def test_the_same_flights_are_measured_the_same_again() -> None:
     now, floor = MeasuredGap(sides, again, 0, spreads), then.floor(sides.y)
     assert torch.equal(again, chosen)
     assert (now.before, now.floor(sides.y)) == pytest.approx((then.before, floor), rel=1e-12)
-    means = [float(mean_over_quantities(sides, one, again)) for one in earlier]
+    means = [float(mean_over_quantities(sides, measured, again)) for measured in earlier]
     assert means == pytest.approx([then.before, floor], rel=1e-12)
 
 

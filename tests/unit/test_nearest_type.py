@@ -14,15 +14,15 @@ def test_the_nearest_is_nearest(typecode: str) -> None:
     """Against a search of all open aircraft with as many engines of the kind."""
     size = type_sizes()[typecode]
     every = [open_aircraft(name) for name in open_typecodes()]
-    ratio = {one.typecode: float(one.mass_maximum_kg) / size.mass_maximum_kg for one in every}
+    ratio = {other.typecode: float(other.mass_maximum_kg) / size.mass_maximum_kg for other in every}
     apart = {name: max(r, 1 / r) for name, r in ratio.items()}
-    near = [one for one in every if one.engine == size.engine and apart[one.typecode] <= LARGEST_RATIO]
-    able = [one for one in near if one.n_engines == size.n_engines] or near
+    near = [other for other in every if other.engine == size.engine and apart[other.typecode] <= LARGEST_RATIO]
+    able = [other for other in near if other.n_engines == size.n_engines] or near
     if not able:
         with pytest.raises(AircraftError, match="no coefficients near"):
             nearest_type(typecode)
         return
-    assert apart[nearest_type(typecode).typecode] == min(apart[one.typecode] for one in able)
+    assert apart[nearest_type(typecode).typecode] == min(apart[other.typecode] for other in able)
 
 
 def test_a_type_of_unknown_size_is_refused() -> None:

@@ -98,8 +98,8 @@ def test_parquet_and_cf_say_what_the_columns_of_the_air_are(checkpoint: Path, tm
     where = {"end": (52.3, 4.76), "track": 184.0, "end_time": "2026-11-22T10:00:00Z"}
     (path,) = export(checkpoint, "cf", tmp_path / "s.nc", n=5, **where)
     with netcdf.Dataset(path) as file:
-        one = df.sample(checkpoint, 5).to_polars().filter(sample_id=2)
-        assert file["deviation_k"][2].compressed() == pytest.approx(one["deviation_k"].to_list())
+        sample = df.sample(checkpoint, 5).to_polars().filter(sample_id=2)
+        assert file["deviation_k"][2].compressed() == pytest.approx(sample["deviation_k"].to_list())
         assert file["deviation_k"].units_metadata == "temperature: difference"
 
 
@@ -186,7 +186,7 @@ def test_a_diagnosis_does_not_name_the_weather_that_the_model_knows(tmp_path: Pa
             report = df.diagnose(warm, tmp_path / f"{air}.ckpt")
         named = {cause.effect for cause in report.causes}
         assert bool(named & {"temperature", "wind_gradient"}) is weather_is_named
-        assert any("compared in standard air" in str(one.message) for one in said) is not weather_is_named
+        assert any("compared in standard air" in str(warning.message) for warning in said) is not weather_is_named
 
 
 def test_flights_are_the_same_in_standard_air_whatever_air_they_flew_in() -> None:

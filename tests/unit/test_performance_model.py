@@ -101,8 +101,8 @@ def test_every_equation_is_differentiable(braking: PerformanceModel) -> None:
         model = braking.with_factors(induced=induced)
         tas, altitude, kilos = 100 * speed, 1e4 * height, mass * braking.mass_reference_kg
         return (
-            *(model.drag_n(tas, altitude, 10.0, kilos, one) for one in NAMES),
-            *(model.minimum_cas_mps(altitude, kilos, one) for one in NAMES),
+            *(model.drag_n(tas, altitude, 10.0, kilos, name) for name in NAMES),
+            *(model.minimum_cas_mps(altitude, kilos, name) for name in NAMES),
             model.idle_thrust_n(altitude, tas, 10.0),
             model.climb_thrust_n(altitude, tas, 10.0),
             model.idle_fuel_flow_kg_s(altitude, tas, 10.0),
@@ -113,10 +113,10 @@ def test_every_equation_is_differentiable(braking: PerformanceModel) -> None:
 
     speed, height = torch.tensor([[0.4 * top, 0.7 * top, top], [600.0, 2_000.0, 4_000.0]]).double()
     leaves = speed / 100, height / 1e4, torch.ones(1).double(), torch.ones(()).double()
-    units = [one.abs().max() for one in equations(*leaves)]
+    units = [name.abs().max() for name in equations(*leaves)]
 
     def in_units(*arguments: Tensor) -> tuple[Tensor, ...]:
-        return tuple(one / unit for one, unit in zip(equations(*arguments), units, strict=True))
+        return tuple(name / unit for name, unit in zip(equations(*arguments), units, strict=True))
 
     assert torch.autograd.gradcheck(in_units, tuple(leaf.requires_grad_() for leaf in leaves), rtol=1e-4)
 
@@ -163,4 +163,4 @@ def test_a_state_that_is_none_of_bada_4_is_refused(braking: PerformanceModel) ->
         with pytest.raises(AircraftError, match="expected"):
             aircraft_from_state(state | wrong)
     with pytest.raises(AircraftError, match="mass_reference_kg"):
-        aircraft_from_state({name: one for name, one in state.items() if name != "mass_reference_kg"})
+        aircraft_from_state({name: value for name, value in state.items() if name != "mass_reference_kg"})

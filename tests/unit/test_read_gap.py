@@ -33,7 +33,7 @@ def test_what_was_found_is_read_back_as_it_was(tmp_path: Path) -> None:
         findings.provenance.real,
         findings.previous,
     ):
-        empty = [one.name for one in fields(part) if getattr(part, one.name) in ([], {}, None, "")]
+        empty = [field.name for field in fields(part) if getattr(part, field.name) in ([], {}, None, "")]
         assert empty in ([], ["group", "alternatives"], ["corrections"])  # what writes files is not in one
     assert read_gap(written(tmp_path)) == findings
 

@@ -84,9 +84,9 @@ def test_pooling_of_sisters_is_learnt(apart: float, pooled: bool) -> None:
     x[:, :, 0] = 0.7
     y = 0.7 * size[kind][:, None] + 0.1 * rng.normal(size=(types * n, 1)) + 0.03 * rng.normal(size=(types * n, bands))
     kept = np.flatnonzero((kind > 0) | (np.arange(types * n) < 2))
-    one = np.ones(y.shape)
+    ones = np.ones(y.shape)
     groups = np.array([[0] * types])
-    flights = Flights(y, x, 0 * one, one > 0, kind, np.arange(types * n), 700.0 * np.arange(bands), groups)
+    flights = Flights(y, x, 0 * ones, ones > 0, kind, np.arange(types * n), 700.0 * np.arange(bands), groups)
     model = fit(flights.rows(kept))
     assert (model.sizes.weights[0] > 0.7) is pooled
 

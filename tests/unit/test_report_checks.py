@@ -82,7 +82,7 @@ def test_level_flight_ends_so(tmp_path) -> None:
 
 def test_every_filter_has_its_mend() -> None:
     rules = Cleaning()
-    for one in (*before_rates(rules), *after_rates(rules)):
-        message = str(nothing_left(DropReport([Step(one.reason, 9, 1, 0, 0)]), rules))
-        assert "see what that step asks for" not in message, one.reason
+    for rule in (*before_rates(rules), *after_rates(rules)):
+        message = str(nothing_left(DropReport([Step(rule.reason, 9, 1, 0, 0)]), rules))
+        assert "see what that step asks for" not in message, rule.reason
     assert len({why for why, _ in REASONS.values()}) == len(REASONS)

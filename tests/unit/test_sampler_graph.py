@@ -47,8 +47,8 @@ def test_a_context_moves_the_weights_as_the_density_says(kind: str) -> None:
         for i in range(N):
             at = model.mixture_at(inputs["context"][i : i + 1])
             assert at is not None
-            one = inputs.get("uniform", torch.zeros(N))[i]
-            k = int((one > at.probs.cumsum(0)[:-1]).sum())
+            uniform = inputs.get("uniform", torch.zeros(N))[i]
+            k = int((uniform > at.probs.cumsum(0)[:-1]).sum())
             rows.append(at.locs[k] + at.scale_trils[k] @ inputs["noise"][i])
         expected = torch.stack(rows)
     torch.testing.assert_close(drawn, expected, rtol=0, atol=1e-12)

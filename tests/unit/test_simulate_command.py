@@ -61,9 +61,9 @@ def test_rows_are_moved_by_the_wind_that_the_field_has(still: pl.DataFrame, bare
     # The error-free field has one wind at a time.
     hours = world.field["valid_time"].to_numpy().astype("datetime64[s]").astype(float)
     wind = [world.field[name].to_numpy() for name in ("u", "v")]
-    assert max(float(np.ptp(one, axis=(1, 2, 3)).max()) for one in wind) < 1e-5
+    assert max(float(np.ptp(component, axis=(1, 2, 3)).max()) for component in wind) < 1e-5
     at = world.rows["timestamp"].dt.epoch("us").to_numpy() / 1e6
-    east, north = (np.interp(at, hours, one[:, 0, 0, 0]) for one in wind)
+    east, north = (np.interp(at, hours, component[:, 0, 0, 0]) for component in wind)
     assert np.hypot(east, north).max() > 5
 
     def vector(rows: pl.DataFrame) -> np.ndarray:

@@ -150,12 +150,12 @@ def test_brakes_compressibility_and_banks_raise_the_drag_they_should(plain: Worl
     assert np.abs(induced - 0.1 * h["di"] / (h["d0"] + h["di"]))[np.isfinite(induced)].max() < 5e-3
     turn = fly(turn={"bank_deg": 30.0, "share": 1.0, "depth_fl": 40.0})
     high = turn.flights["planted_turn_high_fl"].to_numpy()
-    one = int(np.flatnonzero((high > 215) & (high < 235))[0])
+    flight = int(np.flatnonzero((high > 215) & (high < 235))[0])
     h = by_hand(plain, 200)
     rise = h["di"] / (h["d0"] + h["di"]) * (1 / math.cos(math.radians(30)) ** 2 - 1)
-    assert change(plain, turn, 200, "drag_n")[one] == pytest.approx(rise[one], rel=0.05)
-    rows = turn.rows.partition_by("flight_id", maintain_order=True)[one]
-    inside = rows.filter(pl.col("altitude").is_between(100 * high[one] - 3000, 100 * high[one] - 1000))
+    assert change(plain, turn, 200, "drag_n")[flight] == pytest.approx(rise[flight], rel=0.05)
+    rows = turn.rows.partition_by("flight_id", maintain_order=True)[flight]
+    inside = rows.filter(pl.col("altitude").is_between(100 * high[flight] - 3000, 100 * high[flight] - 1000))
     seconds = inside["timestamp"].dt.epoch("us").to_numpy() / 1e6
     turned = np.unwrap(np.radians(inside["heading"].to_numpy()))
     by_bank = G * math.tan(math.radians(30)) / (inside["TAS"].to_numpy().mean() * KT_MPS)

@@ -67,11 +67,11 @@ def test_cas_has_two_modes_where_there_are_two_operators_and_one_where_there_is_
 
 def test_turboprops_hold_one_rate_and_then_a_steeper_one() -> None:
     world = fly("DH8D", 40, two_rates_share=1.0)
-    told = world.rows.join(world.flights.select("flight_id", "top_fl", "^(first|second)_.*$"), on="flight_id")
+    planned = world.rows.join(world.flights.select("flight_id", "top_fl", "^(first|second)_.*$"), on="flight_id")
     level = pl.col("altitude") / 100
     margin = 12  # flight levels in which a rate is taken up
-    first = told.filter(level.is_between(pl.col("first_low_fl") + 2, pl.col("top_fl") - margin))
-    second = told.filter(level.is_between(150, pl.min_horizontal("first_low_fl", "top_fl") - margin))
+    first = planned.filter(level.is_between(pl.col("first_low_fl") + 2, pl.col("top_fl") - margin))
+    second = planned.filter(level.is_between(150, pl.min_horizontal("first_low_fl", "top_fl") - margin))
     for stretch, name in ((first, "first"), (second, "second")):
         held = stretch.group_by("flight_id").agg(
             rate=pl.col("vertical_rate").mean(), scatter=pl.col("vertical_rate").std(), n=pl.len()

@@ -90,8 +90,8 @@ def test_one_trajectory_flies_the_polars_rate_on_both_sides_of_its_crossover() -
     """Its flights all cross over in one band, and what each loses of its height there does not average out."""
     still = {"level_off_share": 0.0, "managed_share": 0.0, "thrust_spread": 0.0, "cd0_spread": 0.0, "mach_spread": 0.0}
     quiet = replace(WorldConfig(), **still, cas_spread_kt=0.0, wander_kt=0.0, rate_smoothing_s=0.0)
-    one = replace(quiet, operators=(Operator("ONE", 1.0, 289.0, 0.797),), mass_range=(0.875, 0.875))
-    frame = prepare(simulate("B738", 40, 3, one)).frame
+    alike = replace(quiet, operators=(Operator("ONE", 1.0, 289.0, 0.797),), mass_range=(0.875, 0.875))
+    frame = prepare(simulate("B738", 40, 3, alike)).frame
     quantities = quantities_of(frame, 150, 360, ["IAS", "Mach", "vertical_rate"])
     physics = quantities.physics
     cas = physics["cas_mps"]

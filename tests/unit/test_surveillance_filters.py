@@ -42,12 +42,12 @@ def test_a_lone_value_is_a_spike_and_smooth_changes_are_not() -> None:
 def test_ends_of_a_sparse_steep_path_are_no_spikes_but_wild_ends_are() -> None:
     times = [30.0 * i for i in range(8)]
     steep = [30_000.0 - 1500 * i for i in range(8)]
-    one = Despike("altitude", 300.0, fastest=100.0)
-    assert len(one.keep(rows_at(times, altitude=steep))) == 8
+    despike = Despike("altitude", 300.0, fastest=100.0)
+    assert len(despike.keep(rows_at(times, altitude=steep))) == 8
     for end in (0, 7):
         wild = [*steep]
         wild[end] = -900.0 if end == 0 else 45_000.0
-        assert seconds_left(one.keep(rows_at(times, altitude=wild))) == [t for t in times if t != times[end]]
+        assert seconds_left(despike.keep(rows_at(times, altitude=wild))) == [t for t in times if t != times[end]]
 
 
 def test_airspeeds_that_contradict_each_other_go() -> None:

@@ -67,10 +67,10 @@ def test_nothing_else_changes_and_each_sample_has_its_own_temperature() -> None:
 
 
 def test_a_missing_temperature_is_that_of_the_standard_atmosphere() -> None:
-    one = model(missing="indicator")
-    encoded = one.representation.context.encode(pl.DataFrame({"hour": [1.0, 1.0], "deviation_k": [None, 10.0]}))
-    assert given_deviation_k(one.representation, encoded).tolist() == pytest.approx([0, 10])
-    table = df.sample(one, 5, context=given(None)).to_polars()
+    density = model(missing="indicator")
+    encoded = density.representation.context.encode(pl.DataFrame({"hour": [1.0, 1.0], "deviation_k": [None, 10.0]}))
+    assert given_deviation_k(density.representation, encoded).tolist() == pytest.approx([0, 10])
+    table = df.sample(density, 5, context=given(None)).to_polars()
     assert table["TAS"].to_numpy() == pytest.approx(tas_kt(table, 0.0), rel=1e-4)
 
 
@@ -100,9 +100,9 @@ def test_a_generator_meets_distances_in_the_given_air() -> None:
 
 def test_predictions_are_flown_in_it_too() -> None:
     flights = toy.toys.flights(2, seed=9, bottom_fl=toy.BOTTOM, top_fl=toy.TOP).subset([0])
-    one, levels = model(), toy.parts().decoder.levels_fl
-    encoded = one.representation.context.encode(pl.DataFrame([given(WARM)]))
-    flown = DescentPredictor(one).predict(flights, 320.0, 60, context=encoded).trajectories
+    density, levels = model(), toy.parts().decoder.levels_fl
+    encoded = density.representation.context.encode(pl.DataFrame([given(WARM)]))
+    flown = DescentPredictor(density).predict(flights, 320.0, 60, context=encoded).trajectories
     temperature = 288.15 - 0.0065 * levels[:80] * FL_M + WARM
     expected = flown.mach[:, :80] * (1.4 * 287.05287 * temperature).sqrt()
     torch.testing.assert_close(flown.tas_mps[:, :80], expected, rtol=1e-4, atol=0)

@@ -103,7 +103,7 @@ def test_each_flight_is_kept_once_and_the_shift_is_named(hours: float, rates: bo
     with pytest.warns(DescentflowWarning, match=rf"rows that come again {abs(hours):g} h later, of another clock"):
         both = prepare(pl.concat([rows, of_another_receiver(rows, hours)]))
     assert both.flights == once.flights
-    step = next(one for one in both.report.steps if one.step == "other_clock")
+    step = next(each for each in both.report.steps if each.step == "other_clock")
     assert step.rows_dropped == len(rows)
     if hours > 0:
         assert both.frame["time_s"].to_list() == once.frame["time_s"].to_list()

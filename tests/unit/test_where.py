@@ -210,13 +210,13 @@ def test_flights_that_have_what_is_left_come_first() -> None:
     profile = [LevelMeans(160.0 + 20 * k, 2000.0, 280.0, 380.0) for k in range(11)]
     worth_a_look = flights_worth_a_look(sides, sides.y, profile)
     assert len(worth_a_look) == 10
-    assert {one.flight for one in worth_a_look} <= {f"flight-{i}" for i in HAVING}
+    assert {flight.flight for flight in worth_a_look} <= {f"flight-{i}" for i in HAVING}
     # In the three bands, give or take one by chance, and of the size that was given.
     assert worth_a_look[0].quantity == "rate"
     assert worth_a_look[0].low_fl >= 210.0
     assert worth_a_look[0].high_fl <= 310.0
-    assert all(one.unit == "ft/min" for one in worth_a_look)
-    mean = sum(one.excess for one in worth_a_look) / len(worth_a_look)
+    assert all(flight.unit == "ft/min" for flight in worth_a_look)
+    mean = sum(flight.excess for flight in worth_a_look) / len(worth_a_look)
     assert mean == pytest.approx(2000 * 0.284, rel=0.2)
 
 

@@ -20,7 +20,6 @@ from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt
 from descentflow.training.datamodule import DescentDataModule
 from descentflow.training.fit import fit
-from descentflow.training.splitting import SplitSettings
 
 LOWEST_FL, FEWEST_DRAWS = 100, 50
 REPORTED, DERIVED = "reported airspeeds", "derived ones"
@@ -97,7 +96,9 @@ def by_models(places: Mapping[str, Descents]) -> list[str]:
             flights = of_profiles(judged)
             drawn = {}
             for name, frame in ((REPORTED, both), (DERIVED, hidden)):
-                data = DescentDataModule(Descents(frame.filter(~out), fleet.metadata), split=SplitSettings(0.0, 0.0))
+                data = DescentDataModule(
+                    Descents(frame.filter(~out), fleet.metadata), test_fraction=0.0, validation_fraction=0.0
+                )
                 density = fit(data, "gaussian", final=False).density.eval()
                 drawn[name] = on_edges(sampled(density, DRAWS, 0)[0], flights.edges_fl)
             for row, flight in enumerate(judged.flight_ids):

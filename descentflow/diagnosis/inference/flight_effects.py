@@ -20,13 +20,7 @@ from descentflow.core.linear_gaussian import Array
 from descentflow.diagnosis.findings.costs_found import NINETY
 from descentflow.diagnosis.inference._candidates import FlightsEffect
 from descentflow.diagnosis.inference._flight_rates import FlightRates, Spread, flight_rates, spread_of
-from descentflow.diagnosis.inference.flight_mixture import (
-    FlightWindows,
-    LearntLaw,
-    MixtureFit,
-    fit_mixture,
-    flight_windows,
-)
+from descentflow.diagnosis.inference.flight_mixture import FlightWindows, MixtureFit, fit_mixture, flight_windows
 from descentflow.diagnosis.inference.moments import Moments
 from descentflow.diagnosis.inference.signatures import Signatures
 from descentflow.diagnosis.sides.two_sides import Compared
@@ -87,7 +81,7 @@ class FlightShapes:
         self._kept: dict[tuple[bool, tuple[str, ...]], MixtureFit] = {}
 
     def candidates(self, signatures: Signatures) -> list[FlightsEffect]:
-        """The effects whose shapes gain, each with its mean shift.
+        """The effects whose shapes gain, each with its mean shift; one that gains nothing alone is tried with no other.
 
         Args:
             signatures: For what their equations miss.
@@ -95,7 +89,8 @@ class FlightShapes:
         chosen: tuple[str, ...] = ()
         if len(self.real.index) < FEWEST_FLIGHTS:
             return []
-        while rest := [name for name in self.effects if name not in chosen]:
+        alone = [name for name in self.effects if self._gain((name,)) > 0.0]
+        while rest := [name for name in alone if name not in chosen]:
             best = max(rest, key=lambda name: self._gain((*chosen, name)))
             larger = (*chosen, best)
             if self._gain(larger) <= self._gain(chosen) or not self._possible(larger, best):
@@ -107,7 +102,7 @@ class FlightShapes:
             parts = self._mean_shift(self.real, chosen, name) - self._mean_shift(self.simulated, chosen, name)
             misfit = signatures.smooth_misfit(parts.sum(1), self.effects[name].misfit_of_rate)
             law, gain = self.fit(self.real, chosen).laws[name], self._gain(chosen) - self._gain(without)
-            factors = self._factor_errors(name, law, parts.shape[1])
+            factors = np.array([law.factor_sd(self.assumed), self.assumed.flight_size_error])[: parts.shape[1]]
             gaining.append(FlightsEffect(name, law, parts, gain, misfit, factors))
         return gaining
 
@@ -132,14 +127,6 @@ class FlightShapes:
             shifts += sized * windows.shape[:, at].numpy()
             shifts += fit.taken[name].sum(1)[:, None] * windows.offset[:, at].numpy()
         return shifts
-
-    def _factor_errors(self, name: str, law: LearntLaw, count: int) -> Array:
-        """Prior standard deviations of the factors: a size that holds over the whole flight looks like its mass."""
-        of_size = self.assumed.flight_size_error
-        if (np.ptp(self.real.windows[name].weights, axis=1) == 0.0).all():
-            parameter = next(p for p in law.effect.parameters if not p.is_spread and p.shown_as != "flights")
-            of_size = self.assumed.prior_scales * parameter.scale / law.effect.size(law.theta)[1]
-        return np.array([of_size, self.assumed.flight_size_error])[:count]
 
     def fit(self, side: Side, names: tuple[str, ...]) -> MixtureFit:
         """The mixture of one side, with normal flights as wide as they are likeliest."""

@@ -17,7 +17,7 @@ import torch
 from scipy.special import log_ndtr
 
 from descentflow.core.linear_gaussian import Array, Precisions
-from descentflow.diagnosis.sides.assumptions import ASSUMED
+from descentflow.diagnosis.sides.assumptions import ASSUMED, Assumptions
 from descentflow.effects.flight_law import DiffersByFlight, Learnt
 from descentflow.effects.flight_state import FlightState
 from descentflow.effects.windowed_effect import WindowedEffect
@@ -128,6 +128,17 @@ class LearntLaw:
         squared = sums.squared + more * (2.0 * sums.size + more * sums.taken)
         moved = Learnt(sums.taken, sums.size + more * sums.taken, squared, sums.flights)
         return self.effect.learn(self.state, self.theta, moved)
+
+    def factor_sd(self, assumed: Assumptions) -> float:
+        """Prior standard deviation of a factor of the sizes; one that holds over the whole flight looks like its mass.
+
+        Args:
+            assumed: Constants.
+        """
+        if isinstance(self.effect, WindowedEffect):
+            return assumed.flight_size_error
+        parameter = next(p for p in self.effect.parameters if not p.is_spread and p.shown_as != "flights")
+        return assumed.prior_scales * parameter.scale / self.effect.size(self.theta)[1]
 
     def errors(self, factor_error: float) -> torch.Tensor:
         """Standard errors (k,): of the mean size by that of the factor, of a window's ends by their spread.

@@ -35,7 +35,6 @@ def rounding_of(compared: Compared, profile: Sequence[LevelMeans]) -> Tensor:
         compared: Flights of both sides.
         profile: What the simulator flies on average by level.
     """
-    by_level = {round(m.level_fl, 3): m for m in profile}
     middles = compared.middles_fl()
     mean_rate = sum(m.rate_fpm for m in profile) / len(profile) * FPM_MPS
     roundings = []
@@ -44,9 +43,7 @@ def rounding_of(compared: Compared, profile: Sequence[LevelMeans]) -> Tensor:
         if quantity.is_noise:
             roundings.append(_of_noise(compared, at, e))
         elif quantity.by_band:
-            here = by_level.get(round(middles[e.band], 3)) or min(
-                profile, key=lambda m: abs(m.level_fl - middles[e.band])
-            )
+            here = min(profile, key=lambda m: abs(m.level_fl - middles[e.band]))
             roundings.append(_of_band(compared, e, here))
         else:
             # Both ends of a level-off are crossed in steps of the altitude; a count is not rounded.
@@ -115,13 +112,9 @@ def below_rounding(
 
 def _entries_of(compared: Vectors, cell: GapCell) -> Tensor:
     """Positions of the entries of a cell."""
-    ranges = [compared.level_range(e) for e in compared.entries]
-    return torch.tensor(
-        [
-            e.quantity == cell.quantity and low >= cell.level_low_fl - 1e-6 and high <= cell.level_high_fl + 1e-6
-            for e, (low, high) in zip(compared.entries, ranges, strict=True)
-        ]
-    )
+    least, most = cell.level_low_fl - 1e-6, cell.level_high_fl + 1e-6
+    ranges = [(e.quantity, *compared.level_range(e)) for e in compared.entries]
+    return torch.tensor([name == cell.quantity and low >= least and high <= most for name, low, high in ranges])
 
 
 def _is_felt(cost: Cost, profile: Sequence[LevelMeans]) -> bool:

@@ -9,7 +9,7 @@ from descentflow.core.linear_gaussian import Precisions, posterior, shrunk
 from descentflow.diagnosis.inference._candidates import FlightsEffect
 from descentflow.diagnosis.inference._naming import Named, name_effects
 from descentflow.diagnosis.inference._sets import Search, SetFit, SetFits
-from descentflow.diagnosis.inference.explain import changed_surely
+from descentflow.diagnosis.inference.explain import changed_surely, sizes_measured
 from descentflow.diagnosis.inference.flight_mixture import LearntLaw
 from descentflow.diagnosis.inference.moments import Moments
 from descentflow.diagnosis.inference.signatures import linearised
@@ -137,6 +137,19 @@ def test_linearised_candidates_are_their_own_where_they_are_linear() -> None:
     effect = column("e", np.linspace(0, 1, 5))
     candidate = linearised(effect.at(np.array([2.0])), np.array([-1.5]))
     np.testing.assert_allclose(candidate.shift, effect.at(np.array([0.5])).shift)
+
+
+def test_bands_that_all_go_together_do_not_average_out() -> None:
+    """All flights of an aircraft are faster at all levels: a mean of six bands is known as one band is."""
+    alike, of_cas, kernel = 16.0 * np.ones((6, 6)), np.array(["cas"] * 6), np.eye(6)
+    covariance = 0.8 * alike + 0.2 * 16.0 * np.eye(6)  # its correlations are shrunk by a fifth
+    known = Moments(np.full(6, 12.0), covariance, np.zeros((1, 6)), np.full(6, 0.5), of_cas, kernel, alike - covariance)
+    faster = column("faster", np.ones(6), prior_sd=15.0)
+    best = SetFits(known, [faster], Assumptions()).fit(("faster",))
+    assert best.errors["faster"][0] < 3.6
+    assert sizes_measured(faster, best, known) == (pytest.approx([12.0]), pytest.approx([4.0]))
+    rates = column("rates", np.zeros(6))
+    assert sizes_measured(rates, SetFits(known, [rates], Assumptions()).fit(("rates",)), known) is None
 
 
 def test_precisions_of_partly_seen_flights_are_those_of_what_is_seen() -> None:

@@ -108,9 +108,10 @@ def explain(
     theta = {name: fits.candidates[name].theta(best.sizes[name]) for name in names}
     errors = {name: fits.candidates[name].theta_errors(best.errors[name]) for name in names}
     for name in names:
-        measured = size_of_air(fits.candidates[name], best.sizes[name], known) if catalogue[name].of_air else None
+        by_channel = catalogue[name].of_air or catalogue[name].rate_follows_cas
+        measured = sizes_measured(fits.candidates[name], best, known) if by_channel else None
         if measured:
-            theta[name][0], errors[name][0] = measured
+            theta[name], errors[name] = map(torch.from_numpy, measured)
     lacks = [*nuisances(aside, raised=raised), *layers_of_air(best, known, fits)]
     return Explanation(compared, within, catalogue, search, sets, named, is_none, best, theta, errors, lacks)
 
@@ -140,24 +141,26 @@ def changed_surely(
     return at_best(tuple(groups)), replace(named, groups=groups)
 
 
-def size_of_air(candidate: Candidate, first: Array, known: Moments) -> tuple[float, float] | None:
-    """Size of an effect in the quantity of the air that measures it alone, and its standard error; None without one.
+def sizes_measured(candidate: Candidate, best: SetFit, known: Moments) -> tuple[Array, Array] | None:
+    """Sizes (k,) of an effect by the quantity that measures it alone, and their standard errors; None without one.
 
-    Layers bend the profiles of either side. By least squares over the levels the size is the mean deviation or slope
-    of both alike, whatever the evidence weighs most.
+    Layers bend the profiles of either side, and fleets differ in whose aircraft they have. By least squares over the
+    levels the sizes are the mean deviation, slope or change of speeds, whatever the evidence weighs most; bands that
+    all go together do not average out, as shrunk correlations would have it.
 
     Args:
         candidate: The effect.
-        first: (1,) size about which it is linear.
+        best: The set of the causes, about whose sizes it is linear.
         known: Moments of both sides.
     """
-    about = candidate.at(first)
-    for quantity in OF_AIR:
-        at = (known.quantity == quantity) & (about.jacobian[:, 0] != 0.0)
-        if at.any():
-            weight = about.jacobian[at, 0] / float(about.jacobian[at, 0] @ about.jacobian[at, 0])
-            variance = float(weight @ known.covariance[np.ix_(at, at)] @ weight)
-            return float(first[0] + weight @ (known.difference - about.shift)[at]), math.sqrt(variance)
+    sizes = best.sizes[candidate.name]
+    jacobian = candidate.at(sizes).jacobian
+    for quantity in (*OF_AIR, "cas"):
+        at = (known.quantity == quantity) & (jacobian != 0.0).any(1)
+        if np.linalg.matrix_rank(jacobian[at]) == len(sizes):
+            weight = np.linalg.pinv(jacobian[at])
+            variance = weight @ (known.covariance + known.shrunk_off)[np.ix_(at, at)] @ weight.T
+            return sizes + weight @ (known.difference - best.shift)[at], np.sqrt(variance.diagonal())
     return None
 
 
@@ -193,9 +196,8 @@ def detection_limits(explained: Explanation) -> list[DetectionLimit]:
         if variance < prior[0] ** 2 * (1.0 - 1e-9):
             sigma = math.sqrt(1.0 / (1.0 / variance - 1.0 / prior[0] ** 2))
             ratio = (prior[0] / sigma) ** 2
-            size = (
-                sigma * math.sqrt(2.0 * (needed + 0.5 * math.log1p(ratio)) * (1.0 + ratio) / ratio) + POWER_80 * sigma
-            )
+            wanted = 2.0 * (needed + 0.5 * math.log1p(ratio)) * (1.0 + ratio) / ratio
+            size = sigma * (math.sqrt(wanted) + POWER_80)
             moved = float((np.abs(about.jacobian[:, 0]) / known.negligible).max())
             size = max(size, assumed.least_shift / max(moved, 1e-30))
         possible = size if abs(size) <= max(abs(parameter.low), abs(parameter.high)) else None

@@ -44,6 +44,7 @@ class Moments:
         negligible: (p,) shift of a mean that means nothing in practice.
         quantity: (p,) name.
         kernel: (p, p) correlation of what is smooth in altitude, zero between quantities.
+        shrunk_off: (p, p) part of the covariance that shrinking its correlations takes off.
     """
 
     difference: Array
@@ -52,6 +53,7 @@ class Moments:
     negligible: Array
     quantity: np.ndarray
     kernel: Array
+    shrunk_off: Array | float = 0.0
 
 
 def moments(compared: Compared) -> Moments:
@@ -83,10 +85,11 @@ def moments(compared: Compared) -> Moments:
         shared = np.sqrt(alike * np.maximum(step**2 - variance, 0.0))
         error = error + np.outer(shared, shared) * (kernel + np.eye(len(kernel))) / 2.0
     # What few aircraft do not show of how levels go together is smooth, and does not average out.
-    covariance = shrunk(np.concatenate(sums), kernel if compared.short_of_causes else 0.0)
-    of_flight = compared.of_flight().numpy()
-    covariance[of_flight[:, None] != of_flight] = 0.0
-    return Moments(difference, covariance + error, departures, negligible, quantity, kernel)
+    rows, of_flight = np.concatenate(sums), compared.of_flight().numpy()
+    apart = of_flight[:, None] != of_flight
+    covariance = np.where(apart, 0.0, shrunk(rows, kernel if compared.short_of_causes else 0.0))
+    shrunk_off = np.where(apart, 0.0, rows.T @ rows) - covariance
+    return Moments(difference, covariance + error, departures, negligible, quantity, kernel, shrunk_off)
 
 
 def smooth_kernel(compared: Compared, quantity: np.ndarray, length_m: float) -> Array:

@@ -219,12 +219,11 @@ def test_prediction_conditions_on_context_and_observation(name: str) -> None:
     context = torch.tensor([[1.0, -0.5]], dtype=torch.float64)
     prior = prior_of(density, 0, context)
     weights = two_regimes(50, 21)[0]
-    with torch.no_grad():
-        torch.testing.assert_close(
-            prior.log_prob(weights), density.log_prob(weights, context).double(), rtol=1e-9, atol=1e-9
-        )
     curves = LinearCurves(torch.zeros(2).double(), torch.zeros(2, D).double(), torch.ones(2).double(), D)
     posterior = posterior_of(prior, 4 * torch.eye(D).double(), torch.tensor([8.0, 0.0, 0.0]).double(), curves)
+    stood_for = log_observed(prior.mixture, WeightEvidence.of_weights(weights))
+    stood_for += torch.from_numpy(posterior.log_ratio(weights))
+    torch.testing.assert_close(stood_for, density.log_prob(weights, context).double(), rtol=1e-9, atol=1e-9)
     drawn, effective = posterior.draw(2000, torch.Generator().manual_seed(0))
     assert effective > 200
     # Evidence of mean 2 and deviation 0.5 beside a cluster at 2 of deviation 0.4, which affine flows widen.

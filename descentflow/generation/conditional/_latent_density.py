@@ -42,8 +42,8 @@ class Prior:
 
     Example:
         >>> mixture = Mixture(torch.ones(1).double(), torch.zeros(1, 2).double(), torch.eye(2)[None].double())
-        >>> Prior(mixture, exact=None).log_prob(torch.zeros(1, 2))  # -log(2 pi)
-        tensor([-1.8379], dtype=torch.float64)
+        >>> Prior(mixture, exact=None).joint(3).locs.shape  # and one residual number
+        torch.Size([1, 3])
     """
 
     mixture: Mixture
@@ -61,18 +61,6 @@ class Prior:
         return Mixture(
             self.mixture.probs, line.joint_means(self.mixture.locs), line.joint_roots(self.mixture.scale_trils)
         )
-
-    def log_prob(self, weights: Tensor) -> Tensor:
-        """Log density (n,) of the exact density at weights (n, d)."""
-        if self.exact is None:
-            return log_observed(self.mixture, WeightEvidence.of_weights(weights))
-        return self.exact.log_prob(weights, self.context).double()
-
-    @torch.no_grad()
-    def log_ratio(self, weights: Tensor) -> Tensor:
-        """Log (n,) of the exact density over the mixture, minus infinity where it is not finite."""
-        ratio = self.log_prob(weights) - log_observed(self.mixture, WeightEvidence.of_weights(weights))
-        return torch.where(ratio.isfinite(), ratio, -torch.inf)
 
 
 def prior_of(density: Density, seed: int = 0, context: Tensor = NO_CONTEXT) -> Prior:
@@ -146,11 +134,15 @@ class LatentDensity:
         scale[self.curves.n_weights :] = HELD_SHARE**0.5
         return self.roots * scale
 
+    @torch.no_grad()
     def log_ratio(self, u: Tensor) -> Array:
-        """Log of the density over what proposes (n,), at (n, D); zero where both are the same."""
-        if self.prior.exact is None:
+        """Log of the density over what proposes (n,), at (n, D): zero where both are the same."""
+        prior, weights = self.prior, u[:, : self.curves.n_weights]
+        if prior.exact is None:
             return np.zeros(len(u))
-        return self.prior.log_ratio(u[:, : self.prior.mixture.locs.shape[1]]).numpy()
+        proposed = log_observed(prior.mixture, WeightEvidence.of_weights(weights))
+        ratio = prior.exact.log_prob(weights, prior.context).double() - proposed
+        return _numbers(torch.where(ratio.isfinite(), ratio, -torch.inf))
 
     def draw(self, n: int, generator: torch.Generator) -> tuple[Tensor, float]:
         """Draw (n, D), and the number of effective draws behind them.

@@ -124,10 +124,8 @@ class DescentPredictor:
             )
         calibrated.latent = self.latent
         known, times = torch.cat(observed), torch.cat(flown_s).double()
-        calibrated.calibration, calibrated.control = (
-            TimeCalibration.of_flights(drawn, known, times),
-            Control.of_flights(known, times),
-        )
+        calibrated.calibration = TimeCalibration.of_flights(drawn, known, times)
+        calibrated.control = Control.of_flights(known, times)
         return calibrated
 
     def predict(

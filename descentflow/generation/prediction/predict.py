@@ -25,11 +25,7 @@ from descentflow.generation.prediction.time_calibration import Control
 from descentflow.generation.sample_columns import COLUMNS
 from descentflow.positions.ground_plan import NOWHERE, Ground, GroundPlan, ground_plan
 from descentflow.reporting.in_notebook import WithTable
-from descentflow.representation.encode_flights import (
-    EncodedFlights,
-    encode_flights,
-    tell_other_types,
-)
+from descentflow.representation.encode_flights import EncodedFlights, encode_flights, tell_other_types
 from descentflow.representation.profiles import Profiles
 from descentflow.surveillance.open_descents import FlightSource
 

@@ -186,6 +186,24 @@ def test_what_a_controller_commands_in_a_descent_is_flown(a320: Path, tmp_path: 
     assert all(state[-1, 1] == pytest.approx(BELOW_FT, abs=5.0) for state in states.values())
 
 
+def test_a_reset_leaves_nothing_of_the_flights_before(a320: Path, tmp_path: Path) -> None:
+    source, _ = export(a320, "bluesky", tmp_path / "flown.py", n=5, seed=2)
+
+    def begun(name: str) -> list[tuple[float, str]]:
+        orders = [(1.0, f"DFSAMPLE {name} 0"), (1.0, f"ALT {name} {BELOW_FT}")]
+        return [created(0, "A320", 30_000.0, 280.0, name), *orders]
+
+    commands = [*begun("BEFORE"), (100.0, "RESET"), *begun("AFTER")]
+    flown = fly(tmp_path, source, commands=commands, until_s=400)
+    before, after = flown.states["BEFORE"], flown.states["AFTER"]
+    assert before[-1, 0] < 102.0
+    assert "BEFORE" not in flown.left
+    for altitude_ft in (29_000.0, 28_000.0):
+        assert rate_at(after, altitude_ft) == pytest.approx(rate_at(before, altitude_ft), abs=10.0)
+        assert passed(after, altitude_ft, column=4) == pytest.approx(passed(before, altitude_ft, column=4), abs=0.5)
+    assert rate_at(after, 25_000.0) != pytest.approx(-1500.0, abs=1.0), "a sample is flown, and not BlueSky's own rate"
+
+
 def test_several_types_fly_in_one_simulation(a320: Path, a321: Path, tmp_path: Path) -> None:
     """By one plugin, by two, by scenarios of one export and of two: no flight is lost."""
     both, _ = export([a320, a321], "bluesky", tmp_path / "both.py", n=20, fly_as=["A319,A320", "A321"])

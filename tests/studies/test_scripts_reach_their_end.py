@@ -30,7 +30,6 @@ RUNS: Mapping[str, Sequence[str]] = {
     "open_aircraft_page": ["{out}/page.html", "A320"],
     "package_contents": ["{p.whl}", "{p.tar}"],
     "paper_study": ["{out}/study", "--types", "A320", "--share", "0.005", "--models", "gaussian", "--samples", "200"],
-    "qualification_trial": ["--cases", "2", "--flights", "60", "--out", "{out}/trial.json"],
     "recorder_thrust": ["{shared}/real/rj85_recorder_2001.parquet"],
     "size": [],
     "study_goals": ["{out}/study", "--model", "gaussian"],

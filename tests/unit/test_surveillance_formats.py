@@ -99,6 +99,14 @@ def test_csv_is_cut_between_rows_and_never_inside_quotes(tmp_path: Path, monkeyp
     assert_frame_equal(read, FLIGHT.with_columns(callsign=pl.lit('TST "1"\n,')))
 
 
+@pytest.mark.parametrize("line", ["\n", "\r\n"])
+def test_a_few_kilobytes_that_unpack_to_millions_of_empty_lines_are_refused(tmp_path: Path, line: str) -> None:
+    packed = gzip.compress((FLIGHT.write_csv() + line * (1 << 21)).encode())
+    assert len(packed) < 100_000
+    with pytest.raises(DataError, match=r"2,\d{3},\d{3} lines in [24],\d{3},\d{3} bytes from byte"):
+        rows_of(written_to(tmp_path / "rows.csv.gz", packed))
+
+
 def test_state_vectors_that_opensky_repeats_are_left_out(tmp_path: Path) -> None:
     seconds = FLIGHT["timestamp"].dt.epoch("s")
     vectors = FLIGHT.select(

@@ -15,6 +15,8 @@ from descentflow.surveillance.unpacking import MAX_LINE_BYTES, Input
 
 CSV_BYTES = 32 << 20
 """Text that is read at a time."""
+MIN_LINE_BYTES, EMPTY_BYTES = 3, 1 << 20
+"""Mean length of lines below which so much text has no values: a row of two columns without any has two bytes."""
 
 
 def parquet(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:
@@ -74,6 +76,7 @@ def csv(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:
     unused = [name for name in theirs if name not in names]
     place, empty = len(header), True
     for chunk in _chunks(source, quote.encode()):
+        _check_has_values(chunk, source.label, place)
         table = _parsed(header + _checked(chunk, source.label, place), names, quote, source.label)
         note_unused(unused, len(table), report)
         yield table
@@ -81,6 +84,17 @@ def csv(source: Input, report: DropReport, rows: int) -> Iterator[pl.DataFrame]:
         empty = False
     if empty:
         yield _parsed(header, names, quote, source.label)
+
+
+def _check_has_values(chunk: bytes, label: str, place: int) -> None:
+    """Refuse text of empty lines: a few hundred kilobytes unpack to hundreds of millions of them, a row each."""
+    lines = chunk.count(b"\n")
+    if len(chunk) > EMPTY_BYTES and lines * MIN_LINE_BYTES > len(chunk):
+        raise DataError(
+            f"{label}: {lines:,} lines in {len(chunk):,} bytes from byte {place}",
+            expected="rows with values",
+            mend="take the empty lines out of the file",
+        )
 
 
 def _without_commas(header: bytes, label: str) -> DataError:

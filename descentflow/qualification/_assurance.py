@@ -66,7 +66,8 @@ def _weather(compared: Compared) -> str:
 
 def _nine_in_ten(values: Tensor, ends: str = "{:+.0f} to {:+.0f}") -> str:
     known = values[values.isfinite()]
-    return ends.format(*(float(known.quantile(q)) for q in (0.05, 0.95)))
+    # Integers have no minus zero: a wind of -0.3 kt is not "-0".
+    return ends.format(*(round(float(known.quantile(q))) for q in (0.05, 0.95)))
 
 
 def independence_of(gap: GapReport) -> str:

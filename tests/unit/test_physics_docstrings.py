@@ -44,11 +44,11 @@ def test_an_equation_names_its_section_of_the_manual(name: str) -> None:
     ("module", "section"),
     [
         ("core.constants", "3.1"),
-        ("aircraft_types.standard_descent", "5"),
-        ("aircraft_types.bada3.coefficients", "3"),
+        ("aircraft_types._standard_descent", "5"),
+        ("aircraft_types.bada3._coefficients", "3"),
         ("aircraft_types.bada3.opf_file", "6.4"),
         ("aircraft_types.bada3.apf_file", "6.5"),
-        ("aircraft_types.bada3.bada_directory", "6.3 and 6.8"),
+        ("aircraft_types.bada3._bada_directory", "6.3 and 6.8"),
     ],
 )
 def test_a_file_s_reader_names_the_section_that_lays_it_down(module: str, section: str) -> None:

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import torch
 
-from descentflow.diagnosis.sides._vectors import Entry
 from descentflow.diagnosis.sides.two_sides import Compared
+from descentflow.diagnosis.sides.vectors import Entry
 from descentflow.effects import Effect
 from descentflow.effects._example_flights import example_flights
 from descentflow.measurements.quantity_registry import QUANTITIES

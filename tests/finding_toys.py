@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from descentflow.diagnosis.findings._cause_found import (
+from descentflow.diagnosis.findings.cause_found import (
     Alternative,
     Cause,
     ClosedShare,
@@ -10,22 +10,6 @@ from descentflow.diagnosis.findings._cause_found import (
     OnBothSides,
     ParameterEstimate,
     ReportedSize,
-)
-from descentflow.diagnosis.findings._gap_found import (
-    BelowRounding,
-    GapCell,
-    LargestDifference,
-    MeasuredEntry,
-    Nuisance,
-    Remaining,
-    WouldSplit,
-)
-from descentflow.diagnosis.findings._inputs_found import (
-    CoefficientsUsed,
-    FlightWorthALook,
-    InputUsed,
-    LeftOutChannel,
-    Provenance,
 )
 from descentflow.diagnosis.findings.correction_found import Previous, RecipeNumber, RecipeStep
 from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans, Measured
@@ -37,6 +21,22 @@ from descentflow.diagnosis.findings.findings import (
     Findings,
     SingleEffect,
     Subset,
+)
+from descentflow.diagnosis.findings.gap_found import (
+    BelowRounding,
+    GapCell,
+    LargestDifference,
+    MeasuredEntry,
+    Nuisance,
+    Remaining,
+    WouldSplit,
+)
+from descentflow.diagnosis.findings.inputs_found import (
+    CoefficientsUsed,
+    FlightWorthALook,
+    InputUsed,
+    LeftOutChannel,
+    Provenance,
 )
 from descentflow.effects import EFFECTS
 

@@ -11,7 +11,7 @@ from descentflow.densities.flow import MaskedAffineFlowDensity
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.mixture import GaussianMixtureDensity
 from descentflow.densities.mixture_parameters import Mixture
-from descentflow.exports._descent_graph import PROFILES
+from descentflow.exports.descent_graph import PROFILES
 from descentflow.generation.sample_tables import to_frame
 from descentflow.representation.representation import Representation
 

@@ -6,7 +6,7 @@ from torch import Tensor
 from descentflow.physics.energy import descent_rate_mps
 from descentflow.physics.idle_state import idle_state
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.representation.decoder._flight_grid import rate_breaks
+from descentflow.representation.decoder.flight_grid import rate_breaks
 
 
 def plain_descents(

@@ -1,7 +1,7 @@
 """Performance models of aircraft types and where their coefficients come from.
 
 Reading order: :mod:`~descentflow.aircraft_types.registry` (type designator to model),
-``_standard_descent`` (speeds and configurations of BADA 3 and 4),
+:mod:`~descentflow.aircraft_types.standard_descent` (speeds and configurations of BADA 3 and 4),
 :mod:`~descentflow.aircraft_types.bada3` and :mod:`~descentflow.aircraft_types.bada4` (their equations and files),
 :mod:`~descentflow.aircraft_types.open_types` (embedded open coefficients in BADA 3 form).
 

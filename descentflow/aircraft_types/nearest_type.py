@@ -8,9 +8,9 @@ from math import log
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, cast
 
-from descentflow.aircraft_types._standard_descent import EngineKind
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_typecodes
 from descentflow.aircraft_types.registry import every_aircraft
+from descentflow.aircraft_types.standard_descent import EngineKind
 from descentflow.core.errors import AircraftError
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from descentflow.physics.performance_model import PerformanceModel
 
 if TYPE_CHECKING:
     from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
-    from descentflow.aircraft_types.bada4._bada4_aircraft import Bada4Aircraft
+    from descentflow.aircraft_types.bada4.bada4_aircraft import Bada4Aircraft
 
     AnyAircraft = Bada3Aircraft | Bada4Aircraft
 
@@ -94,7 +94,7 @@ def aircraft_from_state(state: dict[str, Any]) -> PerformanceModel:
         True
     """
     if "family" in state:
-        from descentflow.aircraft_types.bada4._bada4_aircraft import Bada4Aircraft
+        from descentflow.aircraft_types.bada4.bada4_aircraft import Bada4Aircraft
 
         return Bada4Aircraft.from_state(state)
     from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft

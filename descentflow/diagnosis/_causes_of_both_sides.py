@@ -13,7 +13,7 @@ import torch
 from descentflow.diagnosis.correction._corrected_simulator import corrected
 from descentflow.diagnosis.correction.effects_in_flights import AddedEffects
 from descentflow.diagnosis.diagnosis_steps import diagnose_compared
-from descentflow.diagnosis.findings._cause_found import Cause
+from descentflow.diagnosis.findings.cause_found import Cause
 from descentflow.diagnosis.findings.findings import Findings
 from descentflow.diagnosis.gap._what_is_left import not_identifiable
 from descentflow.diagnosis.sides.diagnosis_settings import Settings

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from descentflow.diagnosis.correction.corrected_descents import correction_made
 from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, corrected_entries
-from descentflow.diagnosis.findings._cause_found import Cause, ClosedShare
+from descentflow.diagnosis.findings.cause_found import Cause, ClosedShare
 from descentflow.diagnosis.findings.costs_found import CLOSED, COST_LABELS, Cost, LevelMeans
 from descentflow.diagnosis.findings.findings import Curve, Details, Findings
 from descentflow.diagnosis.gap._measured_gap import MeasuredGap

@@ -2,9 +2,9 @@
 
 from torch import Tensor
 
-from descentflow.effects._scale_group import THRUST_DRAG_WEIGHT
 from descentflow.effects.effect import Effect, Parameter, Shift
 from descentflow.effects.flight_state import FlightState, log_rate
+from descentflow.effects.scale_group import THRUST_DRAG_WEIGHT
 
 
 class DragPolar(Effect):

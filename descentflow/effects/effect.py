@@ -10,8 +10,8 @@ import torch
 from torch import Tensor
 
 from descentflow.core.units import FT_M, KT_MPS
-from descentflow.effects._scale_group import ScaleGroup
 from descentflow.effects.flight_state import FlightState
+from descentflow.effects.scale_group import ScaleGroup
 
 NONE = 0.1
 """Share of a size that matters up to which flights count as having none of an effect."""

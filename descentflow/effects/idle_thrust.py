@@ -2,9 +2,9 @@
 
 from torch import Tensor
 
-from descentflow.effects._scale_group import THRUST_DRAG_WEIGHT
 from descentflow.effects.effect import Effect, Parameter, Shift
 from descentflow.effects.flight_state import FlightState, log_rate
+from descentflow.effects.scale_group import THRUST_DRAG_WEIGHT
 
 NONE_LEFT = -1.0
 """Change by which there is no thrust: engines that pull backwards are no idle thrust, and rates that would need it have

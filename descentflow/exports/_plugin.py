@@ -10,7 +10,7 @@ import orjson
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import write_whole
 from descentflow.core.version import __version__
-from descentflow.exports._export_request import ExportRequest
+from descentflow.exports.export_request import ExportRequest
 
 FLOWN = ("level_fl", "vertical_rate", "CAS")
 NAME = "DESCENTFLOW"

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from descentflow.exports._export_request import ExportRequest
 from descentflow.exports._plugin import write_plugin
+from descentflow.exports.export_request import ExportRequest
 
 
 def write(request: ExportRequest, *others: ExportRequest) -> list[Path]:

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import write_whole
 from descentflow.core.units import KT_MPS, NM_M
-from descentflow.exports._export_request import ExportRequest
 from descentflow.exports._plugin import write_plugin
+from descentflow.exports.export_request import ExportRequest
 from descentflow.positions.wind import WindByLevel
 
 AHEAD_FT = 1000.0

@@ -9,7 +9,7 @@ import numpy as np
 
 from descentflow.core.files import whole_file
 from descentflow.core.tabular import optional_library
-from descentflow.exports._export_request import ExportRequest
+from descentflow.exports.export_request import ExportRequest
 from descentflow.generation.sample_columns import COLUMNS, FUEL
 
 CONVENTIONS = "CF-1.11"

@@ -10,8 +10,8 @@ from descentflow.core.arguments import Count, Output, Within, checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.core.files import check_output
 from descentflow.densities.checkpoint import as_density
-from descentflow.exports._descent_graph import Precision
-from descentflow.exports._export_request import ExportRequest
+from descentflow.exports.descent_graph import Precision
+from descentflow.exports.export_request import ExportRequest
 from descentflow.exports.targets import target_of
 from descentflow.generation.sample_contexts import Contexts
 from descentflow.positions.ground_plan import Ground, ground_plan

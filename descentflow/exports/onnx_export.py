@@ -21,8 +21,8 @@ from descentflow.core.files import write_whole
 from descentflow.core.tabular import optional_library
 from descentflow.core.version import __version__
 from descentflow.densities.density import Density
-from descentflow.exports._descent_graph import ALL_RULES, PROFILES, Precision, SamplerGraph
-from descentflow.exports._export_request import ExportRequest
+from descentflow.exports.descent_graph import ALL_RULES, PROFILES, Precision, SamplerGraph
+from descentflow.exports.export_request import ExportRequest
 from descentflow.generation.sample_columns import COLUMNS, FUEL
 from descentflow.representation.context import ContextColumn
 
@@ -91,7 +91,7 @@ def describe(density: Density, sampler: SamplerGraph, precision: Precision) -> d
 
 
 def decoder_inputs(sampler: SamplerGraph, n: int) -> dict[str, Tensor]:
-    """Inputs of the decoder for the descents of :meth:`SamplerGraph.example_inputs`, weights in place of noise.
+    """Inputs of the decoder for the descents of ``SamplerGraph.example_inputs``, weights in place of noise.
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model

@@ -7,7 +7,7 @@ import polars as pl
 
 from descentflow.core.files import whole_file
 from descentflow.core.tabular import optional_library
-from descentflow.exports._export_request import ExportRequest
+from descentflow.exports.export_request import ExportRequest
 from descentflow.generation.sample_columns import COLUMNS
 
 

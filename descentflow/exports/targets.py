@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 from descentflow.core.errors import ConfigError
 
 if TYPE_CHECKING:
-    from descentflow.exports._export_request import ExportRequest
+    from descentflow.exports.export_request import ExportRequest
 
 
 class Writer(Protocol):

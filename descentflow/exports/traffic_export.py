@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from descentflow.core.errors import ConfigError
 from descentflow.core.tabular import write_table
 from descentflow.densities.checkpoint import as_density
-from descentflow.exports._export_request import ExportRequest, rows_at
+from descentflow.exports.export_request import ExportRequest, rows_at
 from descentflow.generation.sample import sample
 from descentflow.generation.sample_columns import FUEL
 from descentflow.positions.ground_plan import GroundPlan

@@ -14,8 +14,8 @@ from descentflow.core.errors import ConfigError
 from descentflow.core.threads import one_thread_where_they_spin
 from descentflow.densities.checkpoint import as_density
 from descentflow.generation._given_temperature import given_deviation_k, in_given_air
-from descentflow.generation._sample_airs import Airs, airs_of
 from descentflow.generation.rejection import sample_descents
+from descentflow.generation.sample_airs import Airs, airs_of
 from descentflow.generation.sample_contexts import Contexts, context_rows, entry_levels
 from descentflow.generation.samples import Samples, origin_of
 from descentflow.positions.ground_plan import NOWHERE, GroundPlan

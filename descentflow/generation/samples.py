@@ -175,7 +175,7 @@ class Samples(WithTable):
         Raises:
             DataError: If there is no sample.
         """
-        from descentflow.generation._sample_figures import samples_figure
+        from descentflow.generation.sample_figures import samples_figure
 
         return samples_figure(self.trajectories, title=title)
 

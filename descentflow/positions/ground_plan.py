@@ -11,7 +11,7 @@ from torch import Tensor
 from descentflow.core.arguments import NotNegativeFloat, checked_arguments
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import NM_M
-from descentflow.positions._ground_path import GroundPath, Point, path_along, path_to
+from descentflow.positions.ground_path import GroundPath, Point, path_along, path_to
 from descentflow.positions.placing import Positions, place
 from descentflow.positions.wind import Wind, read_wind_field, wind_of_text
 from descentflow.representation.decoder.trajectories import Trajectories

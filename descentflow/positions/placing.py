@@ -10,7 +10,7 @@ from torch import Tensor
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import KT_MPS
-from descentflow.positions._ground_path import GroundPath
+from descentflow.positions.ground_path import GroundPath
 from descentflow.positions.wind import Wind
 from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.weather.weather_layout import STRONGEST_MPS
@@ -80,7 +80,7 @@ def place(
 
     Example:
         >>> from descentflow.generation.sample import sample
-        >>> from descentflow.positions._ground_path import path_to
+        >>> from descentflow.positions.ground_path import path_to
         >>> from descentflow.positions.wind import wind_of_text
         >>> flown = sample("best.ckpt", 20, entry_fl=330).trajectories
         >>> westbound = path_to((52.0, 4.0), track=270.0)

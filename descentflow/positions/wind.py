@@ -26,7 +26,7 @@ class Wind(Protocol):
         >>> class OffTheSea:
         ...     def at(self, level_fl, latitude, longitude, unix_s):
         ...         return np.full_like(latitude, 5.0), np.zeros_like(latitude)
-        >>> from descentflow.positions._ground_path import path_to
+        >>> from descentflow.positions.ground_path import path_to
         >>> from descentflow.positions.ground_plan import GroundPlan
         >>> plan = GroundPlan(path_to((52.0, 4.0), track=90.0), wind=OffTheSea())
     """

@@ -12,8 +12,8 @@ from descentflow.diagnosis.findings.findings import SEEN
 from descentflow.diagnosis.report.gap_report import GapReport
 from descentflow.diagnosis.sides.two_sides import Compared
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
-from descentflow.qualification._record import Row
 from descentflow.qualification.limits import UNITS
+from descentflow.qualification.record import Row
 
 REPORTED = {"airspeed": "IAS", "rate": "vertical_rate"}
 """Quantity -> the channel that reports it."""

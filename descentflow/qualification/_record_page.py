@@ -9,8 +9,8 @@ from descentflow.diagnosis.findings.aviation_units import between, level_range, 
 from descentflow.diagnosis.findings.plain_values import percent
 from descentflow.diagnosis.report.page import listed, simulator_name
 from descentflow.diagnosis.report.page_tables import cost_table, inputs_table
-from descentflow.qualification._record import Record, Row
 from descentflow.qualification.limits import UNITS
+from descentflow.qualification.record import Record, Row
 from descentflow.reporting.pages import drawing, rendered
 
 if TYPE_CHECKING:

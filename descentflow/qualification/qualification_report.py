@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from descentflow.core.files import whole_file
 from descentflow.core.threads import one_thread
 from descentflow.diagnosis.findings.plain_values import primitives
-from descentflow.qualification._record import Record
 from descentflow.qualification._record_page import limits_figure, page, summary
+from descentflow.qualification.record import Record
 from descentflow.reporting.in_notebook import InNotebook
 
 if TYPE_CHECKING:

@@ -26,11 +26,11 @@ from descentflow.effects import EFFECTS
 from descentflow.measurements.quantity_registry import CHANNELS
 from descentflow.qualification._assurance import budget_of, domain_of, factors_of, independence_of
 from descentflow.qualification._predicted_times import flown_as_predicted, table_of_times
-from descentflow.qualification._record import Row
 from descentflow.qualification.deviations import BAND_FL, Deviation, by_level, of_predictions, own_predictions
 from descentflow.qualification.equivalence import MeanOfFlights, Verdict, judge, mean_of
 from descentflow.qualification.limits import UNITS, Limit, Limits, read_limits
 from descentflow.qualification.qualification_report import FILES, Qualification
+from descentflow.qualification.record import Row
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.open_descents import FlightSource, paths_of
 

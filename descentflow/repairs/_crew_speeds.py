@@ -9,7 +9,7 @@ from torch import Tensor
 from descentflow.core.linear_gaussian import Array
 from descentflow.core.units import FT_M, KT_MPS
 from descentflow.effects.flight_state import CHANGING, NEAR_MACH, constant_mach_slope
-from descentflow.repairs._flight_evidence import FlightEvidence
+from descentflow.repairs.flight_evidence import FlightEvidence
 from descentflow.repairs.mixed_model import Z_90
 
 SPREADS = {"des_mach": 0.03, "des_cas_high_kt": 20.0, "des_cas_low_kt": 20.0}
@@ -47,7 +47,7 @@ def crew_speeds(evidence: FlightEvidence, prior: dict[str, float]) -> dict[str, 
     Example:
         >>> import polars as pl
         >>> from descentflow.aircraft_types.registry import aircraft
-        >>> from descentflow.repairs._flight_evidence import flight_evidence
+        >>> from descentflow.repairs.flight_evidence import flight_evidence
         >>> evidence = flight_evidence(pl.read_parquet("descents.parquet"), aircraft("A320"))
         >>> round(crew_speeds(evidence, {"des_mach": 0.77})["des_mach"].estimate, 2)
         0.77

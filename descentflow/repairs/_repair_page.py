@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from descentflow.core.files import table_beside
-from descentflow.repairs._flight_evidence import BAND_FL
-from descentflow.repairs._held_out import Error
+from descentflow.repairs.flight_evidence import BAND_FL
+from descentflow.repairs.held_out import Error
 from descentflow.repairs.repair_found import CoefficientEstimate, Repair
 from descentflow.reporting.pages import drawing, rendered
 

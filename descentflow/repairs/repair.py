@@ -14,11 +14,11 @@ from descentflow.core.arguments import Output, checked_arguments
 from descentflow.core.errors import AircraftError, DataError
 from descentflow.core.linear_gaussian import Array
 from descentflow.repairs._crew_speeds import CrewSpeed, crew_speeds
-from descentflow.repairs._held_out import held_out
-from descentflow.repairs._type_fit import Repairable, TypeFlights, fit_types, type_flights
+from descentflow.repairs.held_out import held_out
 from descentflow.repairs.mixed_model import Z_90, MixedModelPosterior
 from descentflow.repairs.repair_found import FACTORS, SPEEDS, CoefficientEstimate, Repair
 from descentflow.repairs.repaired_files import check_out, write_repair
+from descentflow.repairs.type_fit import Repairable, TypeFlights, fit_types, type_flights
 from descentflow.surveillance.open_descents import FlightSource
 
 FEWEST_FLIGHTS, FEWEST_AIRCRAFT = 20, 5

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from descentflow.repairs._held_out import HeldOut
-from descentflow.repairs._type_fit import Repairable
+from descentflow.repairs.held_out import HeldOut
 from descentflow.repairs.mixed_model import MixedModelPosterior
+from descentflow.repairs.type_fit import Repairable
 
 FACTORS = ("parasitic", "induced", "idle")
 """Factors of drag and thrust in the order of the estimates."""

@@ -24,8 +24,8 @@ from descentflow.core.units import FL_M, KT_MPS
 from descentflow.physics.airspeed import cas_to_tas_mps
 from descentflow.physics.atmosphere import isa_temperature_k
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.representation.fpca._mask_groups import group_masks
 from descentflow.representation.fpca.gappy import gappy_profiles
+from descentflow.representation.fpca.mask_groups import group_masks
 from descentflow.representation.fpca.ppca import posterior
 from descentflow.representation.profiles import Profiles, drag_at_idle_n
 from descentflow.surveillance.rows.airspeed_source import REPORTED, derived_flights

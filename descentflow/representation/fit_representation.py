@@ -16,9 +16,9 @@ from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.drag_scale import DragScale, DragScaleName, fit_drag_scale
 from descentflow.representation.evidence import Gaps
 from descentflow.representation.flight_parts import Top
-from descentflow.representation.fpca._mask_groups import group_masks
 from descentflow.representation.fpca.basis import FunctionalBasis
 from descentflow.representation.fpca.gappy import Method, fit_components
+from descentflow.representation.fpca.mask_groups import group_masks
 from descentflow.representation.fpca.ppca import posterior
 from descentflow.representation.fpca.roughness import SPREAD_WEIGHT, smoother
 from descentflow.representation.linear_curves import has_noise_model

@@ -9,7 +9,7 @@ from descentflow.core.errors import ConfigError
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.drag_scale import Observed
 from descentflow.representation.evidence import Gaps, WeightEvidence
-from descentflow.representation.fpca._mask_groups import group_masks
+from descentflow.representation.fpca.mask_groups import group_masks
 from descentflow.representation.profiles import Profiles
 
 KEPT_NOISE = 1e-4

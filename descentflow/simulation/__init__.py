@@ -2,7 +2,8 @@
 
 Reading order: :mod:`~descentflow.simulation.world` (the front function), :mod:`~descentflow.simulation.scenarios` and
 :mod:`~descentflow.simulation.world_config` (its settings), :mod:`~descentflow.simulation.parameters` (what is drawn for
-each flight, with ``_planned_changes`` and :mod:`~descentflow.simulation.weather`), ``_flight``, ``_motion`` and
+each flight, with :mod:`~descentflow.simulation.planned_changes` and :mod:`~descentflow.simulation.weather`),
+:mod:`~descentflow.simulation.flight`, :mod:`~descentflow.simulation.motion` and
 :mod:`~descentflow.simulation.autopilot` (how it is flown), :mod:`~descentflow.simulation.truth` and
 :mod:`~descentflow.simulation.observe` (the tables that result). Effects that a diagnosis is to find are injected by
 :mod:`~descentflow.simulation.causes` through :mod:`~descentflow.simulation.injected`. Nothing of this shares an

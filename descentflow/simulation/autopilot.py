@@ -14,8 +14,8 @@ from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import FPM_MPS
 from descentflow.physics.airspeed import cas_to_tas_mps, mach_to_tas_mps
 from descentflow.physics.atmosphere import geometric_altitude_m, isa_fraction
-from descentflow.simulation._motion import Controls, Dynamics, Motion
 from descentflow.simulation.injected import Injected
+from descentflow.simulation.motion import Controls, Dynamics, Motion
 
 CRUISE, IDLE, LEVEL_OFF, MANAGED, BOTTOM, DONE, INJECTED, SEGMENT = range(8)
 """Modes of the autopilot."""

@@ -10,7 +10,8 @@ from torch import Tensor
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import FL_M, FT_M, KT_MPS
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.simulation._planned_changes import (
+from descentflow.simulation.injected import Injected, neutral
+from descentflow.simulation.planned_changes import (
     ConstantRates,
     OffIdle,
     SpeedChanges,
@@ -20,7 +21,6 @@ from descentflow.simulation._planned_changes import (
     ranged,
     uniform_of,
 )
-from descentflow.simulation.injected import Injected, neutral
 from descentflow.simulation.weather import Weather, draw_weather
 from descentflow.simulation.world_config import Operator, WorldConfig, default_operators, largest_landing_mass_kg
 

@@ -11,8 +11,8 @@ import torch
 from torch import Tensor
 
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
-from descentflow.simulation._flight import Flown
 from descentflow.simulation.autopilot import LABELS
+from descentflow.simulation.flight import Flown
 from descentflow.simulation.parameters import PARTS, FlightParameters
 from descentflow.simulation.world_config import Operator
 
@@ -162,7 +162,7 @@ def truth_table(named: Sequence[Flight], flown: Flown) -> pl.DataFrame:
 
     Example:
         >>> from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
-        >>> from descentflow.simulation._flight import fly
+        >>> from descentflow.simulation.flight import fly
         >>> from descentflow.simulation.parameters import draw_parameters
         >>> from descentflow.simulation.world_config import WorldConfig
         >>> aircraft, config = open_aircraft("A320"), WorldConfig(bottom_fl=290.0, low_top_share=0.0)

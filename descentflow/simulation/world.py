@@ -15,9 +15,9 @@ from descentflow.core.files import check_output, whole_file
 from descentflow.core.tabular import to_pandas
 from descentflow.core.threads import check_not_forked
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.simulation._flight import fly
 from descentflow.simulation._plain_adsb import check_common_air, plain_adsb
 from descentflow.simulation.causes._injection import Injection
+from descentflow.simulation.flight import fly
 from descentflow.simulation.observe import observe
 from descentflow.simulation.parameters import FlightParameters, draw_parameters
 from descentflow.simulation.plantable import Values

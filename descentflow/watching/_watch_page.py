@@ -6,9 +6,9 @@ import numpy as np
 import polars as pl
 
 from descentflow.reporting.pages import drawing, rendered
-from descentflow.watching._watch_result import Watch, standing
 from descentflow.watching.change_evidence import SHAPES, SIZES, YEAR, DayMeans, Evidence
 from descentflow.watching.day_record import WATCHED, means_of
+from descentflow.watching.watch_result import Watch, standing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

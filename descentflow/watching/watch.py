@@ -20,11 +20,11 @@ from descentflow.diagnosis.sides.simulator import FLIGHTS, kind_of_simulator
 from descentflow.surveillance.descents.prepared_descents import Descents
 from descentflow.surveillance.open_descents import FlightSource
 from descentflow.watching._changes import change_of
-from descentflow.watching._state import PAGE, State, WatchSettings
 from descentflow.watching._watch_page import page
-from descentflow.watching._watch_result import Watch
 from descentflow.watching.change_evidence import MIN_REFERENCE, Evidence, evidence
 from descentflow.watching.day_record import day_record, means_of
+from descentflow.watching.state import PAGE, State, WatchSettings
+from descentflow.watching.watch_result import Watch
 
 REFERENCE_DAYS = 30
 FALSE_ALARMS = 0.05

@@ -12,7 +12,7 @@ from torch.export import ExportedProgram
 
 from descentflow.densities.density import Density
 from descentflow.densities.weight_draws import MixtureDraw
-from descentflow.exports._descent_graph import OFF_GRID, PROFILES, Precision, SamplerGraph
+from descentflow.exports.descent_graph import OFF_GRID, PROFILES, Precision, SamplerGraph
 from descentflow.exports.onnx_export import TRACED_WITH, to_onnx, trace
 from descentflow.representation.plausibility import RULES
 

@@ -8,7 +8,7 @@ import torch
 
 import descentflow as df
 from descentflow.core.units import FL_M
-from descentflow.positions._ground_path import path_to
+from descentflow.positions.ground_path import path_to
 from descentflow.positions.placing import place
 from descentflow.positions.wind import WindByLevel
 from descentflow.representation.decoder.trajectories import Trajectories

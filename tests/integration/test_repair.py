@@ -18,7 +18,7 @@ from descentflow.cli.entry import main
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.diagnosis.sides.two_sides import compare
 from descentflow.measurements.quantities import CHANNELS, quantities_of
-from descentflow.repairs._held_out import HeldOut, _error
+from descentflow.repairs.held_out import HeldOut, _error
 from descentflow.repairs.repair_found import Repair
 from descentflow.surveillance.descents.prepared_descents import Descents, write_descents
 

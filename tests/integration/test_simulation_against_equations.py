@@ -12,7 +12,7 @@ from descentflow.core.units import FL_M
 from descentflow.physics.airspeed import cas_to_tas_mps
 from descentflow.representation.decoder.trajectories import integrate
 from descentflow.representation.profiles import profiles_from_frame
-from descentflow.simulation._flight import Flown, fly
+from descentflow.simulation.flight import Flown, fly
 from descentflow.simulation.parameters import FlightParameters, draw_parameters
 from descentflow.simulation.world import simulate
 from descentflow.simulation.world_config import WorldConfig

@@ -8,7 +8,7 @@ import pytest
 from hostile_toys import FLIGHT, OF_JSON, SOURCES, blocks, outcome, refused
 from source_toys import cat062, written_to
 
-from descentflow.surveillance.formats._json_rows import DAMAGED
+from descentflow.surveillance.formats.json_rows import DAMAGED
 
 ODD = (None, True, 1e308, -1e308, 10**400, float("nan"), "x", "", [], {}, [1], {"a": 1}, "\ud800", -1, 1e18, "9" * 999)
 

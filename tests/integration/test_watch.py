@@ -18,7 +18,7 @@ from descentflow.core.errors import ConfigError, DataError
 from descentflow.diagnosis.diagnose import diagnose
 from descentflow.effects import EFFECTS
 from descentflow.simulation.days import simulate_days
-from descentflow.watching._state import DAYS
+from descentflow.watching.state import DAYS
 from descentflow.watching.watch import watch
 
 CHANGED = "2024-03-17"

@@ -4,8 +4,8 @@ import pytest
 import torch
 from bada4_dummies import DUMMIES, dummies, printed_descents
 
-from descentflow.aircraft_types.bada4._engines import Piston
 from descentflow.aircraft_types.bada4.acm_file import read_acm, read_gpf
+from descentflow.aircraft_types.bada4.engines import Piston
 from descentflow.aircraft_types.registry import aircraft
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
 from descentflow.physics.airspeed import cas_to_mach, mach_to_cas_mps, mach_to_tas_mps

@@ -10,8 +10,8 @@ from toys import normal
 from descentflow.core.errors import DataError
 from descentflow.representation.fpca import ppca
 from descentflow.representation.fpca._complete import leading, mean_and_covariance
-from descentflow.representation.fpca._mask_groups import MaskGroups, group_masks
 from descentflow.representation.fpca.gappy import Method, fit_components
+from descentflow.representation.fpca.mask_groups import MaskGroups, group_masks
 
 SPACING_M = 30.48
 

@@ -7,13 +7,13 @@ import torch
 from bada4_dummies import dummies
 from refusals import refuses
 
-from descentflow.aircraft_types._standard_descent import STANDARD
 from descentflow.aircraft_types.bada3._bada_directory import load_aircraft, load_directory, read_gpf, to_aircraft
 from descentflow.aircraft_types.bada3._fixed_columns import e10
 from descentflow.aircraft_types.bada3.apf_file import read_apf, write_apf
 from descentflow.aircraft_types.bada3.opf_file import read_opf, write_opf
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft, open_typecodes
 from descentflow.aircraft_types.registry import aircraft, aircraft_from_state
+from descentflow.aircraft_types.standard_descent import STANDARD
 from descentflow.core.errors import AircraftError, DataError
 from descentflow.physics.nominal_descent import nominal_descent
 

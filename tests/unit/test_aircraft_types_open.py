@@ -8,9 +8,9 @@ from typing import get_args
 import pytest
 import torch
 
-from descentflow.aircraft_types._standard_descent import STANDARD
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
 from descentflow.aircraft_types.open_types.open_aircraft import Confidence, open_aircraft, open_type, open_typecodes
+from descentflow.aircraft_types.standard_descent import STANDARD
 from descentflow.core.errors import AircraftError
 from descentflow.core.units import FL_M, FPM_MPS
 from descentflow.physics.nominal_descent import nominal_descent

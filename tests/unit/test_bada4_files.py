@@ -8,7 +8,7 @@ import pytest
 from bada4_dummies import DUMMIES, dummies
 from refusals import refuses
 
-from descentflow.aircraft_types.bada4._bada4_aircraft import Bada4Aircraft
+from descentflow.aircraft_types.bada4.bada4_aircraft import Bada4Aircraft
 from descentflow.aircraft_types.nearest_type import nearest_type
 from descentflow.aircraft_types.registry import aircraft, every_aircraft
 from descentflow.core.errors import AircraftError, UnknownTypeError

@@ -11,8 +11,8 @@ from torch import Tensor
 from descentflow.core.units import FPM_MPS, KT_MPS, NM_M
 from descentflow.diagnosis.findings.costs_found import Cost
 from descentflow.diagnosis.gap.costs import costs_of, profile_of
-from descentflow.diagnosis.sides._vectors import Entry
 from descentflow.diagnosis.sides.two_sides import Compared
+from descentflow.diagnosis.sides.vectors import Entry
 from descentflow.effects import EFFECTS
 from descentflow.physics.airspeed import cas_to_mach, mach_to_tas_mps
 

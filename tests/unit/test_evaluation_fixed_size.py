@@ -10,8 +10,8 @@ from scipy.stats import ks_2samp, wasserstein_distance
 from torch import Tensor
 
 from descentflow.core.units import KT_MPS
-from descentflow.evaluation.metrics._distances import Values
 from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.distances import Values
 from descentflow.evaluation.metrics.noise_floor import SIZE, Distances, matched_size, split_distances, splits
 from descentflow.evaluation.metrics.scores import score
 

@@ -14,9 +14,9 @@ from descentflow.core.errors import DataError
 from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.evaluation.evaluation_report import verdict
 from descentflow.evaluation.figures._score_figures import level_scores_figure
-from descentflow.evaluation.metrics._distances import MIN_VALUES, Pooled, Values
 from descentflow.evaluation.metrics.classifier import Detection
 from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.distances import MIN_VALUES, Pooled, Values
 from descentflow.evaluation.metrics.score_registry import STATISTICS, LevelStatistic, ProfileStatistic
 from descentflow.evaluation.metrics.score_table import Score, ScoreTable
 from descentflow.evaluation.metrics.scores import score

@@ -12,8 +12,7 @@ from descentflow.aircraft_types.registry import aircraft
 from descentflow.diagnosis.correction.effects_in_flights import AddedEffects, corrected_entries
 from descentflow.diagnosis.diagnosis_steps import diagnose_compared
 from descentflow.diagnosis.gap._what_is_left import curves, remaining_of, standard_errors
-from descentflow.diagnosis.inference._candidates import MeanEffect
-from descentflow.diagnosis.inference._naming import nuisances
+from descentflow.diagnosis.inference.candidates import MeanEffect
 from descentflow.diagnosis.inference.explain import detection_limits, explain
 from descentflow.diagnosis.inference.moments import (
     left_open_by_coefficients,
@@ -21,12 +20,13 @@ from descentflow.diagnosis.inference.moments import (
     sums_by_aircraft_and_day,
     sums_over,
 )
+from descentflow.diagnosis.inference.naming import nuisances
 from descentflow.diagnosis.inference.signatures import Signatures
 from descentflow.diagnosis.inference.verdict import verdict_of
-from descentflow.diagnosis.sides._vectors import Entry
 from descentflow.diagnosis.sides.diagnosis_settings import Settings
 from descentflow.diagnosis.sides.simulator import Simulator
 from descentflow.diagnosis.sides.two_sides import Compared
+from descentflow.diagnosis.sides.vectors import Entry
 from descentflow.effects import EFFECTS, Effect
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 

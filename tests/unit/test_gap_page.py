@@ -15,10 +15,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from descentflow.diagnosis.findings._cause_found import ClosedShare, OnBothSides, ParameterEstimate, ReportedSize
-from descentflow.diagnosis.findings._inputs_found import Provenance
+from descentflow.diagnosis.findings.cause_found import ClosedShare, OnBothSides, ParameterEstimate, ReportedSize
 from descentflow.diagnosis.findings.costs_found import Measured
 from descentflow.diagnosis.findings.findings import Curve, Findings
+from descentflow.diagnosis.findings.inputs_found import Provenance
 from descentflow.diagnosis.inference._described import recipe_of
 from descentflow.diagnosis.report.figures import cost_figure, level_figure
 from descentflow.diagnosis.report.page import next_command, page, summary

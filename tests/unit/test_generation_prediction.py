@@ -16,8 +16,8 @@ from descentflow.core.errors import ConfigError, DataError, SamplingError
 from descentflow.densities.gaussian import GaussianDensity
 from descentflow.densities.mixture_parameters import Mixture
 from descentflow.generation.conditional._latent_density import Prior, posterior_of, prior_of
-from descentflow.generation.prediction._predictor import DescentPredictor, observed_at
-from descentflow.generation.prediction._summary import (
+from descentflow.generation.prediction.predictor import DescentPredictor, observed_at
+from descentflow.generation.prediction.summary import (
     actual_times,
     coverage,
     time_intervals,

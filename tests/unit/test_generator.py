@@ -24,7 +24,7 @@ from descentflow.core.errors import ConfigError, DataError, ImplausibleError
 from descentflow.core.units import FPM_MPS, KT_MPS
 from descentflow.densities.checkpoint import content_of
 from descentflow.densities.gaussian import GaussianDensity
-from descentflow.generation.prediction._predictor import DescentPredictor
+from descentflow.generation.prediction.predictor import DescentPredictor
 from descentflow.representation.context import ContextEncoder
 from descentflow.representation.representation import Representation
 from descentflow.representation.residuals import Residuals

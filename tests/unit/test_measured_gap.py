@@ -10,7 +10,7 @@ from example_sides import example_sides
 from descentflow.aircraft_types.registry import aircraft
 from descentflow.core.mode_s_steps import STEPS
 from descentflow.diagnosis.diagnosis_steps import diagnose_compared
-from descentflow.diagnosis.findings._gap_found import MeasuredEntry
+from descentflow.diagnosis.findings.gap_found import MeasuredEntry
 from descentflow.diagnosis.gap._labellings import mean_over_quantities
 from descentflow.diagnosis.gap._measured_gap import MeasuredGap, measured_again
 from descentflow.diagnosis.gap._previous_round import achieved_share

@@ -17,8 +17,8 @@ from descentflow.core.errors import CheckpointError, ConfigError, DataError
 from descentflow.core.units import FL_M, KT_MPS
 from descentflow.densities.checkpoint import load_model
 from descentflow.exports.export import export
-from descentflow.generation._sample_airs import air_of_table, airs_of
 from descentflow.generation.rejection import sample_descents
+from descentflow.generation.sample_airs import air_of_table, airs_of
 from descentflow.representation.decoder.trajectories import integrate
 from descentflow.representation.own_air import flown_in
 from descentflow.simulation.world_config import WorldConfig

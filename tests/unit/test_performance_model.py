@@ -11,10 +11,10 @@ from plain_descents import plain_descents
 from torch import Tensor
 
 import descentflow
-from descentflow.aircraft_types.bada3._coefficients import Coefficients
-from descentflow.aircraft_types.bada4._bada4_aircraft import Bada4Aircraft
-from descentflow.aircraft_types.bada4._engines import Piston, Turboprop
-from descentflow.aircraft_types.bada4._wing import Wing
+from descentflow.aircraft_types.bada3.coefficients import Coefficients
+from descentflow.aircraft_types.bada4.bada4_aircraft import Bada4Aircraft
+from descentflow.aircraft_types.bada4.engines import Piston, Turboprop
+from descentflow.aircraft_types.bada4.wing import Wing
 from descentflow.aircraft_types.registry import aircraft, aircraft_from_state
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.errors import AircraftError

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 import torch
 
-from descentflow.aircraft_types._standard_descent import GlobalParameters
 from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
+from descentflow.aircraft_types.standard_descent import GlobalParameters
 from descentflow.core.errors import AircraftError
 from descentflow.core.units import FL_M, FT_M, KT_MPS
 from descentflow.physics.atmosphere import pressure_pa

@@ -8,8 +8,8 @@ import re
 import pytest
 
 from descentflow import physics
-from descentflow.aircraft_types.bada3._coefficients import Coefficients
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
+from descentflow.aircraft_types.bada3.coefficients import Coefficients
 from descentflow.physics import airspeed, atmosphere, energy, idle_state, level_table, nominal_descent
 
 EQUATIONS = (airspeed, atmosphere, energy, idle_state, level_table, nominal_descent)
@@ -44,8 +44,8 @@ def test_an_equation_names_its_section_of_the_manual(name: str) -> None:
     ("module", "section"),
     [
         ("core.constants", "3.1"),
-        ("aircraft_types._standard_descent", "5"),
-        ("aircraft_types.bada3._coefficients", "3"),
+        ("aircraft_types.standard_descent", "5"),
+        ("aircraft_types.bada3.coefficients", "3"),
         ("aircraft_types.bada3.opf_file", "6.4"),
         ("aircraft_types.bada3.apf_file", "6.5"),
         ("aircraft_types.bada3._bada_directory", "6.3 and 6.8"),

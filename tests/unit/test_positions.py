@@ -11,7 +11,7 @@ from pyproj import Geod
 
 from descentflow.core.errors import ConfigError
 from descentflow.core.units import KT_MPS, NM_M
-from descentflow.positions._ground_path import path_along, path_to
+from descentflow.positions.ground_path import path_along, path_to
 from descentflow.positions.ground_plan import ground_plan
 from descentflow.positions.placing import place
 from descentflow.positions.wind import WindByLevel, wind_of_text

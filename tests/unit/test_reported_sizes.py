@@ -5,8 +5,8 @@ import math
 import pytest
 import torch
 
-from descentflow.diagnosis.findings._cause_found import Cause, ClosedShare, Closure
 from descentflow.diagnosis.findings._sizes import NINETY, share_of, sizes_of
+from descentflow.diagnosis.findings.cause_found import Cause, ClosedShare, Closure
 from descentflow.diagnosis.inference._described import recipe_of
 from descentflow.effects import EFFECTS
 

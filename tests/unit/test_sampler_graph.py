@@ -9,7 +9,7 @@ from descentflow.core.errors import ConfigError
 from descentflow.densities.density import Density
 from descentflow.densities.flow import MaskedAffineFlowDensity
 from descentflow.densities.weight_draws import MixtureDraw
-from descentflow.exports._descent_graph import DescentGraph, SamplerGraph
+from descentflow.exports.descent_graph import DescentGraph, SamplerGraph
 from descentflow.representation.correction import Correction
 from descentflow.representation.representation import Representation
 

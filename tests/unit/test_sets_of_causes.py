@@ -6,12 +6,12 @@ import torch
 from scipy import stats
 
 from descentflow.core.linear_gaussian import Precisions, posterior, shrunk
-from descentflow.diagnosis.inference._candidates import FlightsEffect
-from descentflow.diagnosis.inference._naming import Named, name_effects
-from descentflow.diagnosis.inference._sets import Search, SetFit, SetFits
+from descentflow.diagnosis.inference.candidates import FlightsEffect
 from descentflow.diagnosis.inference.explain import changed_surely, sizes_measured
 from descentflow.diagnosis.inference.flight_mixture import LearntLaw
 from descentflow.diagnosis.inference.moments import Moments
+from descentflow.diagnosis.inference.naming import Named, name_effects
+from descentflow.diagnosis.inference.sets import Search, SetFit, SetFits
 from descentflow.diagnosis.inference.signatures import linearised
 from descentflow.diagnosis.sides.assumptions import Assumptions
 from descentflow.effects import EFFECTS

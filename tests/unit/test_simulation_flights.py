@@ -14,9 +14,9 @@ from descentflow.aircraft_types.open_types.open_aircraft import open_aircraft
 from descentflow.core.constants import G0_MPS2, LAPSE_K_M, P0_PA, R_AIR, T0_K
 from descentflow.core.units import FL_M, FT_M, KT_MPS
 from descentflow.physics.airspeed import cas_to_tas_mps
-from descentflow.simulation._flight import fly
-from descentflow.simulation._motion import Controls, Dynamics, Motion
 from descentflow.simulation.causes import Injection
+from descentflow.simulation.flight import fly
+from descentflow.simulation.motion import Controls, Dynamics, Motion
 from descentflow.simulation.parameters import FlightParameters, draw_parameters
 from descentflow.simulation.world_config import WorldConfig
 

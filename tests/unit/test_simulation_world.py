@@ -174,7 +174,7 @@ def test_settings_that_make_no_world_are_refused(settings: dict[str, object], wo
 
 def test_bottom_above_the_top_and_aircraft_that_never_descends_are_refused(monkeypatch) -> None:
     refuses(ConfigError, "above the bottom", simulate, AIRCRAFT, 5, 0, WorldConfig(bottom_fl=390))
-    monkeypatch.setattr("descentflow.simulation._flight.LONGEST_S", 300.0)
+    monkeypatch.setattr("descentflow.simulation.flight.LONGEST_S", 300.0)
     refuses(ConfigError, "idle thrust", simulate, replace(AIRCRAFT, ct_des_high=0.9), 2, 0)
     refuses(ConfigError, "three different names", simulate, AIRCRAFT, 1, 0, out=Path())
     refuses(ConfigError, "expected a path", simulate, AIRCRAFT, 1, 0, out="")

@@ -9,13 +9,13 @@ import torch
 from scipy.optimize import minimize
 
 from descentflow.aircraft_types.registry import aircraft
-from descentflow.diagnosis.sides._simulator_coefficients import (
+from descentflow.diagnosis.sides.assumptions import ASSUMED
+from descentflow.diagnosis.sides.simulator_coefficients import (
     SimulatorCoefficients,
     _spread,
     scaled,
     simulator_coefficients,
 )
-from descentflow.diagnosis.sides.assumptions import ASSUMED
 from descentflow.effects._example_flights import example_flights
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.measurements.quantities import quantities_of

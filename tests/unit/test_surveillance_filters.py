@@ -16,8 +16,8 @@ from descentflow.surveillance.cleaning._descent_filters import (
     SteadyDescent,
 )
 from descentflow.surveillance.cleaning._faulty_values import AirspeedsAgree, Despike, Stale
-from descentflow.surveillance.cleaning._filters import SEGMENT, filtered
 from descentflow.surveillance.cleaning.chain import before_rates
+from descentflow.surveillance.cleaning.filters import SEGMENT, filtered
 from descentflow.surveillance.cleaning.rates import ConstantRate
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt, mach_of_cas

@@ -16,7 +16,7 @@ from source_toys import FLIGHT, assert_same_flight, rows_of, scat_of, snapshots_
 from surveillance_toys import fleet, written
 
 from descentflow.core.errors import DataError
-from descentflow.surveillance.formats._json_rows import numbers, table, texts
+from descentflow.surveillance.formats.json_rows import numbers, table, texts
 from descentflow.surveillance.prepare import prepare
 from descentflow.surveillance.read_rows import read_rows
 from descentflow.surveillance.rows.drop_report import DropReport

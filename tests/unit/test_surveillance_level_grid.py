@@ -9,8 +9,8 @@ from refusals import refuses
 from surveillance_toys import rows_at
 
 from descentflow.core.errors import DataError
-from descentflow.surveillance.cleaning._filters import SEGMENT
 from descentflow.surveillance.cleaning._level_grid import to_levels
+from descentflow.surveillance.cleaning.filters import SEGMENT
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents, read_descents, top_levels, write_descents
 from descentflow.surveillance.rows.drop_report import DropReport

@@ -15,7 +15,7 @@ from descentflow.core.errors import ConfigError, DescentflowWarning
 from descentflow.core.units import FL_M, KT_MPS, NM_M
 from descentflow.densities import GaussianDensity
 from descentflow.generation._given_temperature import given_deviation_k
-from descentflow.generation.prediction._predictor import DescentPredictor
+from descentflow.generation.prediction.predictor import DescentPredictor
 from descentflow.representation.context import ContextEncoder
 
 WARM = 15.0

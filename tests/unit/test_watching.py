@@ -8,8 +8,8 @@ import pytest
 from scipy.stats import binom
 
 from descentflow.core.errors import ConfigError, DataError
-from descentflow.watching._state import DAYS, State, WatchSettings
 from descentflow.watching.change_evidence import DRIFT_DAYS, SIZES, DayMeans, _of_quantity, evidence
+from descentflow.watching.state import DAYS, State, WatchSettings
 
 REFERENCE = 12
 OURS = WatchSettings("flown", "abc", "A320", REFERENCE, 0.05)

@@ -259,7 +259,7 @@ def test_grib_that_is_no_such_field_is_refused_quietly(grib: Path, capfd: pytest
 def test_a_program_that_imports_eccodes_first_is_refused_and_not_ended(first: str, said: str) -> None:
     code = f"""{first}
 from descentflow.core.errors import ConfigError
-from descentflow.positions._ground_path import path_to
+from descentflow.positions.ground_path import path_to
 import numpy as np
 try:
     print(path_to((52.0, 4.0), track=180.0).at(np.zeros(1))[2][0])

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from difflib import get_close_matches
 from pathlib import Path
 
-from descentflow.aircraft_types._standard_descent import STANDARD, GlobalParameters
 from descentflow.aircraft_types.bada3._fixed_columns import Line, data_lines, read_lines
 from descentflow.aircraft_types.bada3.apf_file import DESCENT, Apf, read_apf
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
 from descentflow.aircraft_types.bada3.opf_file import Opf, read_opf
+from descentflow.aircraft_types.standard_descent import STANDARD, GlobalParameters
 from descentflow.core.errors import AircraftError, UnknownTypeError
 
 _TURBINE = {"jet", "turbo", "tbp"}

@@ -6,7 +6,7 @@ from functools import reduce
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types.bada3._speeds import Speeds
+from descentflow.aircraft_types.bada3.speeds import Speeds
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.tensors import Number, as_tensors, broadcast
 from descentflow.core.units import FT_M, KT_MPS

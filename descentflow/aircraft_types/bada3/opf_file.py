@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from descentflow.aircraft_types._standard_descent import EngineKind
 from descentflow.aircraft_types.bada3._fixed_columns import Line, data_lines, header, read_lines, write_lines
 from descentflow.aircraft_types.bada3.bada3_aircraft import Bada3Aircraft
+from descentflow.aircraft_types.standard_descent import EngineKind
 
 PHASES = ("CR", "IC", "TO", "AP", "LD")
 ENGINES: dict[str, EngineKind] = {"JET": "jet", "TURBOPROP": "turboprop", "PISTON": "piston"}

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types.bada4._bada4_aircraft import Bada4Aircraft
+from descentflow.aircraft_types.bada4.bada4_aircraft import Bada4Aircraft
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.errors import AircraftError
 from descentflow.core.units import FL_M, FT_M, KT_MPS
@@ -65,7 +65,7 @@ def judged(model: Bada4Aircraft) -> Iterator[Judged]:
 
     Example:
         >>> from descentflow.aircraft_types.bada4.acm_file import read_acm
-        >>> from descentflow.aircraft_types._standard_descent import STANDARD
+        >>> from descentflow.aircraft_types.standard_descent import STANDARD
         >>> all(one.within for one in judged(read_acm("A320-231.xml", STANDARD)))
         Traceback (most recent call last):
         descentflow.core.errors.AircraftError: A320-231.xml: ...
@@ -167,7 +167,7 @@ def contradicted(model: Bada4Aircraft, table: Path) -> str | None:
 
     Example:
         >>> from descentflow.aircraft_types.bada4.acm_file import read_acm
-        >>> from descentflow.aircraft_types._standard_descent import STANDARD
+        >>> from descentflow.aircraft_types.standard_descent import STANDARD
         >>> contradicted(read_acm("A320-231.xml", STANDARD), Path("A320-231_ISA.PTD"))
         Traceback (most recent call last):
         descentflow.core.errors.AircraftError: A320-231.xml: ...

@@ -6,11 +6,11 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, NoReturn
 
-from descentflow.aircraft_types._coefficient_group import CoefficientGroup
-from descentflow.aircraft_types._standard_descent import GlobalParameters
-from descentflow.aircraft_types.bada4._bada4_aircraft import ENGINES, Bada4Aircraft
 from descentflow.aircraft_types.bada4._number_checks import contradicted, judged
-from descentflow.aircraft_types.bada4._wing import Wing
+from descentflow.aircraft_types.bada4.bada4_aircraft import ENGINES, Bada4Aircraft
+from descentflow.aircraft_types.bada4.wing import Wing
+from descentflow.aircraft_types.coefficient_group import CoefficientGroup
+from descentflow.aircraft_types.standard_descent import GlobalParameters
 from descentflow.core.errors import AircraftError
 from descentflow.core.tabular import optional_library
 from descentflow.core.units import FT_M, KT_MPS

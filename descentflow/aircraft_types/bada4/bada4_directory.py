@@ -3,8 +3,8 @@
 from difflib import get_close_matches
 from pathlib import Path
 
-from descentflow.aircraft_types.bada4._bada4_aircraft import Bada4Aircraft
 from descentflow.aircraft_types.bada4.acm_file import read_acm, read_gpf, read_root, read_xml
+from descentflow.aircraft_types.bada4.bada4_aircraft import Bada4Aircraft
 from descentflow.core.errors import AircraftError, UnknownTypeError
 
 GLOBAL_PARAMETERS = "GPF.xml"

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.findings._cause_found import ClosedShare, OnBothSides, ParameterEstimate, ReportedSize
+from descentflow.diagnosis.findings.cause_found import ClosedShare, OnBothSides, ParameterEstimate, ReportedSize
 from descentflow.diagnosis.findings.costs_found import NINETY, Measured
 from descentflow.diagnosis.findings.plain_values import number, percent
 from descentflow.effects import Effect, Parameter

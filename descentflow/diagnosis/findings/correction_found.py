@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from descentflow.diagnosis.findings._cause_found import ClosedShare
+from descentflow.diagnosis.findings.cause_found import ClosedShare
 from descentflow.diagnosis.findings.costs_found import Measured
 
 CHECKPOINT, FLIGHTS = "corrected.ckpt", "corrected.parquet"

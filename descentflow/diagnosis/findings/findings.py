@@ -3,8 +3,10 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
-from descentflow.diagnosis.findings._cause_found import Cause
-from descentflow.diagnosis.findings._gap_found import (
+from descentflow.diagnosis.findings.cause_found import Cause
+from descentflow.diagnosis.findings.correction_found import Corrections, Previous, RecipeStep
+from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans
+from descentflow.diagnosis.findings.gap_found import (
     BelowRounding,
     GapCell,
     MeasuredEntry,
@@ -12,9 +14,7 @@ from descentflow.diagnosis.findings._gap_found import (
     Remaining,
     WouldSplit,
 )
-from descentflow.diagnosis.findings._inputs_found import FlightWorthALook, LeftOutChannel, Provenance
-from descentflow.diagnosis.findings.correction_found import Corrections, Previous, RecipeStep
-from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans
+from descentflow.diagnosis.findings.inputs_found import FlightWorthALook, LeftOutChannel, Provenance
 from descentflow.diagnosis.findings.plain_values import NOT_WRITTEN
 
 SEEN = "flights_that_the_simulator_has_seen"

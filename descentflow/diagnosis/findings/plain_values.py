@@ -13,7 +13,7 @@ def primitives(value: Any) -> Any:
     Fields of :data:`NOT_WRITTEN` are left out, others are written under the key in their metadata where it has one.
 
     Example:
-        >>> from descentflow.diagnosis.findings._cause_found import ClosedShare
+        >>> from descentflow.diagnosis.findings.cause_found import ClosedShare
         >>> primitives(ClosedShare(0.78, 0.75, 0.81))
         {'estimate': 0.78, 'low': 0.75, 'high': 0.81}
     """

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from descentflow.core.errors import DataError
-from descentflow.diagnosis.findings._inputs_found import Provenance
+from descentflow.diagnosis.findings.inputs_found import Provenance
 
 NAME = "gap.json"
 """Of the report in its folder."""

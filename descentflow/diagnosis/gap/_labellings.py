@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.sides._vectors import Vectors
+from descentflow.diagnosis.sides.vectors import Vectors
 
 AT_ONCE = 250
 """Labellings that are multiplied at a time: their numbers in double precision take 2 kB an aircraft."""

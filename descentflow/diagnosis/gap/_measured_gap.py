@@ -15,11 +15,11 @@ from statistics import fmean
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.findings._cause_found import ClosedShare
-from descentflow.diagnosis.findings._gap_found import MeasuredEntry
+from descentflow.diagnosis.findings.cause_found import ClosedShare
 from descentflow.diagnosis.findings.costs_found import NINETY
+from descentflow.diagnosis.findings.gap_found import MeasuredEntry
 from descentflow.diagnosis.gap._labellings import distances, labellings_of, mean_over_quantities, noise_floor
-from descentflow.diagnosis.sides._vectors import Vectors
+from descentflow.diagnosis.sides.vectors import Vectors
 
 FLOOR_LABELLINGS = 30
 """Labellings behind a noise floor."""

@@ -3,15 +3,15 @@
 from pathlib import Path
 
 from descentflow.core.errors import DataError
-from descentflow.diagnosis.findings._cause_found import ClosedShare
-from descentflow.diagnosis.findings._inputs_found import Provenance
+from descentflow.diagnosis.findings.cause_found import ClosedShare
 from descentflow.diagnosis.findings.correction_found import Previous
 from descentflow.diagnosis.findings.costs_found import NINETY
 from descentflow.diagnosis.findings.findings import Findings
+from descentflow.diagnosis.findings.inputs_found import Provenance
 from descentflow.diagnosis.findings.read_gap import read_gap
 from descentflow.diagnosis.gap._labellings import mean_over_quantities
 from descentflow.diagnosis.gap._measured_gap import MeasuredGap, closed_share, measured_again
-from descentflow.diagnosis.sides._vectors import Vectors
+from descentflow.diagnosis.sides.vectors import Vectors
 
 MIN_SHARE_AGAIN = 0.5
 """Share of the earlier round's entries that must be measured again: of fewer, the two gaps are not of the same."""

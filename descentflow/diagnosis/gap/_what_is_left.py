@@ -5,18 +5,18 @@ from collections.abc import Mapping, Sequence
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.findings._cause_found import Cause
-from descentflow.diagnosis.findings._gap_found import LargestDifference, Remaining, WouldSplit
-from descentflow.diagnosis.findings._inputs_found import FlightWorthALook, LeftOutChannel
 from descentflow.diagnosis.findings.aviation_units import aviation_value
+from descentflow.diagnosis.findings.cause_found import Cause
 from descentflow.diagnosis.findings.costs_found import LevelMeans
 from descentflow.diagnosis.findings.findings import Curve
-from descentflow.diagnosis.inference._naming import free_in_every_set
+from descentflow.diagnosis.findings.gap_found import LargestDifference, Remaining, WouldSplit
+from descentflow.diagnosis.findings.inputs_found import FlightWorthALook, LeftOutChannel
 from descentflow.diagnosis.inference.moments import moments
-from descentflow.diagnosis.sides._vectors import Vectors
+from descentflow.diagnosis.inference.naming import free_in_every_set
 from descentflow.diagnosis.sides.diagnosis_settings import Settings
 from descentflow.diagnosis.sides.measured_sides import OWN_FLIGHTS
 from descentflow.diagnosis.sides.two_sides import Compared
+from descentflow.diagnosis.sides.vectors import Vectors
 from descentflow.effects import UNKNOWN, Effect
 from descentflow.measurements.quantity_registry import SHOWN_BY
 

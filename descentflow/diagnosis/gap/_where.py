@@ -7,10 +7,10 @@ from itertools import groupby
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.findings._gap_found import GapCell
+from descentflow.diagnosis.findings.gap_found import GapCell
 from descentflow.diagnosis.gap._labellings import Labellings, distances, labellings_of, noise_floor, step_down
-from descentflow.diagnosis.sides._vectors import Vectors
 from descentflow.diagnosis.sides.two_sides import Compared
+from descentflow.diagnosis.sides.vectors import Vectors
 from descentflow.measurements.quantity_registry import QUANTITIES
 
 PERMUTATIONS = 1999

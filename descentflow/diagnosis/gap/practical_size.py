@@ -17,10 +17,10 @@ from torch import Tensor
 
 from descentflow.core.mode_s_steps import UNCERTAINTY
 from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
-from descentflow.diagnosis.findings._gap_found import BelowRounding, GapCell
 from descentflow.diagnosis.findings.costs_found import Cost, LevelMeans
-from descentflow.diagnosis.sides._vectors import Entry, Vectors
+from descentflow.diagnosis.findings.gap_found import BelowRounding, GapCell
 from descentflow.diagnosis.sides.two_sides import Compared
+from descentflow.diagnosis.sides.vectors import Entry, Vectors
 from descentflow.measurements.quantity_registry import NOISE_CHANNELS, QUANTITIES
 from descentflow.physics.airspeed import mach_to_cas_mps
 

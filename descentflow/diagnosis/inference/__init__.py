@@ -2,7 +2,7 @@
 
 Read :mod:`~descentflow.diagnosis.inference.explain` for the steps.
 
-- The means of both sides: ``moments``, ``signatures``, ``_candidates``, ``_sets``, ``_naming``.
+- The means of both sides: ``moments``, ``signatures``, ``candidates``, ``sets``, ``naming``.
 - The shapes of single flights: ``_flight_rates``, ``flight_mixture``, ``flight_effects``.
 - The answer: ``verdict`` (a gap or none, explained or not), ``_described`` (causes as findings).
 """

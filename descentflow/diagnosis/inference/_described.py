@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 import torch
 from torch import Tensor
 
-from descentflow.diagnosis.findings._cause_found import Alternative, Cause, ClosedShare, Closure, OnBothSides
 from descentflow.diagnosis.findings._sizes import BothSides, parameters, share_of, sizes_beside, sizes_of
+from descentflow.diagnosis.findings.cause_found import Alternative, Cause, ClosedShare, Closure, OnBothSides
 from descentflow.diagnosis.findings.correction_found import RecipeNumber, RecipeStep
 from descentflow.diagnosis.findings.findings import Discrepancy, SingleEffect, Subset
 from descentflow.diagnosis.inference.explain import Explanation

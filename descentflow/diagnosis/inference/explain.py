@@ -9,10 +9,12 @@ import torch
 from torch import Tensor
 
 from descentflow.core.linear_gaussian import Array, posterior
-from descentflow.diagnosis.findings._gap_found import Nuisance
 from descentflow.diagnosis.findings.findings import DetectionLimit
-from descentflow.diagnosis.inference._candidates import Candidate, MeanEffect
-from descentflow.diagnosis.inference._naming import (
+from descentflow.diagnosis.findings.gap_found import Nuisance
+from descentflow.diagnosis.inference.candidates import Candidate, MeanEffect
+from descentflow.diagnosis.inference.flight_effects import FlightShapes, differing
+from descentflow.diagnosis.inference.moments import Moments, moments
+from descentflow.diagnosis.inference.naming import (
     Named,
     free_in_every_set,
     layers_of_air,
@@ -20,9 +22,7 @@ from descentflow.diagnosis.inference._naming import (
     nuisances,
     outweighs_causes,
 )
-from descentflow.diagnosis.inference._sets import OF_AIR, Names, Search, SetFit, SetFits
-from descentflow.diagnosis.inference.flight_effects import FlightShapes, differing
-from descentflow.diagnosis.inference.moments import Moments, moments
+from descentflow.diagnosis.inference.sets import OF_AIR, Names, Search, SetFit, SetFits
 from descentflow.diagnosis.inference.signatures import Signatures
 from descentflow.diagnosis.sides.two_sides import Compared
 from descentflow.effects import Effect

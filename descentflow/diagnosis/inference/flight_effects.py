@@ -18,8 +18,8 @@ import torch
 
 from descentflow.core.linear_gaussian import Array
 from descentflow.diagnosis.findings.costs_found import NINETY
-from descentflow.diagnosis.inference._candidates import FlightsEffect
 from descentflow.diagnosis.inference._flight_rates import FlightRates, Spread, flight_rates, spread_of
+from descentflow.diagnosis.inference.candidates import FlightsEffect
 from descentflow.diagnosis.inference.flight_mixture import FlightWindows, MixtureFit, fit_mixture, flight_windows
 from descentflow.diagnosis.inference.moments import Moments
 from descentflow.diagnosis.inference.signatures import Signatures

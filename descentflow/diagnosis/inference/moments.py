@@ -25,7 +25,7 @@ from scipy.stats import t as student_t
 
 from descentflow.core.linear_gaussian import Array, shrunk
 from descentflow.core.units import KT_MPS
-from descentflow.diagnosis.sides._simulator_coefficients import scaled
+from descentflow.diagnosis.sides.simulator_coefficients import scaled
 from descentflow.diagnosis.sides.two_sides import Compared
 from descentflow.effects.flight_state import Schedule, log_rate
 

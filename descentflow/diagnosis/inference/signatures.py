@@ -16,7 +16,7 @@ from torch import Tensor
 
 from descentflow.core.linear_gaussian import Array
 from descentflow.diagnosis.inference.moments import FLIGHTS_OF_COEFFICIENTS, Moments
-from descentflow.diagnosis.sides._simulator_coefficients import scaled
+from descentflow.diagnosis.sides.simulator_coefficients import scaled
 from descentflow.diagnosis.sides.two_sides import Compared
 from descentflow.effects import Effect
 from descentflow.effects.flight_state import FlightState

@@ -5,13 +5,13 @@ from pathlib import Path
 from shlex import quote
 from typing import Any
 
-from descentflow.diagnosis.findings._cause_found import Cause
-from descentflow.diagnosis.findings._gap_found import FALSE_GAP
-from descentflow.diagnosis.findings._inputs_found import InputUsed, Provenance
 from descentflow.diagnosis.findings._sizes import reported_text
 from descentflow.diagnosis.findings.aviation_units import at_level, aviation_value, between, level_range, with_unit
+from descentflow.diagnosis.findings.cause_found import Cause
 from descentflow.diagnosis.findings.costs_found import CLOSED, Cost, Measured, judged
 from descentflow.diagnosis.findings.findings import SEEN, Curve, DetectionLimit, Findings
+from descentflow.diagnosis.findings.gap_found import FALSE_GAP
+from descentflow.diagnosis.findings.inputs_found import InputUsed, Provenance
 from descentflow.diagnosis.findings.plain_values import percent
 from descentflow.diagnosis.report.page_tables import (
     by_level_table,

@@ -1,9 +1,9 @@
 """Tables of a diagnosis: costs with the part of each cause, both inputs, and the numbers for specialists."""
 
-from descentflow.diagnosis.findings._inputs_found import InputUsed
 from descentflow.diagnosis.findings.aviation_units import aviation_value, between, level_range, with_unit
 from descentflow.diagnosis.findings.costs_found import Cost
 from descentflow.diagnosis.findings.findings import Findings
+from descentflow.diagnosis.findings.inputs_found import InputUsed
 from descentflow.diagnosis.findings.plain_values import percent
 from descentflow.measurements.quantity_registry import label_of
 

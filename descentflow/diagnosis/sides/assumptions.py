@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from descentflow.diagnosis.findings._gap_found import FALSE_GAP
+from descentflow.diagnosis.findings.gap_found import FALSE_GAP
 from descentflow.measurements.quantity_registry import QUANTITIES
 
 ROUNDING = {"rate": 0.01, "lag": 0.005, "cas": 0.3, "mismatch": 0.5, "tas": 0.002, "wind": 0.4}

@@ -16,8 +16,8 @@ from descentflow.aircraft_types.nearest_type import nearest_type
 from descentflow.aircraft_types.registry import aircraft as find_aircraft
 from descentflow.core.errors import ConfigError, DataError, UnknownTypeError, warn
 from descentflow.core.version import __version__
-from descentflow.diagnosis.findings._inputs_found import CoefficientsUsed, InputUsed, Provenance
 from descentflow.diagnosis.findings.findings import SEEN
+from descentflow.diagnosis.findings.inputs_found import CoefficientsUsed, InputUsed, Provenance
 from descentflow.diagnosis.sides.input_descriptions import input_of_flights, input_of_model, rows_dropped
 from descentflow.diagnosis.sides.simulator import FLIGHTS, MODEL, TYPE, Simulator, kind_of_simulator, types_of
 from descentflow.physics.performance_model import PerformanceModel

@@ -9,7 +9,7 @@ import polars as pl
 from torch import Tensor
 
 from descentflow.core.errors import warn
-from descentflow.diagnosis.findings._inputs_found import InputUsed
+from descentflow.diagnosis.findings.inputs_found import InputUsed
 from descentflow.diagnosis.sides.simulator import Simulator, types_of
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import polars as pl
 
 from descentflow.core.errors import CheckpointError, ConfigError, DataError
-from descentflow.diagnosis.findings._inputs_found import CoefficientsUsed
+from descentflow.diagnosis.findings.inputs_found import CoefficientsUsed
 from descentflow.physics.performance_model import PerformanceModel
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.descents.prepared_descents import Descents

@@ -7,8 +7,6 @@ import torch
 from torch import Tensor
 
 from descentflow.core.errors import DataError
-from descentflow.diagnosis.sides._simulator_coefficients import SimulatorCoefficients, simulator_coefficients
-from descentflow.diagnosis.sides._vectors import Entry, Vectors
 from descentflow.diagnosis.sides.assumptions import ASSUMED, Assumptions
 from descentflow.diagnosis.sides.compared_state import (
     KNOWN_SHARE,
@@ -18,6 +16,8 @@ from descentflow.diagnosis.sides.compared_state import (
     state_of,
     turned_more,
 )
+from descentflow.diagnosis.sides.simulator_coefficients import SimulatorCoefficients, simulator_coefficients
+from descentflow.diagnosis.sides.vectors import Entry, Vectors
 from descentflow.effects.flight_state import FlightState, log_rate
 from descentflow.measurements.quantities import Quantities
 from descentflow.measurements.quantity_registry import BY_BAND, OF_FLIGHT

@@ -4,9 +4,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from descentflow.evaluation.metrics._distances import MIN_VALUES
 from descentflow.evaluation.metrics.classifier import QUANTITIES as FEATURES
 from descentflow.evaluation.metrics.classifier import Detection
+from descentflow.evaluation.metrics.distances import MIN_VALUES
 from descentflow.evaluation.metrics.score_registry import QUANTITIES, statistics_of
 from descentflow.evaluation.metrics.score_table import LevelScores, ScoreTable
 from descentflow.evaluation.metrics.statistic_kinds import LevelStatistic

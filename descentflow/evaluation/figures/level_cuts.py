@@ -11,8 +11,8 @@ from torch import Tensor
 
 from descentflow.core.errors import DataError
 from descentflow.core.units import FPM_MPS, KT_MPS
-from descentflow.evaluation.metrics._distances import MIN_VALUES
 from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.distances import MIN_VALUES
 from descentflow.reporting.figure_style import BLACK, BLUE, legend_below, model_style, panels, say_why_empty
 
 _POINTS = 400

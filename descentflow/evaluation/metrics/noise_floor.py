@@ -12,8 +12,8 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from descentflow.evaluation.metrics._distances import MIN_VALUES, Values, by_chunks, pool
 from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.distances import MIN_VALUES, Values, by_chunks, pool
 from descentflow.evaluation.metrics.score_registry import statistics_of
 from descentflow.evaluation.metrics.statistic_kinds import DescentStatistic, LevelStatistic, ProfileStatistic
 

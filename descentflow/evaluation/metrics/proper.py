@@ -1,8 +1,8 @@
 """Proper scores, with estimators whose expectation does not depend on the sample size.
 
 KS and Wasserstein distances of finite samples are above zero even between samples of one distribution, more so for
-small ones. These are not: the fair scores (Ferro, 2014, doi:10.1002/qj.2270) compare samples of any sizes, and may
-fall below zero.
+small ones. These are not: the fair scores (Ferro, 2014, doi:10.1002/qj.2270) compare samples of any sizes, and may fall
+below zero.
 
 Both take the samples as one forecast of all flights.
 """
@@ -10,8 +10,8 @@ Both take the samples as one forecast of all flights.
 import torch
 from torch import Tensor
 
-from descentflow.evaluation.metrics._distances import Pooled, Values, level_spreads, observed_mean
 from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.distances import Pooled, Values, level_spreads, observed_mean
 
 _PAIRS = 1 << 22
 """Distances held at once: 32 MB in float64."""
@@ -36,7 +36,7 @@ def crps_of(pooled: Pooled) -> Tensor:
 
     Example:
         >>> samples, real = torch.tensor([[0.0], [2.0]]), torch.tensor([[3.0]])
-        >>> from descentflow.evaluation.metrics._distances import pool
+        >>> from descentflow.evaluation.metrics.distances import pool
         >>> crps_of(pool(samples, samples > -1, real, real > -1))  # 2 - 2 / 2
         tensor([1.], dtype=torch.float64)
     """

@@ -9,15 +9,15 @@ from typing import TypeVar
 import torch
 
 from descentflow.core.units import FPM_MPS, KT_MPS
-from descentflow.evaluation.metrics._distances import (
+from descentflow.evaluation.metrics.classifier import MIN_PAIRS, classifier_auc
+from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.distances import (
     Values,
     error_of_one,
     error_of_the_mean,
     ks_distance,
     wasserstein_distance,
 )
-from descentflow.evaluation.metrics.classifier import MIN_PAIRS, classifier_auc
-from descentflow.evaluation.metrics.descent_set import DescentSet
 from descentflow.evaluation.metrics.proper import (
     crps_of,
     crps_of_one,

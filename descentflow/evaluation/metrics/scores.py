@@ -8,8 +8,8 @@ import torch
 from torch import Tensor
 
 from descentflow.core.errors import DataError
-from descentflow.evaluation.metrics._distances import MIN_VALUES, Values, level_spreads
 from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.distances import MIN_VALUES, Values, level_spreads
 from descentflow.evaluation.metrics.noise_floor import Comparison, compare, compare_flights
 from descentflow.evaluation.metrics.score_registry import (
     FUEL,

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from descentflow.evaluation.metrics._distances import Pooled, Values, error_of_the_mean
 from descentflow.evaluation.metrics.descent_set import DescentSet
+from descentflow.evaluation.metrics.distances import Pooled, Values, error_of_the_mean
 from descentflow.evaluation.metrics.proper import energy_scores, joint_energy_scores
 
 
@@ -104,7 +104,7 @@ class LevelStatistic(Statistic):
     """A statistic at every level: ``compute`` takes samples (first) and flights (second) pooled, and gives (K,).
 
     Example:
-        >>> from descentflow.evaluation.metrics._distances import pool
+        >>> from descentflow.evaluation.metrics.distances import pool
         >>> bias = LevelStatistic("bias", "bias", "bias", compute=lambda p: (p.mean_first - p.mean_second)[:, 0])
         >>> one, two = torch.tensor([[1.0]]), torch.tensor([[3.0]])
         >>> bias.compute(pool(one, one > 0, two, two > 0))

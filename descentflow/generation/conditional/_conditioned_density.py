@@ -10,7 +10,6 @@ from torch import Tensor
 
 from descentflow.densities.density import Density
 from descentflow.densities.gaussian import TransformedDensity
-from descentflow.generation.conditional._constraints import DescentRequest, SpeedAsked
 from descentflow.generation.conditional._draws import NothingPlausible, Proposed
 from descentflow.generation.conditional._latent_density import Array, LatentDensity
 from descentflow.generation.conditional._point_condition import PointCondition
@@ -22,6 +21,7 @@ from descentflow.generation.conditional._speed_conditions import (
     gain_of,
     log_total,
 )
+from descentflow.generation.conditional.constraints import DescentRequest, SpeedAsked
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.decoder.trajectories import Trajectories
 from descentflow.representation.plausibility import Plausibility

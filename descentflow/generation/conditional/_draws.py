@@ -9,8 +9,8 @@ from torch import Tensor
 
 from descentflow.core.counter_random import DrawNumbers
 from descentflow.core.errors import SamplingError
-from descentflow.generation.conditional._constraints import Constraint
 from descentflow.generation.conditional._latent_density import Array
+from descentflow.generation.conditional.constraints import Constraint
 from descentflow.generation.samples import RejectionReport
 from descentflow.representation.decoder.trajectories import Trajectories, concatenate
 from descentflow.representation.plausibility import RULES
@@ -160,7 +160,7 @@ def accepted(target: LatentTarget, seed: int, numbers: np.ndarray, judge: Judge)
     Example:
         >>> from descentflow.densities.checkpoint import load_model
         >>> from descentflow.generation.conditional._conditioned_density import conditioned_target
-        >>> from descentflow.generation.conditional._constraints import DescentRequest
+        >>> from descentflow.generation.conditional.constraints import DescentRequest
         >>> from descentflow.generation.conditional._latent_density import LatentDensities
         >>> model = load_model("best.ckpt")
         >>> target = conditioned_target(DescentRequest(entry=180), LatentDensities(model).before(), model)

@@ -7,15 +7,15 @@ from math import ceil, floor
 import numpy as np
 
 from descentflow.core.errors import ImplausibleError
-from descentflow.generation.conditional._constraints import (
+from descentflow.generation.conditional._latent_density import Array
+from descentflow.generation.conditional._point_condition import since_entry
+from descentflow.generation.conditional.constraints import (
     Constraint,
     DescentRequest,
     PointAsked,
     SpeedAsked,
     of_cas_mps,
 )
-from descentflow.generation.conditional._latent_density import Array
-from descentflow.generation.conditional._point_condition import since_entry
 from descentflow.representation.decoder.trajectories import Trajectories
 
 LOOKED_AT = 1000

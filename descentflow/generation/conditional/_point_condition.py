@@ -17,9 +17,9 @@ import torch
 from torch import Tensor
 
 from descentflow.generation._given_temperature import in_given_air
-from descentflow.generation.conditional._constraints import DescentRequest
 from descentflow.generation.conditional._latent_density import Array, LatentDensity
 from descentflow.generation.conditional._speed_conditions import Conditions, cut_normal, log_between, log_total
+from descentflow.generation.conditional.constraints import DescentRequest
 from descentflow.representation.decoder.descent_decoder import DescentDecoder
 from descentflow.representation.decoder.trajectories import Trajectories, through_air_m
 
@@ -66,7 +66,7 @@ class PointCondition:
 
     Example:
         >>> from descentflow.densities.checkpoint import load_model
-        >>> from descentflow.generation.conditional._constraints import PointAsked
+        >>> from descentflow.generation.conditional.constraints import PointAsked
         >>> from descentflow.generation.conditional._latent_density import LatentDensities
         >>> from descentflow.generation.conditional._speed_conditions import Rows, conditions
         >>> model = load_model("best.ckpt")

@@ -17,14 +17,6 @@ from descentflow.densities.checkpoint import as_density
 from descentflow.densities.density import Density
 from descentflow.generation._given_temperature import given_deviation_k, in_given_air
 from descentflow.generation.conditional._conditioned_density import FreeTarget, conditioned_target
-from descentflow.generation.conditional._constraints import (
-    Band,
-    BySpeed,
-    Constraint,
-    DescentRequest,
-    points_asked,
-    speeds_asked,
-)
 from descentflow.generation.conditional._draws import (
     Accepted,
     LatentTarget,
@@ -33,9 +25,17 @@ from descentflow.generation.conditional._draws import (
     corrected,
     judge_of,
 )
-from descentflow.generation.conditional._flown_so_far import FlownSoFar, flown_so_far
 from descentflow.generation.conditional._latent_density import LatentDensities
 from descentflow.generation.conditional._nearest_plausible import implausible
+from descentflow.generation.conditional.constraints import (
+    Band,
+    BySpeed,
+    Constraint,
+    DescentRequest,
+    points_asked,
+    speeds_asked,
+)
+from descentflow.generation.conditional.flown_so_far import FlownSoFar, flown_so_far
 from descentflow.generation.sample_contexts import context_rows, entry_levels
 from descentflow.generation.samples import GeneratedSamples, origin_of
 from descentflow.representation.own_air import check_standard_air

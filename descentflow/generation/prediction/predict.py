@@ -13,8 +13,8 @@ from descentflow.core.errors import ConfigError, DataError, SamplingError
 from descentflow.core.tabular import to_dataset, write_table
 from descentflow.core.threads import one_thread_where_they_spin
 from descentflow.densities.checkpoint import as_density
-from descentflow.generation.prediction._predictor import MIN_CONTINUATIONS, NEAR_LEVELS, Continuations, DescentPredictor
-from descentflow.generation.prediction._summary import (
+from descentflow.generation.prediction.predictor import MIN_CONTINUATIONS, NEAR_LEVELS, Continuations, DescentPredictor
+from descentflow.generation.prediction.summary import (
     actual_times,
     continuations_table,
     control_intervals,
@@ -136,7 +136,7 @@ class Prediction(WithTable):
 
     def figure(self) -> "Figure":
         """Figure of the prediction and of what was flown, see :func:`~.predicted_profiles.prediction_figure`."""
-        from descentflow.generation.prediction._predicted_profiles import prediction_figure
+        from descentflow.generation.prediction.predicted_profiles import prediction_figure
 
         return prediction_figure(self.flights, self.observed, self.from_fl)
 

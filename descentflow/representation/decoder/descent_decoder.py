@@ -8,7 +8,7 @@ from torch import Tensor, nn
 from descentflow.aircraft_types.registry import aircraft_from_state
 from descentflow.core.units import FL_M
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.representation.decoder._flight_grid import FlightGrid, flight_grid
+from descentflow.representation.decoder.flight_grid import FlightGrid, flight_grid
 from descentflow.representation.decoder.trajectories import Trajectories, integrate
 from descentflow.representation.drag_scale import DragScale
 from descentflow.representation.fpca.basis import FunctionalBasis

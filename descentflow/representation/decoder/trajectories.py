@@ -17,7 +17,7 @@ from descentflow.physics.energy import energy_share_factor, energy_share_factor_
 from descentflow.physics.fuel import Burn, burn
 from descentflow.physics.level_table import NO_ARRAYS, level_rate
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.representation.decoder._flight_grid import FlightGrid, flight_grid
+from descentflow.representation.decoder.flight_grid import FlightGrid, flight_grid
 
 CHUNK_VALUES = 1 << 18
 """Values of a quantity in one chunk on the CPU: the handful of arrays in use stay in the caches."""
@@ -178,7 +178,7 @@ def integrate(
 
     With drag and CAS given on the grid the rate is known at every level, so time is a quadrature of
     ``dh / rate``: the trapezoid rule between levels, and between a level and each side of a jump of the rate
-    (``_flight_grid``), where drag and CAS are continued from that side.
+    (:mod:`~descentflow.representation.decoder.flight_grid`), where drag and CAS are continued from that side.
 
     The energy share factor is BADA's by default, of constant Mach above the transition altitude and of constant CAS
     below: the paper leaves BADA's algorithm unchanged, drag was inferred with the same factor, so that rates come back

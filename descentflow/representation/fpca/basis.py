@@ -6,7 +6,7 @@ from typing import Any, Self
 import torch
 from torch import Tensor, nn
 
-from descentflow.representation.fpca._mask_groups import group_masks
+from descentflow.representation.fpca.mask_groups import group_masks
 from descentflow.representation.fpca.ppca import posterior
 
 

@@ -1,9 +1,8 @@
 """Probabilistic PCA of gappy profiles: closed form where nothing is missing, EM where something is.
 
-The model is ``x = mean + loadings z + noise`` with ``z ~ N(0, I_q)`` and isotropic noise (Tipping and Bishop
-1999, Probabilistic principal component analysis; section 3.2 for the closed form, appendix for missing
-values). It replaces the unregularised fits of the paper's appendix A, whose error on hidden levels is several
-times larger.
+The model is ``x = mean + loadings z + noise`` with ``z ~ N(0, I_q)`` and isotropic noise (Tipping and Bishop 1999,
+Probabilistic principal component analysis; section 3.2 for the closed form, appendix for missing values). It replaces
+the unregularised fits of the paper's appendix A, whose error on hidden levels is several times larger.
 """
 
 from dataclasses import dataclass
@@ -12,7 +11,7 @@ from math import log, pi
 import torch
 from torch import Tensor
 
-from descentflow.representation.fpca._mask_groups import MaskGroups, group_masks
+from descentflow.representation.fpca.mask_groups import MaskGroups, group_masks
 
 FIRST_FLIGHTS = 4096
 """Of more than twice as many flights, so many say where EM starts: it climbs slowly, and most of the way is theirs."""

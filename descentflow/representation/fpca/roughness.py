@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 
 from descentflow.representation.fpca import ppca
-from descentflow.representation.fpca._mask_groups import group_masks
+from descentflow.representation.fpca.mask_groups import group_masks
 from descentflow.representation.fpca.ppca import PPCA, level_products, noise_given_loadings, posterior_given
 
 SPREAD_WEIGHT = 1e5

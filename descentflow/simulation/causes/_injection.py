@@ -4,12 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.simulation._planned_changes import uniform_of
-from descentflow.simulation.causes._cause import Fleet, Inject
 from descentflow.simulation.causes._operation import hold_path, hold_rate, level_off, plan
 from descentflow.simulation.causes.air_and_instruments import blow, delay, misread, scatter, warm
+from descentflow.simulation.causes.cause import Fleet, Inject
 from descentflow.simulation.causes.forces import compress, extend, heat, induce, keep, multiply, power, turn
 from descentflow.simulation.parameters import FlightParameters
+from descentflow.simulation.planned_changes import uniform_of
 from descentflow.simulation.plantable import Values, complete
 
 _STREAM, _DAY_STREAM, _AIRFRAME_STREAM = 4, 6, 7

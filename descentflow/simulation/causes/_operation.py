@@ -6,9 +6,9 @@ from torch import Tensor
 
 from descentflow.core.constants import G0_MPS2
 from descentflow.core.units import FL_M, FPM_MPS, FT_M, KT_MPS
-from descentflow.simulation._motion import Dynamics, Motion
 from descentflow.simulation.autopilot import target_tas_mps
-from descentflow.simulation.causes._cause import Fleet, Own, only
+from descentflow.simulation.causes.cause import Fleet, Own, only
+from descentflow.simulation.motion import Dynamics, Motion
 from descentflow.simulation.parameters import FlightParameters
 from descentflow.simulation.plantable import Values
 

@@ -3,7 +3,7 @@
 import torch
 
 from descentflow.core.units import FT_M, KT_MPS
-from descentflow.simulation.causes._cause import Fleet, Own, normal
+from descentflow.simulation.causes.cause import Fleet, Own, normal
 from descentflow.simulation.parameters import FlightParameters
 from descentflow.simulation.plantable import Values
 

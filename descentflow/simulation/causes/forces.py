@@ -5,7 +5,7 @@ import math
 import torch
 
 from descentflow.core.units import FL_M
-from descentflow.simulation.causes._cause import Fleet, Inject, Own, only
+from descentflow.simulation.causes.cause import Fleet, Inject, Own, only
 from descentflow.simulation.parameters import FlightParameters
 from descentflow.simulation.plantable import Values
 

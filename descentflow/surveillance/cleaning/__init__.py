@@ -2,6 +2,7 @@
 
 Reading order: :mod:`~descentflow.surveillance.cleaning.thresholds` (every threshold, with its source),
 :mod:`~descentflow.surveillance.cleaning.chain` (the filters in their order), ``_flights``, ``_two_clocks``,
-``_filters`` (a filter), ``_faulty_values``, :mod:`~descentflow.surveillance.cleaning.rates`, ``_descent_filters``,
-``_level_grid`` and :mod:`~descentflow.surveillance.cleaning.drop_report_checks`.
+:mod:`~descentflow.surveillance.cleaning.filters` (a filter), ``_faulty_values``,
+:mod:`~descentflow.surveillance.cleaning.rates`, ``_descent_filters``, ``_level_grid`` and
+:mod:`~descentflow.surveillance.cleaning.drop_report_checks`.
 """

@@ -15,7 +15,7 @@ from descentflow.core.constants import KAPPA, R_AIR
 from descentflow.core.errors import CleaningError, DataError
 from descentflow.core.isa import standard_k
 from descentflow.core.units import FPM_MPS, FT_M, KT_MPS
-from descentflow.surveillance.cleaning._filters import SECONDS, clock_of, flights_of
+from descentflow.surveillance.cleaning.filters import SECONDS, clock_of, flights_of
 from descentflow.surveillance.cleaning.ground_vector import Mask, check_course, stuck, turning
 from descentflow.surveillance.cleaning.rates import with_rate
 from descentflow.surveillance.rows.air_data import Array, cas_of_mach_kt

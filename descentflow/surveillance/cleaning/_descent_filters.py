@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
-from descentflow.surveillance.cleaning._filters import FLIGHT, PAUSE_S, SEGMENT, Filter, clock_of, cut, flights_of
+from descentflow.surveillance.cleaning.filters import FLIGHT, PAUSE_S, SEGMENT, Filter, clock_of, cut, flights_of
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 
 MACH_PER_KT = 0.002

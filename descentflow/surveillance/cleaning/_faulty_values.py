@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
-from descentflow.surveillance.cleaning._filters import FLIGHT, SECONDS, Filter, Index, clock_of, flights_of
+from descentflow.surveillance.cleaning.filters import FLIGHT, SECONDS, Filter, Index, clock_of, flights_of
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.rows.air_data import Array, cas_of_mach_kt, mach_of_cas
 

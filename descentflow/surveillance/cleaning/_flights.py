@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import polars as pl
 
-from descentflow.surveillance.cleaning._filters import Index
+from descentflow.surveillance.cleaning.filters import Index
 from descentflow.surveillance.rows._times import FIRST_TIME_S
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.rows.schema import AIRSPEEDS, COLUMNS, POSSIBLE, REQUIRED, ROWS_WITHOUT

@@ -3,7 +3,7 @@
 import numpy as np
 import polars as pl
 
-from descentflow.surveillance.cleaning._filters import SEGMENT, flights_of
+from descentflow.surveillance.cleaning.filters import SEGMENT, flights_of
 from descentflow.surveillance.cleaning.rates import ALTITUDE_STEP_FT
 from descentflow.surveillance.cleaning.thresholds import Cleaning
 from descentflow.surveillance.rows.airspeed_source import REPORTED

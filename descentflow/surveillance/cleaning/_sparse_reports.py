@@ -3,7 +3,7 @@
 import numpy as np
 import polars as pl
 
-from descentflow.surveillance.cleaning._filters import SECONDS, clock_of, flights_of
+from descentflow.surveillance.cleaning.filters import SECONDS, clock_of, flights_of
 from descentflow.surveillance.rows.air_data import Array
 from descentflow.surveillance.rows.drop_report import DropReport
 

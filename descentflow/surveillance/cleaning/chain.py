@@ -9,7 +9,7 @@ import polars as pl
 from joblib import Parallel, delayed
 
 from descentflow.core.workers import results_of
-from descentflow.surveillance.cleaning import _descent_filters, _faulty_values, _filters
+from descentflow.surveillance.cleaning import _descent_filters, _faulty_values, filters
 from descentflow.surveillance.cleaning._derived_airspeeds import with_airspeeds
 from descentflow.surveillance.cleaning._descent_filters import ClearedSpeed
 from descentflow.surveillance.cleaning._faulty_values import Stale
@@ -145,7 +145,7 @@ def clean(
     return Outcome(found, report, present, untyped, shown, level)
 
 
-def before_rates(rules: Cleaning) -> tuple[_filters.Filter, ...]:
+def before_rates(rules: Cleaning) -> tuple[filters.Filter, ...]:
     """Filters of altitude, IAS, Mach and reported rate, applied before missing rates are computed from altitude."""
     stale = {"seconds": rules.stale_s, "longest_gap_s": rules.longest_gap_s}
     agreeing = {"agreeing_kt": rules.spike_agreeing_kt}
@@ -161,7 +161,7 @@ def before_rates(rules: Cleaning) -> tuple[_filters.Filter, ...]:
     )
 
 
-def after_rates(rules: Cleaning) -> tuple[_filters.Filter, ...]:
+def after_rates(rules: Cleaning) -> tuple[filters.Filter, ...]:
     """Filters that keep free descent, in their order."""
     after_s, within_kt = rules.cleared_speed_after_s, rules.cleared_speed_within_kt
     return (
@@ -211,7 +211,7 @@ def _free(rows: pl.DataFrame, rules: Cleaning, report: DropReport) -> tuple[pl.D
     needed = [name for name in used if name in rows.columns]
     # Numbers compare faster than names.
     narrow = rows.select(needed).with_columns(pl.col("flight_id").rle_id()).with_row_index(ROW_NUMBER)
-    narrow = _filters.filtered(narrow, before, report)
+    narrow = filters.filtered(narrow, before, report)
     absent = narrow["vertical_rate"].null_count() if "vertical_rate" in narrow.columns else len(narrow)
     report.note(DIFFERENCED, absent)
     rated = narrow = with_rate(narrow)

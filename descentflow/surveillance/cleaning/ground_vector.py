@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from descentflow.core.constants import G0_MPS2, TROPOPAUSE_M
 from descentflow.core.errors import CleaningError
 from descentflow.core.units import FT_M, KT_MPS
-from descentflow.surveillance.cleaning._filters import SECONDS, clock_of, flights_of, windows
+from descentflow.surveillance.cleaning.filters import SECONDS, clock_of, flights_of, windows
 from descentflow.surveillance.rows.airspeed_source import PLACED
 from descentflow.surveillance.rows.schema import GROUND_VECTOR, MIN_CHECKED_VALUES
 

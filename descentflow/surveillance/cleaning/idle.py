@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import polars as pl
 
 from descentflow.core.errors import CleaningError
-from descentflow.surveillance.cleaning._filters import Filter, cut
+from descentflow.surveillance.cleaning.filters import Filter, cut
 from descentflow.surveillance.cleaning.rates import with_rate
 
 POWER = ("N1", "thrust", "fuel_flow")

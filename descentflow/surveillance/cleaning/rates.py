@@ -7,7 +7,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from descentflow.core.units import FPM_MPS, KT_MPS
-from descentflow.surveillance.cleaning._filters import (
+from descentflow.surveillance.cleaning.filters import (
     FLIGHT,
     Filter,
     Index,

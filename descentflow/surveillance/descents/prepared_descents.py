@@ -230,7 +230,7 @@ def read_descents(path: str | Path) -> Descents:
 
     Raises:
         DataError: If the file is missing, damaged, not written by `descentflow prepare`, of another schema version,
-            without a descent, or with values that no descent has (:func:`checked_descents`).
+            without a descent, or with values that no descent has (``checked_descents``).
 
     Example:
         >>> read_descents("descents.parquet").frame.select("flight_id", "level_fl", "IAS").shape

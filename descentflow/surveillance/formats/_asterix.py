@@ -1,7 +1,7 @@
 """ASTERIX categories 062 (tracks of a tracker) and 048 (plots of one radar), as data blocks one after the other.
 
-The bytes are decoded by pyasteryx, after EUROCONTROL's specifications. IAS and Mach come in I062/380, or in
-register 6,0 of I048/250. A message has a time of day and no date: that is taken from the file's name, as in
+The bytes are decoded by pyasteryx, after EUROCONTROL's specifications. IAS and Mach come in I062/380, or in register
+6,0 of I048/250. A message has a time of day and no date: that is taken from the file's name, as in
 `2024-03-01_radar.ast` or `240301-radar.ast`.
 """
 
@@ -18,7 +18,7 @@ import polars as pl
 from descentflow.core.errors import DataError
 from descentflow.core.tabular import optional_library
 from descentflow.core.units import KT_MPS
-from descentflow.surveillance.formats._json_rows import numbers, texts
+from descentflow.surveillance.formats.json_rows import numbers, texts
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.unpacking import Input
 

@@ -10,8 +10,8 @@ import polars as pl
 
 from descentflow.core.errors import ConfigError, DataError
 from descentflow.core.files import table_beside
-from descentflow.surveillance.formats import _asterix, _json_rows, _mode_s, _readsb_trace, _scat, _tables, aircraft_json
-from descentflow.surveillance.formats._json_rows import documents
+from descentflow.surveillance.formats import _asterix, _mode_s, _readsb_trace, _scat, _tables, aircraft_json, json_rows
+from descentflow.surveillance.formats.json_rows import documents
 from descentflow.surveillance.rows.drop_report import DropReport
 from descentflow.surveillance.unpacking import Input
 
@@ -74,7 +74,7 @@ KNOWN_FORMATS = (
     Format("parquet", "bytes", _tables.is_parquet, _tables.parquet, any_columns=True),
     Format("feather", "bytes", _tables.is_feather, _tables.feather, any_columns=True),
     Format("csv", "text", bool, _tables.csv, any_columns=True),
-    Format("json-rows", "JSON", _json_rows.is_rows, _json_rows.rows, any_columns=True),
+    Format("json-rows", "JSON", json_rows.is_rows, json_rows.rows, any_columns=True),
     Format("readsb-trace", "JSON", _readsb_trace.is_trace, _readsb_trace.rows, join=_readsb_trace.joined),
     Format("aircraft-json", "JSON", aircraft_json.is_snapshot, aircraft_json.rows),
     Format("jet1090", "JSON", _mode_s.is_message, _mode_s.jet1090),

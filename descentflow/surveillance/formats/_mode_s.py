@@ -14,7 +14,7 @@ import polars as pl
 
 from descentflow.core.errors import DataError
 from descentflow.core.tabular import optional_library
-from descentflow.surveillance.formats._json_rows import Kinds, is_number, table
+from descentflow.surveillance.formats.json_rows import Kinds, is_number, table
 from descentflow.surveillance.rows._times import in_seconds, timestamps
 from descentflow.surveillance.rows._values_of_other_rows import NEAR_S, between, near
 from descentflow.surveillance.rows.air_data import cas_of_mach_kt

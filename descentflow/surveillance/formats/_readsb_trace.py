@@ -1,8 +1,8 @@
 """The traces that readsb and tar1090 write and adsb.lol publishes: one aircraft and day in a `trace_full_*.json`.
 
 A point is a list: seconds after `timestamp`, latitude, longitude, altitude or "ground", groundspeed, track, flags,
-vertical rate, details or null, and since 2022 kind of source, geometric altitude, geometric rate, IAS, roll.
-Details are fields of aircraft.json, with every fourth point or so. Source: README-json.md of wiedehopf/readsb.
+vertical rate, details or null, and since 2022 kind of source, geometric altitude, geometric rate, IAS, roll. Details
+are fields of aircraft.json, with every fourth point or so. Source: README-json.md of wiedehopf/readsb.
 """
 
 import itertools
@@ -14,7 +14,7 @@ import numpy as np
 import polars as pl
 
 from descentflow.core.errors import DataError
-from descentflow.surveillance.formats._json_rows import Kinds, is_number, numbers, table, texts
+from descentflow.surveillance.formats.json_rows import Kinds, is_number, numbers, table, texts
 from descentflow.surveillance.rows.air_data import MACH_COMPUTED, with_mach
 from descentflow.surveillance.rows.drop_report import DropReport
 

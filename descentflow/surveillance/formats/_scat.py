@@ -13,7 +13,7 @@ import polars as pl
 
 from descentflow.core.errors import DataError
 from descentflow.core.units import KT_MPS
-from descentflow.surveillance.formats._json_rows import Kinds, is_number, table, texts
+from descentflow.surveillance.formats.json_rows import Kinds, is_number, table, texts
 from descentflow.surveillance.rows.drop_report import DropReport
 
 REPORTED = {

@@ -11,7 +11,7 @@ from typing import Any
 import polars as pl
 
 from descentflow.core.errors import DataError
-from descentflow.surveillance.formats._json_rows import Kinds, is_number, table
+from descentflow.surveillance.formats.json_rows import Kinds, is_number, table
 from descentflow.surveillance.rows.drop_report import DropReport
 
 NUMBER_FIELDS = {

@@ -1,7 +1,7 @@
 """Thrust and fuel of BADA 4's engines: jet, turboprop and piston (propulsive forces model, PFM).
 
-Coefficients stand in the order of the files. Thrust is ``delta W_ref C_T`` and fuel flow
-``delta^p_delta theta^p_theta W_ref a_0 C_F / LHV``; BADA 4.2 has the exponents 1 and 1/2.
+Coefficients stand in the order of the files. Thrust is ``delta W_ref C_T`` and fuel flow ``delta^p_delta theta^p_theta
+W_ref a_0 C_F / LHV``; BADA 4.2 has the exponents 1 and 1/2.
 """
 
 from abc import ABC, abstractmethod
@@ -13,8 +13,8 @@ from typing import ClassVar, NamedTuple
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types._coefficient_group import CoefficientGroup, Numbers, Places
-from descentflow.aircraft_types.bada4._wing import polynomial
+from descentflow.aircraft_types.bada4.wing import polynomial
+from descentflow.aircraft_types.coefficient_group import CoefficientGroup, Numbers, Places
 from descentflow.core.constants import A0_MPS, G0_MPS2, KAPPA, P0_PA, R_AIR, T0_K
 from descentflow.core.tensors import Number, as_tensors
 from descentflow.core.units import FT_M

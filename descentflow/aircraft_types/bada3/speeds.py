@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types._standard_descent import BUFFET_FLOOR_M, StandardDescent
-from descentflow.aircraft_types.bada3._coefficients import Coefficients
+from descentflow.aircraft_types.bada3.coefficients import Coefficients
+from descentflow.aircraft_types.standard_descent import BUFFET_FLOOR_M, StandardDescent
 from descentflow.core.constants import G0_MPS2, KAPPA
 from descentflow.core.tensors import Number, as_tensors, safe_sqrt
 from descentflow.core.units import FT_M, KT_MPS

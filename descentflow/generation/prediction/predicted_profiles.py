@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 from descentflow.core.errors import DataError
 from descentflow.core.units import FPM_MPS, KT_MPS
-from descentflow.generation._sample_figures import CAS, RATE, curves_of, draw_bands
-from descentflow.generation.prediction._predictor import Continuations
+from descentflow.generation.prediction.predictor import Continuations
+from descentflow.generation.sample_figures import CAS, RATE, curves_of, draw_bands
 from descentflow.reporting.figure_style import BLACK, BLUE, legend_below, panels
 from descentflow.representation.profiles import Profiles
 

@@ -8,10 +8,10 @@ from typing import Any, ClassVar, Self
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types._coefficient_group import CoefficientGroup, Numbers, Places
-from descentflow.aircraft_types._standard_descent import STANDARD, EngineKind, GlobalParameters, StandardDescent
-from descentflow.aircraft_types.bada4._engines import Air, Engines, Jet, Piston, Turboprop
-from descentflow.aircraft_types.bada4._wing import Wing
+from descentflow.aircraft_types.bada4.engines import Air, Engines, Jet, Piston, Turboprop
+from descentflow.aircraft_types.bada4.wing import Wing
+from descentflow.aircraft_types.coefficient_group import CoefficientGroup, Numbers, Places
+from descentflow.aircraft_types.standard_descent import STANDARD, EngineKind, GlobalParameters, StandardDescent
 from descentflow.core.arguments import checked_arguments
 from descentflow.core.constants import G0_MPS2, KAPPA, P0_PA
 from descentflow.core.errors import AircraftError

@@ -8,7 +8,7 @@ from typing import ClassVar, Final, Literal
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types._coefficient_group import CoefficientGroup, Numbers
+from descentflow.aircraft_types.coefficient_group import CoefficientGroup, Numbers
 from descentflow.core.tensors import Number, as_tensors
 from descentflow.core.units import FT_M, KT_MPS
 from descentflow.physics.airspeed import crossover_altitude_m, mach_to_cas_mps

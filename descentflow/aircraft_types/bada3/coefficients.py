@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
-from descentflow.aircraft_types._coefficient_group import CoefficientGroup
-from descentflow.aircraft_types._standard_descent import STANDARD, EngineKind, GlobalParameters
+from descentflow.aircraft_types.coefficient_group import CoefficientGroup
+from descentflow.aircraft_types.standard_descent import STANDARD, EngineKind, GlobalParameters
 from descentflow.core.arguments import checked_arguments
 from descentflow.core.tensors import Number
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor
 
-from descentflow.aircraft_types._coefficient_group import CoefficientGroup, Numbers, Places
+from descentflow.aircraft_types.coefficient_group import CoefficientGroup, Numbers, Places
 from descentflow.core.tensors import Number, as_tensors
 from descentflow.physics.performance_model import Configuration, by_configuration
 

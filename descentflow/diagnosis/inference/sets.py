@@ -25,7 +25,7 @@ from functools import cache
 import numpy as np
 
 from descentflow.core.linear_gaussian import Array, GaussianPosterior, posterior
-from descentflow.diagnosis.inference._candidates import Candidate
+from descentflow.diagnosis.inference.candidates import Candidate
 from descentflow.diagnosis.inference.moments import Moments
 from descentflow.diagnosis.inference.signatures import Signature, linearised
 from descentflow.diagnosis.sides.assumptions import Assumptions
@@ -90,7 +90,7 @@ class SetFits:
     """Fits of sets of some candidates to the difference of two sides.
 
     Example:
-        >>> from descentflow.diagnosis.inference._candidates import FlightsEffect
+        >>> from descentflow.diagnosis.inference.candidates import FlightsEffect
         >>> import torch
         >>> names = np.array(["rate", "rate"])
         >>> known = Moments(np.array([0.5, 0.5]), np.eye(2) / 100, np.zeros((1, 2)), np.full(2, 0.01), names, np.eye(2))

@@ -17,7 +17,7 @@ from descentflow.diagnosis.inference.signatures import Signatures
 from descentflow.diagnosis.sides.two_sides import compare
 from descentflow.effects import EFFECTS
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.repairs._flight_evidence import FlightEvidence, flight_evidence
+from descentflow.repairs.flight_evidence import FlightEvidence, flight_evidence
 from descentflow.repairs.mixed_model import Flights, MixedModelPosterior, fit, joined
 
 GAUSS_NEWTON_STEPS = 3

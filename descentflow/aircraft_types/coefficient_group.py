@@ -22,7 +22,7 @@ class CoefficientGroup:
     Numbers may be replaced by tensors that broadcast against the batch, to differentiate by them.
 
     Example:
-        >>> from descentflow.aircraft_types.bada4._wing import Wing
+        >>> from descentflow.aircraft_types.bada4.wing import Wing
         >>> Wing.PLACES["area_m2"]
         (('AFCM/S', 1),)
     """

@@ -6,7 +6,7 @@ from typing import Any
 import polars as pl
 
 from descentflow.diagnosis.report.page import listed
-from descentflow.watching._state import WatchSettings
+from descentflow.watching.state import WatchSettings
 
 
 @dataclass(frozen=True)

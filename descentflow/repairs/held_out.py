@@ -13,8 +13,8 @@ import torch
 from descentflow.core.linear_gaussian import Array
 from descentflow.core.units import FL_M, FPM_MPS, KT_MPS
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.repairs._type_fit import TypeFlights, fit_types, linearised
 from descentflow.repairs.mixed_model import before_flights, predictive_log_density
+from descentflow.repairs.type_fit import TypeFlights, fit_types, linearised
 
 FOLDS = 8
 """Parts of the aircraft, each predicted by the others."""

@@ -11,8 +11,8 @@ from descentflow.core.units import FL_M
 from descentflow.physics.airspeed import tas_to_cas_mps, tas_to_mach
 from descentflow.physics.atmosphere import isa_fraction
 from descentflow.physics.performance_model import PerformanceModel
-from descentflow.simulation._motion import Dynamics, Motion
 from descentflow.simulation.autopilot import DONE, decide, labels, start
+from descentflow.simulation.motion import Dynamics, Motion
 from descentflow.simulation.parameters import WIDTH, FlightParameters
 from descentflow.simulation.world_config import WorldConfig
 

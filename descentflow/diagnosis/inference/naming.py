@@ -13,12 +13,12 @@ import torch
 from torch import Tensor
 
 from descentflow.core.linear_gaussian import Array
-from descentflow.diagnosis.findings._gap_found import Nuisance
-from descentflow.diagnosis.inference._sets import Names, SetFit, SetFits
+from descentflow.diagnosis.findings.gap_found import Nuisance
 from descentflow.diagnosis.inference.moments import Moments, moments
-from descentflow.diagnosis.sides._vectors import Vectors
+from descentflow.diagnosis.inference.sets import Names, SetFit, SetFits
 from descentflow.diagnosis.sides.assumptions import Assumptions
 from descentflow.diagnosis.sides.two_sides import Compared
+from descentflow.diagnosis.sides.vectors import Vectors
 from descentflow.measurements.quantity_registry import QUANTITIES
 
 

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from descentflow.core.units import KT_MPS, NM_M
-from descentflow.generation.prediction._predictor import Continuations, observed_at
+from descentflow.generation.prediction.predictor import Continuations, observed_at
 from descentflow.generation.prediction.time_calibration import Control
 from descentflow.generation.sample_tables import to_frame
 from descentflow.positions.ground_plan import NOWHERE, GroundPlan

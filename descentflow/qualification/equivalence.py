@@ -23,7 +23,7 @@ from descentflow.diagnosis.findings.costs_found import Measured
 
 FALSE = 0.05
 """Rate at which a mean at the limit is called inside, or outside."""
-DECIDING = ("{0:,} more flights", "{1:,} more simulated flights", "{0:,} more flights and {1:,} simulated ones")
+DECIDING = ("{0:,} more flights", "{1:,} more simulated flights", "{0:,} real and {1:,} simulated more")
 MOST_FLIGHTS = 100
 """Times the flights beyond which more are no answer: the mean is at the limit."""
 UNDECIDED: Literal["not enough flights"] = "not enough flights"

@@ -13,11 +13,16 @@ Here a second world stands for the radar, so that the answer is known.
 # The simulator flies A320 with 6 % less drag than the real ones. The limits are those of 14 CFR Part 60 for an idle
 # descent.
 
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
 import descentflow as df
 
+kept = TemporaryDirectory()
+folder = Path(kept.name)
 real = df.prepare(df.simulate("A320", 200, seed=1))
 flown = df.prepare(df.simulate("A320", 200, seed=2, plant={"drag_polar": {"factor": 0.94}}))
-record = df.qualify(real, flown, limits="part60", simulator_name="our simulator", out="qualified")
+record = df.qualify(real, flown, limits="part60", simulator_name="our simulator", out=folder / "qualified")
 print(record)
 
 # %%
@@ -48,13 +53,12 @@ print(table.filter(table["corrected"].is_not_null()).select("quantity", "low_fl"
 # An acceptance test is a file with limits by quantity and level, and the errors of a prediction may have limits, too:
 # here of the altitude five minutes ahead.
 
-from pathlib import Path
-
-Path("ours.yaml").write_text("""
+limits = folder / "ours.yaml"
+limits.write_text("""
 source: acceptance test 7
 limits:
   - {quantity: rate, absolute: 300, levels: [100, 240]}
   - {quantity: altitude_ahead, minutes: 5, absolute: 800}
 """)
-ours = df.qualify(real, flown, limits="ours.yaml", simulator_name="our simulator")
+ours = df.qualify(real, flown, limits=limits, simulator_name="our simulator")
 print(ours)

@@ -15,29 +15,33 @@ change is, and why. Here a simulated fleet stands for the real one, so that the 
 
 from pathlib import Path
 from shutil import copy
+from tempfile import TemporaryDirectory
 
 import descentflow as df
 from descentflow.simulation.days import simulate_days
 
-files = simulate_days("A320", 300, 18, "all_days", seed=3, changes={"2024-03-17": {"drag_polar": {"factor": 1.4}}})
+kept = TemporaryDirectory()
+folder = Path(kept.name)
+changes = {"2024-03-17": {"drag_polar": {"factor": 1.4}}}
+files = simulate_days("A320", 300, 18, folder / "all_days", seed=3, changes=changes)
 
 # %%
 # In a folder of a radar they come one after the other. The first eight that can be used are the reference: there the
 # scatter between days is learnt, and no change is sought. A day of four flights is not enough, and is left out
 # by name.
 
-days = Path("days")
+days, state = folder / "days", folder / "watched"
 days.mkdir()
 for path in files[:8]:
     copy(path, days)
-print(df.watch("A320", days, state="watched", reference_days=8))
+print(df.watch("A320", days, state=state, reference_days=8))
 
 # %%
 # Three more days are measured when the call comes again. Those that are known are not read.
 
 for path in files[8:11]:
     copy(path, days)
-quiet = df.watch("A320", days, state="watched", reference_days=8)
+quiet = df.watch("A320", days, state=state, reference_days=8)
 print(quiet)
 print(quiet.new_days)
 
@@ -50,7 +54,7 @@ print(quiet.new_days)
 
 for path in files[11:]:
     copy(path, days)
-changed = df.watch("A320", days, state="watched", reference_days=8)
+changed = df.watch("A320", days, state=state, reference_days=8)
 print(changed)
 print(changed.alarm["change"])
 
@@ -70,4 +74,4 @@ print(changed.days.select("day", "flights", "rate: mean", "rate: variance").tail
 # %%
 # When the change is known and meant, `accept` makes the days from it on the new reference.
 
-print(df.watch("A320", days, state="watched", reference_days=8, accept=True))
+print(df.watch("A320", days, state=state, reference_days=8, accept=True))

@@ -79,7 +79,7 @@ def test_a_mean_at_its_limit_and_few_simulated_flights_are_said() -> None:
     # By hand: a half-width of 0.5, 30 degrees of freedom, the fewer.
     assert [student.ppf(0.95, 30) * (0.01 + 6 / n) ** 0.5 <= 0.5 for n in (78, 79)] == [False, True]
     both = judge(MeanOfFlights(0.5, 0.1, 30, 31), MeanOfFlights(0.0, 0.1, 30, 31), 1.0)
-    assert (both.more_flights, both.decides) == (None, "39 more flights and 39 simulated ones")
+    assert (both.more_flights, both.decides) == (None, "39 real and 39 simulated more")
 
 
 def test_one_aircraft_decides_nothing() -> None:

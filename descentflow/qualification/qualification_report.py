@@ -23,7 +23,7 @@ FILES = ("qualification.json", "qualification.html")
 
 @dataclass(frozen=True, repr=False)
 class Qualification(Record, InNotebook):
-    """Qualification of a simulator, see ``Record`` for its parts.
+    """Qualification of a simulator, see :class:`~descentflow.qualification.record.Record` for its parts.
 
     Example:
         >>> from descentflow.qualification.qualify import qualify

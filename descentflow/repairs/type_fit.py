@@ -120,7 +120,7 @@ def type_flights(frame: pl.DataFrame, aircraft: Repairable, around: pl.DataFrame
     Args:
         frame: Prepared descents of the type.
         aircraft: Coefficients.
-        around: Descents of all types there, see ``flight_evidence``.
+        around: Descents of all types there, see :func:`~descentflow.repairs.flight_evidence.flight_evidence`.
 
     Raises:
         DataError: If no flight shows a whole band.

@@ -19,7 +19,7 @@ class Watch:
         alarm: The alarm that stands: when it was raised, the day of change with its interval, shape, size, cause.
         is_new: Whether this run raised it.
         settings: Of the watch.
-        days: A line for each day, see ``days``.
+        days: A line for each day, see :meth:`~descentflow.watching.state.State.days`.
 
     Example:
         >>> from descentflow.watching.watch import watch

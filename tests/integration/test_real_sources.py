@@ -145,7 +145,7 @@ def check(descents: Descents, bottom_fl: int) -> None:
     for before, after in itertools.pairwise(steps):
         assert before["rows_left"] == after["rows_left"] + after["rows_dropped"]
         assert after["rows_dropped"] >= 0
-        if before["flights_left"] is None:  # flights are not told apart before rows are in order
+        if before["flights_left"] is None:  # flights are not distinguished before rows are in order
             assert before["step"] in ("read", "missing_value", "duplicate", "other_clock") or before["step"].startswith(
                 "impossible"
             )

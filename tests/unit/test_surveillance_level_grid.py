@@ -122,7 +122,7 @@ def test_the_account_adds_up_and_prints() -> None:
     before = pl.DataFrame({"flight_id": ["a", "a", "b"]})
     report = DropReport()
     report.count("early", before, before)
-    assert (report.steps[0].rows_left, report.steps[0].flights_left) == (3, None), "flights are not told apart yet"
+    assert (report.steps[0].rows_left, report.steps[0].flights_left) == (3, None), "flights are not distinguished yet"
     report.by_flight = True
     assert report.count("none", before, before) is before
     report.count("half", before, before.head(2))

@@ -35,7 +35,7 @@ def test_flights_under_each_other_in_one_table_are_refused_too() -> None:
     with pytest.raises(DataError, match="begin anew 2 times within the rows of one icao24"):
         prepare(pl.concat(flights(3)))
     rows = pl.concat(rows.with_columns(flight_id=pl.lit(f"F{number}")) for number, rows in enumerate(flights(2)))
-    assert prepare(rows).flights == {"A320": 2}, "flights that are named are told apart"
+    assert prepare(rows).flights == {"A320": 2}, "flights that are named are distinguished"
 
 
 def test_one_clock_for_all_rows_is_taken_in_any_order(tmp_path: Path) -> None:

@@ -55,7 +55,7 @@ EMPTY = Path(__file__).with_name("empty_opf.txt")
 
 @dataclass(frozen=True)
 class Opf:
-    """The content of an OPF file, in the units of ``Coefficients``.
+    """The content of an OPF file, in the units of :class:`~descentflow.aircraft_types.bada3.coefficients.Coefficients`.
 
     ``numbers`` is keyed by the names of the coefficients, and by names of their own for what a descent does not use
     (ground dimensions, the unused fields).

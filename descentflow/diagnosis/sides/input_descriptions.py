@@ -126,7 +126,7 @@ def input_of_model(simulator: Simulator, parts: "Representation") -> InputUsed:
 
 def _kind(name: str, kind: str, derived: int) -> str:
     """The kind of an input; of one with derived airspeeds with a warning of it."""
-    if not derived:
-        return kind
-    warn(f"{name}: {kind}, {derived:,} of its flights with {DERIVED}")
-    return f"{kind}, {derived:,} of its flights with {DERIVED}"
+    if derived:
+        kind += f", {derived:,} of its flights with {DERIVED}"
+        warn(f"{name}: {kind}")
+    return kind
